@@ -1,0 +1,21 @@
+"""What may go wrong for a user, said in sentences: what is wrong, where, what to do next.
+
+The command line prints these messages in one line and exits with code 2; everything else is a bug and keeps its
+traceback.
+"""
+
+
+class AutomosError(Exception):
+    """Something the user can put right."""
+
+
+class InputError(AutomosError, ValueError):
+    """A recording, file or pose that cannot be used as it is."""
+
+
+class SettingsError(AutomosError, ValueError):
+    """A setting that does not exist or is out of range."""
+
+
+class MissingExtraError(AutomosError, ImportError):
+    """An optional package is not installed; the message holds the pip command."""

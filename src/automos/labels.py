@@ -1,0 +1,45 @@
+"""Label ids and what they mean (SemanticKITTI's numbers)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+
+class Label(IntEnum):
+    """What is written per point, in the lower 16 bits of a SemanticKITTI label."""
+
+    UNLABELED = 0
+    STATIC = 9
+    MOVING = 251
+
+
+_MOS_OF_ID = np.zeros(1 << 16, np.uint8)
+_MOS_OF_ID[9:100] = Label.STATIC
+_MOS_OF_ID[251:260] = Label.MOVING
+
+
+def to_mos(semantic: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+    """Return SemanticKITTI labels mapped as its moving-object benchmark maps them (semantic-kitti-mos.yaml).
+
+    Parameters
+    ----------
+    semantic : (N,) integers; the lower 16 bits are the class, the upper 16 the instance.
+
+    Returns
+    -------
+    (N,) uint8 with the values of `Label`: 9..99 are STATIC, 251..259 MOVING, everything else UNLABELED.
+    """
+    return _MOS_OF_ID[np.asarray(semantic).astype(np.uint32) & 0xFFFF]
+
+
+def pack(labels: npt.NDArray, instances: npt.NDArray | None = None) -> npt.NDArray[np.uint32]:
+    """Return (N,) uint32 labels as SemanticKITTI stores them: class below, instance id in the upper 16 bits."""
+    packed = labels.astype(np.uint32)
+    if instances is not None:
+        # 16 bits are all the format has; ids beyond it wrap but never to 0, which means "no instance".
+        ids = instances.astype(np.int64)
+        packed |= np.where(ids > 0, (ids - 1) % 0xFFFF + 1, 0).astype(np.uint32) << np.uint32(16)
+    return packed

@@ -1,0 +1,206 @@
+"""Scans and sequences of scans: what every reader gives and every stage takes.
+
+The number and order of a scan's points are the user's and never change. Stages that cannot use some points (NaN, zero
+range) work on a :class:`Frame`, which says for each of its points which point of the scan it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence as Sequence_
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+Points = npt.NDArray[np.float32]
+Pose = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+MIN_RANGE = 0.1
+"""Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One sweep of the sensor, in the sensor frame, in the user's order.
+
+    Attributes
+    ----------
+    points : (N, 3) float32, metres, sensor frame. NaN, infinite and zero-range rows are allowed.
+    intensity : (N,) float32 or None.
+    time : (N,) float32 or None, seconds after the sweep's first point.
+    ring : (N,) uint16 or None, beam number.
+    stamp : seconds, or None where the recording has no clock.
+    name : stem of the file it came from; outputs for this scan carry the same name.
+    """
+
+    points: Points
+    intensity: npt.NDArray[np.float32] | None = None
+    time: npt.NDArray[np.float32] | None = None
+    ring: npt.NDArray[np.uint16] | None = None
+    stamp: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 2 or self.points.shape[1] != 3:
+            raise ValueError(f"points must be (N, 3), got shape {self.points.shape}")
+        for field in ("intensity", "time", "ring"):
+            column = getattr(self, field)
+            if column is not None and column.shape != (len(self.points),):
+                raise ValueError(f"{field} must be ({len(self.points)},), got shape {column.shape}")
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def is_valid(self) -> Mask:
+        """(N,) bool: finite and further than MIN_RANGE from the sensor."""
+        squared = np.einsum("ij,ij->i", self.points, self.points)
+        return np.isfinite(squared) & (squared > MIN_RANGE**2)
+
+
+class Sequence:
+    """Scans in time order. Readers derive from it and fill in what their format has.
+
+    A sequence must be cheap to create and to pickle: it holds paths, not points (:class:`ArraySequence` excepted).
+    """
+
+    name: str = "sequence"
+    source: Path | None = None
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def __getitem__(self, index: int) -> Scan:
+        raise NotImplementedError
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[i] for i in range(len(self)))
+
+    @property
+    def names(self) -> list[str]:
+        """One name per scan; outputs are named after them."""
+        return [f"{i:06d}" for i in range(len(self))]
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds, strictly increasing, or None where the recording has no clock."""
+        return None
+
+    @property
+    def is_compensated(self) -> bool | None:
+        """Whether the sensor's motion during the sweep was already taken out; None where the format does not say."""
+        return None
+
+    @property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor that came with the recording (not used unless asked for), or None."""
+        return None
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
+        return None
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the recording does; cheap (names, sizes, times, not contents)."""
+        return f"{type(self).__name__}:{self.name}:{len(self)}"
+
+
+class ArraySequence(Sequence):
+    """A sequence held in memory, from scans or plain arrays."""
+
+    def __init__(
+        self,
+        scans: Sequence_[Scan | npt.ArrayLike],
+        stamps: npt.ArrayLike | None = None,
+        name: str = "memory",
+        is_compensated: bool | None = None,
+    ):
+        """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
+        self.name = name
+        self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
+        if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
+            stamps = [s.stamp for s in self._scans]  # type: ignore[misc]
+        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
+        self._is_compensated = is_compensated
+        if self._stamps is not None and self._stamps.shape != (len(self._scans),):
+            raise ValueError(f"stamps must be ({len(self._scans)},), got shape {self._stamps.shape}")
+
+    def __len__(self) -> int:
+        return len(self._scans)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._scans[index]
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds or None."""
+        return self._stamps
+
+    @property
+    def is_compensated(self) -> bool | None:
+        """As given to the constructor."""
+        return self._is_compensated
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when any point does."""
+        import hashlib
+
+        digest = hashlib.sha256()
+        for scan in self._scans:
+            digest.update(np.ascontiguousarray(scan.points).tobytes())
+        return f"{super().fingerprint()}:{digest.hexdigest()}"
+
+
+def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
+    array = np.asarray(array, np.float32)
+    if array.ndim != 2 or array.shape[1] not in (3, 4):
+        raise ValueError(f"scan {index} must be (N, 3) or (N, 4), got shape {array.shape}")
+    intensity = np.ascontiguousarray(array[:, 3]) if array.shape[1] == 4 else None
+    return Scan(np.ascontiguousarray(array[:, :3]), intensity, name=f"{index:06d}")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The valid points of one scan, motion-compensated to its reference time (mid-sweep), with their pose.
+
+    The *level* frame is the world frame turned so that z points up and the ground under the first scan is at z = 0:
+    heights, upright boxes and ground live there, so a tilted or upside-down sensor needs no special case.
+
+    Attributes
+    ----------
+    points : (M, 3) float32, metres, sensor frame at the reference time.
+    kept : (M,) int64, index of each point in the user's scan.
+    n_points : N, number of points in the user's scan.
+    T_level_sensor : (4, 4) float64.
+    stamp : seconds.
+    sweep_time : (M,) float32 in [-0.5, 0.5], when in the sweep each point was measured; None where unknown.
+    sweep_motion : (6,) float64, se(3) motion of the sensor over one sweep, expressed in the sensor frame.
+    """
+
+    points: Points
+    kept: npt.NDArray[np.int64]
+    n_points: int
+    T_level_sensor: Pose
+    stamp: float
+    sweep_time: npt.NDArray[np.float32] | None = None
+    sweep_motion: npt.NDArray[np.float64] | None = None
+
+    @cached_property
+    def points_level(self) -> Points:
+        """(M, 3) float32, metres, level frame."""
+        T = self.T_level_sensor
+        return (self.points @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)).astype(np.float32)
+
+    @property
+    def origin_level(self) -> npt.NDArray[np.float64]:
+        """(3,) where the sensor was at the reference time, level frame."""
+        return self.T_level_sensor[:3, 3]
+
+    def scatter(self, values: npt.NDArray, fill: float | int = 0) -> npt.NDArray:
+        """Return (N, ...) `values` of this frame's points at their places in the user's scan, `fill` elsewhere."""
+        out = np.full((self.n_points, *values.shape[1:]), fill, values.dtype)
+        out[self.kept] = values
+        return out
