@@ -42,6 +42,7 @@ class ErasorSettings(_Group):
     scan_ratio: float = Field(0.2, gt=0, lt=1, description="pseudo occupancy ratio below which a bin has changed")
     min_points: int = Field(6, ge=1, description="scan points a bin needs to be compared")
     bin_max_height: float = Field(0.2, description="m, version 2: a removed bin must reach higher than this")
+    min_removed_span: float = Field(0.5, ge=0, description="m, version 3: a removed bin must span more than this")
     ground_seed_height: float = Field(0.5, gt=0, description="m above the lowest points: seeds of the plane")
     ground_lowest_skipped: int = Field(5, ge=0, description="lowest points skipped as outliers")
     ground_lowest: int = Field(15, gt=0, description="lowest points whose mean starts the plane")
@@ -52,3 +53,67 @@ class ErasorSettings(_Group):
     ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are the vehicle itself")
     submap_scans: int = Field(200, ge=2, description="scans in one submap, at most")
     submap_length: float = Field(160.0, gt=0, description="m driven in one submap, at most")
+
+
+class GroundSettings(_Group):
+    """The ground of one scan: a height map under a lower envelope."""
+
+    cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map")
+    max_range: float = Field(80.0, gt=0, description="m, half the side of the height map")
+    trend_cells: int = Field(8, ge=1, description="cells per block of the smooth trend")
+    max_slope: float = Field(0.35, gt=0, description="steepest ground, rise over run")
+    max_slope_from_trend: float = Field(0.1, gt=0, description="steepest local ground, measured from the trend")
+    sectors: int = Field(360, ge=8, description="sectors around the sensor in which mirror images are looked for")
+    ghost_depth: float = Field(0.15, gt=0, description="m, a sight this far under nearer ground is a mirror image")
+    lone_ghost_depth: float = Field(0.5, gt=0, description="m, a lone cell this far below all others is no ground")
+    seed_height: float = Field(0.15, gt=0, description="m, points this near the envelope shape the surface")
+    tolerance: float = Field(0.12, gt=0, description="m, points at most this far above the surface are ground")
+    tolerance_per_metre: float = Field(0.002, ge=0, description="m more for each metre of distance from the sensor")
+
+
+class HdbscanSettings(_Group):
+    """III-C: class-agnostic segments by HDBSCAN, and the boxes kept."""
+
+    epsilons: tuple[float, ...] = Field((2.0, 1.0, 0.5, 0.25), description="m, density thresholds, decreasing (III-F)")
+    min_samples: int = Field(5, ge=1, description="neighbours that make a point dense")
+    min_points: int = Field(5, ge=1, description="N_min: smaller segments are dropped (III-F)")
+    max_side: float = Field(20.0, gt=0, description="m, T_size: larger segments are dropped (III-F)")
+    min_score: float = Field(0.5, ge=0, le=1, description="share of candidates from which on a segment is an instance")
+    voxel: float = Field(0.2, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+
+
+class FilterSettings(_Group):
+    """III-D: noise of the Kalman filters (AB3DMOT's, from 0.1 s frames to seconds)."""
+
+    initial_variance: float = Field(10.0, gt=0, description="m^2 and rad^2, of a new box")
+    initial_velocity_variance: float = Field(1e6, gt=0, description="(m/s)^2, of a new box")
+    process_variance: float = Field(10.0, gt=0, description="m^2 and rad^2 per second")
+    process_velocity_variance: float = Field(10.0, gt=0, description="(m/s)^2 per second")
+    measurement_variance: float = Field(1.0, gt=0, description="m^2 and rad^2, of a measured box")
+
+
+class AssociationSettings(_Group):
+    """III-D: the association cost and its gates (values: III-F)."""
+
+    weight_distance: float = Field(1.0, ge=0, description="alpha_d")
+    weight_overlap: float = Field(1.0, ge=0, description="alpha_o")
+    weight_volume: float = Field(1.0, ge=0, description="alpha_v")
+    max_distance: float = Field(2.0, gt=0, description="m, T_d, between predicted and detected centre")
+    max_overlap_cost: float = Field(0.95, gt=0, le=1, description="T_o, of 1 - IoU")
+    max_volume_cost: float = Field(0.7, gt=0, le=1, description="T_v, of 1 - smaller / larger volume")
+
+
+class VerdictSettings(_Group):
+    """III-D: when a track counts as moving."""
+
+    trajectory: Literal["net", "accumulated"] = Field("net", description="how the length of a trajectory is measured")
+    min_observations: int = Field(6, ge=1, description="a track seen less often is static")
+
+
+class TrackingSettings(_Group):
+    """III-D: tracking."""
+
+    filter: FilterSettings = FilterSettings()
+    association: AssociationSettings = AssociationSettings()
+    verdict: VerdictSettings = VerdictSettings()
+    max_misses: int = Field(5, ge=0, description="n_old: consecutive scans an object may be missed")
