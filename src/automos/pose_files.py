@@ -1,0 +1,276 @@
+"""Poses as text: KITTI (12 or 16 numbers a line) and TUM (8 numbers a line), read and written.
+
+Readers give what every stage takes: `T_world_sensor` with the world in the first scan's sensor frame. Poses of another
+body (KITTI's are the left camera's) are carried over to the sensor with the calibration between the two. A file that
+cannot be paired with the scans beyond doubt is an error: poses shifted by one scan look almost right and ruin labels.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.geometry import inverse
+from automos.scan import Pose
+
+logger = logging.getLogger(__name__)
+
+MAX_SKEW = 0.01
+"""How far R^T R may be from the identity, per entry, and a quaternion's length from one. Rounding to three digits stays
+below; scaled, sheared or mirrored matrices and shifted columns do not."""
+
+
+# ------------------------------------------------------------------------------------------------------- reading
+def read_poses(
+    path: str | Path,
+    n_scans: int,
+    stamps: npt.ArrayLike | None = None,
+    T_camera_sensor: npt.ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+) -> Pose:
+    """Return the poses of `n_scans` scans from a KITTI or TUM file; the number of columns tells which it is.
+
+    Parameters
+    ----------
+    path : text file, one pose a line; blank lines and lines starting with # are skipped.
+    n_scans : number of scans the poses belong to.
+    stamps : (n_scans,) seconds, increasing. TUM poses are interpolated at them where the two clocks agree.
+    T_camera_sensor : (4, 4), where the file holds the poses of another body (KITTI: the left camera).
+    names : one per scan. In a KITTI file of more lines than scans (part of a drive), numbers as names pick the lines.
+
+    Returns
+    -------
+    (n_scans, 4, 4) float64 T_world_sensor, metres; the first is the identity.
+
+    Raises
+    ------
+    InputError
+        A file that is absent or no pose file, a pose that is no rigid transform, fewer or more poses than scans.
+    """
+    path = Path(path)
+    rows, line_numbers = _read_numbers(path)
+    n_columns = rows.shape[1]
+    if n_columns in (12, 16):
+        T_world_body = _from_matrices(rows, line_numbers, path)
+        T_world_body = T_world_body[_choose_lines(len(rows), n_scans, names, path)]
+    elif n_columns == 8:
+        T_world_body = _at_scans(rows[:, 0], _from_quaternions(rows, line_numbers, path), n_scans, stamps, path)
+    else:
+        raise InputError(
+            f"{path} has {n_columns} numbers a line, but poses have 12 or 16 (KITTI) or 8 (TUM); convert it"
+        )
+    return _relative_to_first(T_world_body, T_camera_sensor)
+
+
+def read_calib(path: str | Path) -> Pose:
+    """Return (4, 4) float64 `T_camera_sensor` from a KITTI calibration file, its line `Tr:` (or `Tr_velo_to_cam:`)."""
+    path = Path(path)
+    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+        key, *values = line.replace(":", " ").split() or [""]
+        if key in ("Tr", "Tr_velo_to_cam", "Tr_velo_cam"):
+            row = _parse(values, number, path)
+            if len(row) not in (12, 16):
+                raise InputError(f"{path}, line {number}: {key} has {len(row)} numbers, but a transform has 12 or 16")
+            return _from_matrices(row[None], np.array([number]), path)[0]
+    raise InputError(f"{path} has no line 'Tr:' with the sensor's place in the camera frame; add it or remove the file")
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist; check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as text: {error}") from None
+
+
+def _parse(words: Sequence[str], line_number: int, path: Path) -> npt.NDArray[np.float64]:
+    try:
+        return np.array([float(word) for word in words])
+    except ValueError as error:
+        raise InputError(f"{path}, line {line_number}: {error}; poses are numbers only") from None
+
+
+def _read_numbers(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """Return the file's (L, C) numbers and each row's line number."""
+    rows: list[npt.NDArray[np.float64]] = []
+    line_numbers: list[int] = []
+    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        row = _parse(words, number, path)
+        if rows and len(row) != len(rows[0]):
+            raise InputError(f"{path}, line {number}: {len(row)} numbers, but the lines before have {len(rows[0])}")
+        rows.append(row)
+        line_numbers.append(number)
+    if not rows:
+        raise InputError(f"{path} holds no poses")
+    return np.array(rows), np.array(line_numbers)
+
+
+# ------------------------------------------------------------------------------------------------ numbers to poses
+def _from_matrices(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.int64], path: Path) -> Pose:
+    """Return (L, 4, 4) from (L, 12 or 16) row-major numbers, rotations made exactly orthonormal."""
+    T = np.tile(np.eye(4), (len(rows), 1, 1))
+    T.reshape(len(rows), 16)[:, : rows.shape[1]] = rows
+    R = T[:, :3, :3]
+    skewness = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
+    last_row = np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1)
+    is_rigid = (
+        np.isfinite(T).all(axis=(1, 2)) & (skewness <= MAX_SKEW) & (np.linalg.det(R) > 0) & (last_row <= MAX_SKEW)
+    )
+    if not is_rigid.all():
+        bad = int(np.argmin(is_rigid))
+        raise InputError(
+            f"{path}, line {line_numbers[bad]}: not a rigid transform (its rotation is off by {skewness[bad]:.3g}); "
+            "poses are rotation and translation only, without scale or mirroring"
+        )
+    U, _, Vt = np.linalg.svd(R)
+    T[:, :3, :3] = U @ Vt
+    T[:, 3] = [0.0, 0.0, 0.0, 1.0]
+    return T
+
+
+def _from_quaternions(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.int64], path: Path) -> Pose:
+    """Return (L, 4, 4) from (L, 8) rows of stamp, x, y, z, qx, qy, qz, qw."""
+    from scipy.spatial.transform import Rotation
+
+    length = np.linalg.norm(rows[:, 4:], axis=1)
+    is_rigid = np.isfinite(rows).all(axis=1) & (np.abs(length - 1.0) <= MAX_SKEW)
+    if not is_rigid.all():
+        bad = int(np.argmin(is_rigid))
+        raise InputError(
+            f"{path}, line {line_numbers[bad]}: not a rigid transform (its quaternion has length {length[bad]:.3g}, "
+            "not 1); a TUM line is: time x y z qx qy qz qw"
+        )
+    T = np.tile(np.eye(4), (len(rows), 1, 1))
+    T[:, :3, :3] = Rotation.from_quat(rows[:, 4:]).as_matrix()
+    T[:, :3, 3] = rows[:, 1:4]
+    return T
+
+
+def _relative_to_first(T_world_body: Pose, T_body_sensor: npt.ArrayLike | None) -> Pose:
+    """Return T_sensor0_sensor; SemanticKITTI's Tr^-1 P_0^-1 P_i Tr."""
+    T = inverse(T_world_body[0]) @ T_world_body
+    if T_body_sensor is not None:
+        T = inverse(T_body_sensor) @ T @ np.asarray(T_body_sensor, np.float64)
+    return T
+
+
+# ------------------------------------------------------------------------------------------------- poses to scans
+def _choose_lines(n_lines: int, n_scans: int, names: Sequence[str] | None, path: Path) -> npt.NDArray[np.int64]:
+    """Return (n_scans,) the row of each scan in a file without clock."""
+    _require_enough(n_lines, n_scans, path)
+    if n_lines == n_scans:
+        return np.arange(n_scans)
+    if names is not None and all(name.isdecimal() and int(name) < n_lines for name in names):
+        return np.array([int(name) for name in names])
+    raise InputError(
+        f"{path} holds {n_lines} poses for {n_scans} scans, and nothing says which are theirs; give one per scan"
+    )
+
+
+def _at_scans(
+    pose_stamps: npt.NDArray[np.float64], T: Pose, n_scans: int, stamps: npt.ArrayLike | None, path: Path
+) -> Pose:
+    """Return (n_scans, 4, 4): `T` at the scans' stamps where the clocks agree, else one after the other."""
+    _require_enough(len(T), n_scans, path)
+    if (np.diff(pose_stamps) <= 0).any():
+        row = int(np.argmax(np.diff(pose_stamps) <= 0)) + 1
+        raise InputError(
+            f"{path}: pose {row + 1} (time {pose_stamps[row]:.6f}) is not after the one before; sort the file"
+        )
+    if stamps is not None:
+        scan_stamps = np.asarray(stamps, np.float64)
+        gap = _nearest_gap(scan_stamps, pose_stamps)
+        tolerance = 0.5 * np.median(np.diff(scan_stamps)) if len(scan_stamps) > 1 else np.inf
+        if (gap <= tolerance).all():
+            return _interpolate(pose_stamps, T, scan_stamps)
+        if len(T) != n_scans:
+            worst = int(np.argmax(gap))
+            raise InputError(
+                f"{path} has no pose for scan {worst} (time {scan_stamps[worst]:.6f}), the nearest is {gap[worst]:.3f} "
+                f"s away; give poses on the scans' clock, or one per scan ({len(T)} for {n_scans})"
+            )
+        logger.warning("%s runs on another clock than the scans: its poses are taken one per scan, in order", path)
+    if len(T) > n_scans:
+        raise InputError(f"{path} holds {len(T)} poses for {n_scans} scans without time stamps; give one pose per scan")
+    return T
+
+
+def _require_enough(n_poses: int, n_scans: int, path: Path) -> None:
+    if n_poses < n_scans:
+        raise InputError(f"{path} holds {n_poses} poses for {n_scans} scans; give one pose per scan")
+
+
+def _nearest_gap(times: npt.NDArray[np.float64], pose_times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (len(times),) seconds to the nearest of sorted `pose_times`."""
+    after = np.searchsorted(pose_times, times).clip(0, len(pose_times) - 1)
+    before = (after - 1).clip(0)
+    return np.minimum(np.abs(pose_times[after] - times), np.abs(pose_times[before] - times))
+
+
+def _interpolate(pose_times: npt.NDArray[np.float64], T: Pose, times: npt.NDArray[np.float64]) -> Pose:
+    """Return the poses at `times`, linear in translation and rotation between neighbours, constant beyond the ends.
+
+    A pose stream of 100 Hz picked by nearest time would be up to 5 ms off, 10 cm at 20 m/s.
+    """
+    from scipy.spatial.transform import Rotation, Slerp
+
+    if len(T) == 1:
+        return np.repeat(T, len(times), axis=0)
+    times = times.clip(pose_times[0], pose_times[-1])
+    out = np.tile(np.eye(4), (len(times), 1, 1))
+    out[:, :3, :3] = Slerp(pose_times, Rotation.from_matrix(T[:, :3, :3]))(times).as_matrix()
+    out[:, :3, 3] = np.column_stack([np.interp(times, pose_times, T[:, axis, 3]) for axis in range(3)])
+    return out
+
+
+# ------------------------------------------------------------------------------------------------------- writing
+def write_kitti(path: str | Path, poses: npt.ArrayLike, T_camera_sensor: npt.ArrayLike | None = None) -> None:
+    """Write `poses` (N, 4, 4) T_world_sensor as KITTI's 12 numbers a line, atomically.
+
+    With `T_camera_sensor` (4, 4) the camera's poses are written, as KITTI does.
+    """
+    T = np.asarray(poses, np.float64)
+    if T_camera_sensor is not None:
+        T = np.asarray(T_camera_sensor, np.float64) @ T @ inverse(T_camera_sensor)
+    lines = (" ".join(f"{value:.12e}" for value in row) for row in T[:, :3].reshape(-1, 12))
+    _write_text(Path(path), "".join(line + "\n" for line in lines))
+
+
+def write_tum(path: str | Path, poses: npt.ArrayLike, stamps: npt.ArrayLike) -> None:
+    """Write `poses` (N, 4, 4) and `stamps` (N,) seconds as TUM's `time x y z qx qy qz qw` a line, atomically."""
+    from scipy.spatial.transform import Rotation
+
+    T, times = np.asarray(poses, np.float64), np.asarray(stamps, np.float64)
+    if times.shape != (len(T),):
+        raise ValueError(f"stamps must be ({len(T)},), got shape {times.shape}")
+    quaternions = Rotation.from_matrix(T[:, :3, :3]).as_quat(canonical=True) if len(T) else np.zeros((0, 4))
+    lines = (
+        f"{time:.9f} " + " ".join(f"{value:.12g}" for value in (*translation, *quaternion))
+        for time, translation, quaternion in zip(times, T[:, :3, 3], quaternions, strict=True)
+    )
+    _write_text(Path(path), "".join(line + "\n" for line in lines))
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Write under another name first, so that an interrupted write leaves the old file or none, never half of one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(text)
+        Path(temporary).chmod(0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
