@@ -59,7 +59,7 @@ def read_poses(
     n_columns = rows.shape[1]
     if n_columns in (12, 16):
         T_world_body = _from_matrices(rows, line_numbers, path)
-        T_world_body = T_world_body[_choose_lines(len(rows), n_scans, names, path)]
+        T_world_body = T_world_body[lines_of_scans(len(rows), n_scans, names, path)]
     elif n_columns == 8:
         T_world_body = _at_scans(rows[:, 0], _from_quaternions(rows, line_numbers, path), n_scans, stamps, path)
     else:
@@ -166,23 +166,31 @@ def _relative_to_first(T_world_body: Pose, T_body_sensor: npt.ArrayLike | None) 
 
 
 # ------------------------------------------------------------------------------------------------- poses to scans
-def _choose_lines(n_lines: int, n_scans: int, names: Sequence[str] | None, path: Path) -> npt.NDArray[np.int64]:
-    """Return (n_scans,) the row of each scan in a file without clock."""
-    _require_enough(n_lines, n_scans, path)
+def lines_of_scans(
+    n_lines: int, n_scans: int, names: Sequence[str] | None, path: Path, what: str = "poses"
+) -> npt.NDArray[np.int64]:
+    """Return (n_scans,) the row of each scan in a file that says nothing of scans but its order.
+
+    One line per scan is taken in order. Of more lines, those are taken that the scans' names, all numbers, count to.
+
+    Raises
+    ------
+    InputError
+        Fewer lines than scans, or more and no names that pick them.
+    """
     if n_lines == n_scans:
         return np.arange(n_scans)
-    if names is not None and all(name.isdecimal() and int(name) < n_lines for name in names):
+    if names is not None and n_lines > n_scans and all(name.isdecimal() and int(name) < n_lines for name in names):
         return np.array([int(name) for name in names])
-    raise InputError(
-        f"{path} holds {n_lines} poses for {n_scans} scans, and nothing says which are theirs; give one per scan"
-    )
+    raise InputError(f"{path} holds {n_lines} {what} for {n_scans} scans; give one per scan, in the scans' order")
 
 
 def _at_scans(
     pose_stamps: npt.NDArray[np.float64], T: Pose, n_scans: int, stamps: npt.ArrayLike | None, path: Path
 ) -> Pose:
     """Return (n_scans, 4, 4): `T` at the scans' stamps where the clocks agree, else one after the other."""
-    _require_enough(len(T), n_scans, path)
+    if len(T) < n_scans:
+        raise InputError(f"{path} holds {len(T)} poses for {n_scans} scans; give one per scan")
     if (np.diff(pose_stamps) <= 0).any():
         row = int(np.argmax(np.diff(pose_stamps) <= 0)) + 1
         raise InputError(
@@ -204,11 +212,6 @@ def _at_scans(
     if len(T) > n_scans:
         raise InputError(f"{path} holds {len(T)} poses for {n_scans} scans without time stamps; give one pose per scan")
     return T
-
-
-def _require_enough(n_poses: int, n_scans: int, path: Path) -> None:
-    if n_poses < n_scans:
-        raise InputError(f"{path} holds {n_poses} poses for {n_scans} scans; give one pose per scan")
 
 
 def _nearest_gap(times: npt.NDArray[np.float64], pose_times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

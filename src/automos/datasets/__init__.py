@@ -1,0 +1,101 @@
+"""What comes in: recordings found by looking at a path, one module per format, imported when used.
+
+A format module answers two questions: `find(path)`, the recordings of its format at a path (none: another format), and
+`open_recording(path, codec)`, one of them as a :class:`~automos.scan.Sequence`. Formats are tried in the order of
+`FORMATS`; the codec of the point files is guessed unless the user names it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+from automos.datasets.codecs import CODECS
+from automos.errors import InputError
+from automos.scan import Sequence
+
+FORMATS: dict[str, str] = {
+    "kitti": "KITTI odometry / SemanticKITTI: velodyne/, and where present poses.txt, calib.txt, times.txt, labels/",
+    "folder": "a plain folder of point files, and where present poses.txt, calib.txt, times.txt, labels/",
+}
+"""Layouts of recordings, name and description, in the order they are tried; each is a module of this package."""
+
+
+def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
+    """Return the one recording at `path`.
+
+    Parameters
+    ----------
+    path : a recording, or a dataset root that holds only one.
+    format : a layout (`FORMATS`) or a codec of the point files (`CODECS`), where the guess is not what you want.
+
+    Raises
+    ------
+    InputError
+        No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
+    """
+    module, codec, found = _find(Path(path), format)
+    if len(found) > 1:
+        raise InputError(
+            f"{path} holds {len(found)} recordings ({_few(p.name for p in found)}); give one, as {found[0]}"
+        )
+    return module.open_recording(found[0], codec)
+
+
+def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
+    """Return all recordings at `path`: those of a dataset root (`sequences/*`) in order of name, or the one that it is.
+
+    Parameters and errors are those of `open_sequence`.
+    """
+    module, codec, found = _find(Path(path), format)
+    return [module.open_recording(recording, codec) for recording in found]
+
+
+def _find(path: Path, format: str | None) -> tuple[ModuleType, str | None, list[Path]]:
+    """Return the module that reads `path`, the codec the user asked for, and the recordings there (at least one)."""
+    layouts, codec = _resolve(format)
+    if not path.exists():
+        raise InputError(f"{path} does not exist; check the path")
+    for layout in layouts:
+        module = importlib.import_module(f"automos.datasets.{layout}")
+        found = module.find(path)
+        if found:
+            return module, codec, found
+    raise InputError(_nothing_found(path, format))
+
+
+def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
+    if format is None:
+        return FORMATS, None
+    if format in FORMATS:
+        return [format], None
+    if format in CODECS:
+        return FORMATS, format
+    known = [*FORMATS, *CODECS]
+    near = difflib.get_close_matches(format.lower(), known, n=1, cutoff=0.0)
+    raise InputError(f"unknown format {format!r}; did you mean {near[0]!r}? Known are: {', '.join(known)}")
+
+
+def _nothing_found(path: Path, format: str | None) -> str:
+    if path.is_file():
+        return f"{path} is a file; give the folder that holds the scans"
+    from automos.datasets.files import holds_point_files
+
+    entries = sorted(p for p in path.iterdir() if not p.name.startswith("."))
+    if not entries:
+        return f"{path} is empty; give a folder that holds scans"
+    inner = [p for p in entries if p.is_dir() and holds_point_files(p)]
+    if inner:
+        return (
+            f"{path} holds no scans itself, but these folders in it do: {_few(p.name for p in inner)}; give one of them"
+        )
+    what = f"no recording of format {format!r}" if format in FORMATS else "no point files"
+    return f"{path} holds {what}; a recording is velodyne/*.bin, or a folder of .bin, .pcd, .ply, .npy or .xyz files"
+
+
+def _few(names: Iterable[str], most: int = 5) -> str:
+    names = list(names)
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")

@@ -1,0 +1,116 @@
+"""Named columns of a point file, whatever wrote it, made into a scan.
+
+Drivers agree on x, y, z and on little else. Names are compared without case; a column that is absent, constant (time)
+or not what its name says (a ring that is no whole number) becomes None rather than a guess.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.scan import Scan
+
+Columns = dict[str, npt.NDArray]
+
+_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission")
+_TIME = ("t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp")
+_RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
+
+MAX_SWEEP = 2.0
+"""Seconds. No sensor takes longer for one sweep: times that span more are counted in a smaller unit."""
+
+
+def to_scan(
+    columns: Columns, path: Path, name: str = "", stamp: float | None = None, time_unit: float | None = None
+) -> Scan:
+    """Return the scan that `columns` hold, in their order.
+
+    Parameters
+    ----------
+    columns : each (N,), any numeric type; x, y, z in metres, sensor frame.
+    path : the file they came from, for messages.
+    name, stamp : the scan's.
+    time_unit : seconds per count of the time column; none: found from the span of this scan's times.
+
+    Raises
+    ------
+    InputError
+        If x, y or z is missing.
+    """
+    columns = {_plain(key): column for key, column in columns.items()}
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
+    points = np.empty((len(columns["x"]), 3), np.float32)
+    for i, axis in enumerate("xyz"):
+        points[:, i] = columns[axis]
+    intensity = _first(columns, _INTENSITY)
+    return Scan(
+        points,
+        intensity=None if intensity is None else np.ascontiguousarray(intensity, np.float32),
+        time=_seconds(time_column(columns), time_unit),
+        ring=_ring(_first(columns, _RING)),
+        stamp=stamp,
+        name=name,
+    )
+
+
+def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
+    """Return the columns of an unnamed (N, C >= 3) array: x, y, z, intensity, ring; further ones are not used."""
+    if matrix.ndim != 2 or matrix.shape[1] < 3:
+        raise InputError(
+            f"{path} holds an array of shape {matrix.shape}; points are (N, 3) or wider: x y z intensity ring"
+        )
+    return {name: matrix[:, i] for i, name in enumerate(("x", "y", "z", "intensity", "ring")[: matrix.shape[1]])}
+
+
+def time_column(columns: Columns) -> npt.NDArray | None:
+    """Return the first column named as a time whose values differ, else None."""
+    columns = {_plain(key): column for key, column in columns.items()}
+    return next((columns[name] for name in _TIME if name in columns and _span(columns[name]) > 0), None)
+
+
+def find_time_unit(times: npt.NDArray) -> float:
+    """Return the seconds per count (1, 1e-3, 1e-6 or 1e-9) in which `times` (N,) of one sweep last at most MAX_SWEEP.
+
+    Units are a thousand apart, so any sweep of 2 ms to 2 s has one answer; names and types say less (a `timestamp` may
+    be seconds or nanoseconds, a float or an integer).
+    """
+    span = _span(times)
+    return next((unit for unit in (1.0, 1e-3, 1e-6) if span * unit <= MAX_SWEEP), 1e-9)
+
+
+def _plain(name: str) -> str:
+    return name.lower().removeprefix("scalar_")  # CloudCompare's prefix
+
+
+def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
+    return next((columns[name] for name in names if name in columns), None)
+
+
+def _span(times: npt.NDArray) -> float:
+    finite = times[np.isfinite(times)]
+    # Subtract in the file's own type: nanoseconds since 1970 are beyond float64's whole numbers.
+    return float(finite.max() - finite.min()) if len(finite) else 0.0
+
+
+def _seconds(times: npt.NDArray | None, unit: float | None) -> npt.NDArray[np.float32] | None:
+    """Return (N,) seconds after the first point; 0 where the file has no finite time."""
+    if times is None:
+        return None
+    is_finite = np.isfinite(times)
+    first = times[is_finite].min()
+    after_first = np.where(is_finite, times, first) - first
+    return (after_first * (find_time_unit(times) if unit is None else unit)).astype(np.float32)
+
+
+def _ring(values: npt.NDArray | None) -> npt.NDArray[np.uint16] | None:
+    if values is None:
+        return None
+    with np.errstate(invalid="ignore"):
+        ring = values.astype(np.uint16)
+    return ring if np.array_equal(ring, values) else None

@@ -1,0 +1,112 @@
+"""The scan files of a folder in time order, and the times their names may tell."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.codecs import CODEC_OF_SUFFIX, suffix_codec
+from automos.errors import InputError
+
+_SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
+_TEXT = {".txt", ".csv"}
+
+_EPOCH = (1.0e9, 2.2e9)
+"""Seconds since 1970 that a recording may bear: 2001 to 2039."""
+
+_PERIOD = (0.005, 5.0)
+"""Seconds between scans (median) that tell a clock from a counter."""
+
+
+def holds_point_files(folder: Path) -> bool:
+    """Return whether any file of `folder` could be a scan."""
+    return any(True for _ in _point_files(folder))
+
+
+def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:
+    """Return the names of `folder`'s scan files in time order, their codec, and the stamps (s) in their names, or None.
+
+    `codec`, where given, picks the files of its suffix only. Order is that of the stamps, else natural (2 before 10).
+
+    Raises
+    ------
+    InputError
+        No scan files, or several kinds of them.
+    """
+    names = _point_files(folder)
+    if codec is not None:
+        names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
+    elif any(_suffix(name) not in _TEXT for name in names):
+        # .txt and .csv beside real point files are notes and tables.
+        names = [name for name in names if _suffix(name) not in _TEXT]
+    if not names:
+        kind = "" if codec is None else f" for format {codec!r}"
+        raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
+    counts = Counter(_suffix(name) for name in names)
+    if len(counts) > 1:
+        listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
+        raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
+    stamps = stamps_from_names(names)
+    if stamps is not None:
+        order = np.argsort(stamps)
+        return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
+    return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
+
+
+def natural_key(name: str) -> tuple[list[str | int], str]:
+    """Return a sort key under which numbers in names count as numbers: 1, 2, 10."""
+    parts: list[str | int] = [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
+    return parts, name
+
+
+def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    """Return (N,) seconds if every name ends in a time, else None.
+
+    Times are seconds with decimals, seconds_nanoseconds, or whole seconds, milli-, micro- or nanoseconds since 1970;
+    they must differ and lie apart as scans do. Anything else is a counter.
+    """
+    found = [_stamp(name) for name in names]
+    if len(found) < 2 or any(stamp is None for stamp in found):
+        return None
+    stamps = np.array(found, np.float64)
+    steps = np.diff(np.sort(stamps))
+    if steps.min() <= 0 or not _PERIOD[0] <= np.median(steps) <= _PERIOD[1]:
+        return None
+    return stamps
+
+
+def _stamp(name: str) -> float | None:
+    numbers = re.findall(r"\d+\.\d+|\d{9,10}[_-]\d{9}(?!\d)|\d+", name[: -len(_suffix(name))])
+    if not numbers:
+        return None
+    last = numbers[-1]
+    if "." in last:
+        return float(last)
+    if not last.isdecimal():
+        seconds, nanoseconds = re.split("[_-]", last)
+        return int(seconds) + int(nanoseconds) * 1e-9
+    value = int(last)
+    return next((value * unit for unit in (1e-9, 1e-6, 1e-3, 1.0) if _EPOCH[0] <= value * unit < _EPOCH[1]), None)
+
+
+def _point_files(folder: Path) -> list[str]:
+    try:
+        with os.scandir(folder) as entries:
+            return [entry.name for entry in entries if _is_point_file(entry)]
+    except OSError as error:
+        raise InputError(f"{folder} cannot be read: {error.strerror}") from None
+
+
+def _is_point_file(entry: os.DirEntry[str]) -> bool:
+    name = entry.name.lower()
+    return _suffix(name) in CODEC_OF_SUFFIX and not name.startswith(".") and name not in _SIDE_FILES and entry.is_file()
+
+
+def _suffix(name: str) -> str:
+    return os.path.splitext(name)[1].lower()

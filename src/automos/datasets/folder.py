@@ -1,0 +1,191 @@
+"""A plain folder of point files, and what may lie beside them: times.txt, poses.txt, calib.txt, labels/."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.bin import WIDTHS, guess_codec
+from automos.datasets.codecs import read_columns
+from automos.datasets.columns import find_time_unit, time_column, to_scan
+from automos.datasets.files import holds_point_files, list_scans
+from automos.errors import InputError
+from automos.pose_files import lines_of_scans, read_calib, read_poses
+from automos.scan import Pose, Scan, Sequence
+
+logger = logging.getLogger(__name__)
+
+
+def find(path: Path) -> list[Path]:
+    """Return `path` if it is a folder that holds point files itself, else nothing."""
+    return [path] if path.is_dir() and holds_point_files(path) else []
+
+
+def open_recording(path: Path, codec: str | None = None) -> FolderSequence:
+    """Return the recording in folder `path`; `codec` where the kind of its files should not be guessed."""
+    return FolderSequence(path, codec=codec)
+
+
+class FolderSequence(Sequence):
+    """Scans that lie as one file each in one folder. Holds names, not points; files are read when asked for."""
+
+    def __init__(self, source: Path, scan_folder: str = ".", codec: str | None = None):
+        """List the scans in `source / scan_folder`; the recording's other files are looked for in `source`.
+
+        Raises
+        ------
+        InputError
+            No scans, mixed formats, .bin files of no whole number of points, or a times.txt that does not fit.
+        """
+        self.source = Path(source)
+        self.name = self.source.resolve().name
+        self._folder = self.source / scan_folder
+        self._files, found, stamps = list_scans(self._folder, codec)
+        if codec is None:
+            codec = guess_codec(self._paths) if found == "bin" else found
+        self._codec = codec
+        self._names = [Path(file).stem for file in self._files]
+        self._stamps = self._read_times(stamps)
+        if codec == "pcd":
+            _warn_of_viewpoint(self._paths[0])
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = range(len(self))[index]
+        path = self._folder / self._files[index]
+        columns = read_columns(path, self._codec)
+        has_time = time_column(columns) is not None
+        stamp = None if self._stamps is None else float(self._stamps[index])
+        return to_scan(columns, path, self._names[index], stamp, self._time_unit if has_time else None)
+
+    @property
+    def names(self) -> list[str]:
+        """File names without their suffix."""
+        return self._names
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds from times.txt, else from the file names, else None."""
+        return self._stamps
+
+    @cached_property
+    def T_camera_sensor(self) -> Pose | None:
+        """(4, 4) from calib.txt, None where there is none: poses are then the sensor's own."""
+        path = self.source / "calib.txt"
+        return read_calib(path) if path.exists() else None
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), None where there is none."""
+        path = next((path for path in self._pose_files() if path.exists()), None)
+        if path is None:
+            return None
+        return read_poses(path, len(self), self._stamps, self.T_camera_sensor, self._names)
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None where there are no labels.
+
+        Raises
+        ------
+        InputError
+            Some scans have labels but not this one, or it has another number of points.
+        """
+        if not self._has_truth:
+            return None
+        index = range(len(self))[index]
+        path = self.source / "labels" / f"{self._names[index]}.label"
+        labels = read_labels(path)
+        n_points = self._n_points(index)
+        if len(labels) != n_points:
+            raise InputError(
+                f"{path} holds {len(labels)} labels, but its scan {self._files[index]} has {n_points} points; "
+                "labels and scans must be of the same recording"
+            )
+        return labels
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
+        digest = hashlib.sha256(self._codec.encode())
+        for path in self._paths:
+            status = path.stat()
+            digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
+        if self._stamps is not None:
+            digest.update(self._stamps.tobytes())
+        return f"{super().fingerprint()}:{digest.hexdigest()}"
+
+    # -------------------------------------------------------------------------------------------- files beside
+    @property
+    def _paths(self) -> list[Path]:
+        return [self._folder / file for file in self._files]
+
+    def _pose_files(self) -> list[Path]:
+        return [self.source / "poses.txt"]
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+        path = self.source / "times.txt"
+        if not path.exists():
+            return stamps_from_names
+        try:
+            times = np.array([float(line) for line in path.read_text().splitlines() if line.strip()])
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+        if not np.isfinite(times).all():
+            raise InputError(f"{path}, line {int(np.argmin(np.isfinite(times))) + 1}: the time is no number")
+        times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
+        is_late = np.diff(times) <= 0
+        if is_late.any():
+            late = int(np.argmax(is_late)) + 1
+            raise InputError(
+                f"{path}: scan {self._names[late]} at {times[late]:.6f} s is not after the one before it "
+                f"({times[late - 1]:.6f} s); correct the times, or remove the file to do without a clock"
+            )
+        return times
+
+    @cached_property
+    def _has_truth(self) -> bool:
+        return any((self.source / "labels").glob("[!.]*.label"))
+
+    def _n_points(self, index: int) -> int:
+        if self._codec in WIDTHS:
+            return (self._folder / self._files[index]).stat().st_size // (4 * WIDTHS[self._codec])
+        return len(self[index])
+
+    @cached_property
+    def _time_unit(self) -> float | None:
+        """Seconds per count of the points' times, found once: a scan of few points may not tell."""
+        fullest = max(self._paths, key=lambda path: path.stat().st_size)
+        times = time_column(read_columns(fullest, self._codec))
+        return None if times is None else find_time_unit(times)
+
+
+def read_labels(path: Path) -> npt.NDArray[np.uint32]:
+    """Return the (N,) uint32 labels of one SemanticKITTI .label file.
+
+    Raises
+    ------
+    InputError
+        A file that is absent or no whole number of labels.
+    """
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; each scan needs a label file of the scan's name") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    if len(raw) % 4:
+        raise InputError(f"{path} has {len(raw)} bytes, no multiple of a label (uint32, 4 bytes); copy it again")
+    return np.frombuffer(raw, np.uint32)
+
+
+def _warn_of_viewpoint(path: Path) -> None:
+    from automos.datasets.pcd import read_header
+
+    if not np.allclose(read_header(path).viewpoint, np.eye(4)):
+        logger.warning("%s has a VIEWPOINT; it is not applied, points are taken as they are in the sensor frame", path)

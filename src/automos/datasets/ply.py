@@ -1,0 +1,112 @@
+"""Polygon files: a text header, then the points as text or as packed numbers of either byte order.
+
+Only the element `vertex` is read. What follows it (faces, cameras) is skipped; what comes before has a fixed size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from automos.datasets.columns import Columns
+from automos.errors import InputError
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
+
+
+@dataclass
+class _Element:
+    name: str
+    count: int
+    fields: list[tuple[str, str]] = field(default_factory=list)
+    has_list: bool = False
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of the file's vertices."""
+    raw = path.read_bytes()
+    encoding, elements, start = _parse_header(raw, path)
+    before, vertex = _until_vertex(elements, path)
+    if encoding == "ascii":
+        return _from_text(raw[start:], sum(element.count for element in before), vertex, path)
+    order = _ORDERS[encoding]
+    skipped = sum(element.count * _dtype(element, order).itemsize for element in before)
+    dtype = _dtype(vertex, order)
+    promised = skipped + vertex.count * dtype.itemsize
+    if len(raw) - start < promised:
+        raise InputError(
+            f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
+        )
+    points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
+    return {name: points[name] for name, _ in vertex.fields}
+
+
+def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
+    """Return the encoding, the elements in order, and the byte at which they start."""
+    encoding, start = "", 0
+    elements: list[_Element] = []
+    if not raw.startswith(b"ply"):
+        raise InputError(f"{path} is not a PLY file: it does not start with 'ply'")
+    while True:
+        end = raw.find(b"\n", start)
+        if end < 0:
+            raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
+        line = raw[start:end].decode("ascii", "replace").strip()
+        start = end + 1
+        words = line.split()
+        try:
+            match words:
+                case ["end_header"]:
+                    break
+                case ["format", name, *_]:
+                    encoding = name
+                case ["element", name, count]:
+                    elements.append(_Element(name, int(count)))
+                case ["property", "list", *_]:
+                    elements[-1].has_list = True
+                case ["property", kind, name] if name not in dict(elements[-1].fields):
+                    elements[-1].fields.append((name, _TYPES[kind]))
+                case ["property", *_]:
+                    raise ValueError("a property that is malformed or named twice")
+        except (KeyError, ValueError, IndexError):
+            raise InputError(f"{path} has a PLY header line that cannot be understood: {line!r}") from None
+    if encoding not in _ORDERS:
+        raise InputError(f"{path} has PLY format {encoding!r}; known are {', '.join(_ORDERS)}")
+    return encoding, elements, start
+
+
+def _until_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element], _Element]:
+    at = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
+    if at is None:
+        raise InputError(f"{path} has no element 'vertex'; a point cloud keeps its points there")
+    if any(element.has_list for element in elements[: at + 1]):
+        raise InputError(f"{path} has lists in or before its vertices; save it as a plain point cloud")
+    return elements[:at], elements[at]
+
+
+def _dtype(element: _Element, order: str) -> np.dtype:
+    return np.dtype([(name, order + kind) for name, kind in element.fields])
+
+
+def _from_text(body: bytes, n_skipped: int, vertex: _Element, path: Path) -> Columns:
+    rows = [line for line in body.decode("ascii", "replace").split("\n") if line.strip()]
+    rows = rows[n_skipped : n_skipped + vertex.count]
+    if len(rows) < vertex.count:
+        raise InputError(
+            f"{path} is cut short: {len(rows)} points, but its header promises {vertex.count}; copy it again"
+        )
+    try:
+        matrix = np.loadtxt(rows, ndmin=2) if rows else np.zeros((0, len(vertex.fields)))
+    except ValueError as error:
+        raise InputError(f"{path} holds points that are no numbers: {error}") from None
+    if matrix.shape[1] != len(vertex.fields):
+        raise InputError(f"{path} has {matrix.shape[1]} numbers a point, but its header names {len(vertex.fields)}")
+    return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}
