@@ -6,9 +6,15 @@ is whatever measures best. Order of precedence: preset < settings file < command
 
 from __future__ import annotations
 
-from typing import Literal
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from automos.errors import SettingsError
 
 
 class _Group(BaseModel):
@@ -117,3 +123,114 @@ class TrackingSettings(_Group):
     association: AssociationSettings = AssociationSettings()
     verdict: VerdictSettings = VerdictSettings()
     max_misses: int = Field(5, ge=0, description="n_old: consecutive scans an object may be missed")
+
+
+class CandidatesSettings(_Group):
+    """III-B: which points may be dynamic."""
+
+    method: Literal["erasor", "free_space"] = "erasor"
+    erasor: ErasorSettings = ErasorSettings()
+
+
+class InstancesSettings(_Group):
+    """III-C: what belongs together in one scan."""
+
+    method: Literal["hdbscan", "components"] = "hdbscan"
+    max_range: float = Field(80.0, gt=0, description="m, points further away are in no instance")
+    ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are in no instance")
+    ground: GroundSettings = GroundSettings()
+    hdbscan: HdbscanSettings = HdbscanSettings()
+
+
+class OutputSettings(_Group):
+    """What is written per point."""
+
+    track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
+
+
+class Settings(_Group):
+    """All settings of one run."""
+
+    odometry: OdometrySettings = OdometrySettings()
+    candidates: CandidatesSettings = CandidatesSettings()
+    instances: InstancesSettings = InstancesSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    output: OutputSettings = OutputSettings()
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {},
+    "default": {},
+}
+
+
+def load_settings(
+    preset: str = "default", file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Return the settings of `preset`, changed by a YAML `file`, then by `overrides` ("tracking.max_misses": 3).
+
+    Raises
+    ------
+    SettingsError : an unknown preset or key (the nearest known one is named), a value of the wrong type or out of range.
+    """
+    if preset not in PRESETS:
+        raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
+    tree = _merged({}, PRESETS[preset])
+    if file is not None:
+        tree = _merged(tree, _read_yaml(Path(file)))
+    for dotted, value in (overrides or {}).items():
+        branch: Any = value
+        for key in reversed(dotted.split(".")):
+            branch = {key: branch}
+        tree = _merged(tree, branch)
+    try:
+        return Settings.model_validate(tree)
+    except ValidationError as error:
+        raise SettingsError(_sentence(error)) from None
+
+
+def dump_yaml(settings: Settings) -> str:
+    """Return the settings as YAML that `load_settings` reads back."""
+    return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False)
+
+
+def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(base)
+    for key, value in change.items():
+        is_group = isinstance(value, Mapping) and isinstance(out.get(key, {}), Mapping)
+        out[key] = _merged(out.get(key, {}), value) if is_group else value
+    return out
+
+
+def _read_yaml(file: Path) -> dict[str, Any]:
+    try:
+        tree = yaml.safe_load(file.read_text())
+    except OSError as error:
+        raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
+    except yaml.YAMLError as error:
+        raise SettingsError(f"settings file {file} is not YAML ({error}): `automos settings` prints one") from None
+    if not isinstance(tree, dict | None):
+        raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
+    return tree or {}
+
+
+def _sentence(error: ValidationError) -> str:
+    """Return the first problem of `error` as a sentence that names the key, the value and the nearest known key."""
+    problem = error.errors()[0]
+    path = [str(part) for part in problem["loc"]]
+    key = ".".join(path)
+    if problem["type"] == "extra_forbidden":
+        known = _keys(Settings)
+        near = difflib.get_close_matches(key, known, 1, 0.0)[0]
+        same_name = [k for k in known if k.rsplit(".", 1)[-1] == path[-1]]
+        return f"there is no setting '{key}': did you mean '{(same_name or [near])[0]}'? (`automos settings` lists all)"
+    return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"
+
+
+def _keys(group: type[BaseModel], prefix: str = "") -> list[str]:
+    keys = []
+    for name, field in group.model_fields.items():
+        keys.append(prefix + name)
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            keys += _keys(field.annotation, f"{prefix}{name}.")
+    return keys

@@ -1,0 +1,342 @@
+"""ERASOR: a bin of the map that reaches much higher than the same bin of a scan held something that left.
+
+Our reading of Lim, Hwang and Myung, "ERASOR: Egocentric Ratio of Pseudo Occupancy-Based Dynamic Object Removal for
+Static 3D Point Cloud Map Building" (RA-L 2021), paper III-B of Chen et al. The scans of one submap are aggregated into
+voxels; around each scan, map and scan are cut into polar bins; where the ratio of their height spans ("pseudo
+occupancy") is small, the bin's voxels above a plane fitted to its lowest part (R-GPF) leave the map. A scan's point is
+a candidate if its voxel left the map. The map is edited in place: later scans meet an already cleaner map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.voxel_map import VoxelMap
+from automos.geometry import inverse, transform
+from automos.scan import Frame
+from automos.settings import ErasorSettings
+
+_KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
+
+
+def find_candidates(
+    frames: Sequence[Frame], settings: ErasorSettings, start: int = 0
+) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
+    """Yield (index, score) of every frame from `start` on, in order.
+
+    Parameters
+    ----------
+    frames : the frames of a recording, indexable; read twice each at most, submap by submap.
+    start : first index wanted (earlier ones were already made).
+
+    Yields
+    ------
+    index and (M,) float32 score of each of the frame's points: 1 where ERASOR removed its voxel, else 0.
+    """
+    origins = np.array([frame.origin_level for frame in frames]) if len(frames) else np.zeros((0, 3))
+    for first, last, own_first, own_last in cut_submaps(origins, settings):
+        if own_last <= start:
+            continue
+        scores = clean_submap([frames[i] for i in range(first, last)], frames[0].T_level_sensor, settings)
+        for i in range(max(own_first, start), own_last):
+            yield i, scores[i - first]
+
+
+def cut_submaps(origins: npt.NDArray, settings: ErasorSettings) -> list[tuple[int, int, int, int]]:
+    """Return submaps as rows (first, last, own_first, own_last), half-open scan ranges.
+
+    The own ranges tile the recording; a submap reaches further on both sides, so that something standing at the end
+    of an own range is still seen to leave. Both scans and metres are bounded: a parked car records thousands of scans
+    in one place, a motorway drive leaves a place within seconds.
+
+    origins : (N, 3) metres, sensor positions.
+    """
+    n = len(origins)
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(origins, axis=0), axis=1))])[:n]
+    submaps = []
+    own_first = 0
+    half_scans, half_length = settings.submap_scans // 2, settings.submap_length / 2
+    while own_first < n:
+        own_last = int(np.searchsorted(travelled, travelled[own_first] + half_length, side="right"))
+        own_last = min(own_last, own_first + half_scans, n)
+        if n - own_last < half_scans // 2 and travelled[-1] - travelled[own_last - 1] < half_length / 2:
+            own_last = n  # no sliver at the end
+        reach_back = int(np.searchsorted(travelled, travelled[own_first] - half_length / 2))
+        reach_on = int(np.searchsorted(travelled, travelled[own_last - 1] + half_length / 2, side="right"))
+        first = max(reach_back, own_first - half_scans // 2, 0)
+        last = min(reach_on, own_last + half_scans // 2, n)
+        submaps.append((first, last, own_first, own_last))
+        own_first = own_last
+    return submaps
+
+
+def clean_submap(
+    frames: list[Frame], T_body_sensor: npt.NDArray, settings: ErasorSettings
+) -> list[npt.NDArray[np.float32]]:
+    """Return for each frame the (M,) float32 score of its points: 1 where the cleaned map lost their voxel.
+
+    T_body_sensor : (4, 4), sensor to body: z up at the sensor's mount, ground under the vehicle at z = 0.
+    """
+    voxels = VoxelMap(settings.voxel, frames[0].origin_level)
+    ids_of = []
+    for frame in frames:
+        is_body = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) < settings.ego_radius**2
+        ids = np.full(len(frame.points), -1, np.int32)
+        ids[~is_body] = voxels.add(frame.points_level[~is_body])
+        ids_of.append(ids)
+
+    mean = voxels.mean
+    is_alive = np.ones(len(mean), bool)
+    was_scanned = np.full(len(mean), -1, np.int32)
+    rejected = [np.zeros(len(ids), bool) for ids in ids_of]
+    for k in range(0, len(frames), settings.every):
+        frame, ids = frames[k], ids_of[k]
+        T_body_level = T_body_sensor @ inverse(frame.T_level_sensor)
+        near = _voxels_near(mean, frame.origin_level.astype(np.float32), np.float32(settings.max_range))
+        _compare(
+            near,
+            transform(T_body_level, mean[near]),
+            is_alive,
+            was_scanned,
+            np.int32(k),
+            transform(T_body_sensor, frame.points),
+            ids,
+            rejected[k],
+            **_kernel_arguments(settings),
+        )
+    return [
+        (np.where(ids >= 0, ~is_alive[ids], False) | bad).astype(np.float32)
+        for ids, bad in zip(ids_of, rejected, strict=True)
+    ]
+
+
+def _kernel_arguments(settings: ErasorSettings) -> dict[str, object]:
+    names = (
+        "version max_range rings sectors min_height max_height scan_ratio min_points bin_max_height min_removed_span "
+        "ground_seed_height ground_lowest_skipped ground_lowest ground_iterations ground_distance"
+    )
+    return {name: getattr(settings, name) for name in names.split()}
+
+
+@numba.njit(cache=True, nogil=True)
+def _voxels_near(mean, origin, max_range):  # type: ignore[no-untyped-def]
+    near = np.empty(len(mean), np.int64)
+    n = 0
+    for v in range(len(mean)):
+        dx, dy = mean[v, 0] - origin[0], mean[v, 1] - origin[1]
+        if dx * dx + dy * dy <= max_range * max_range:
+            near[n] = v
+            n += 1
+    return near[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def polar_bins(points, max_range, rings, sectors, min_height, max_height):  # type: ignore[no-untyped-def]
+    """Return (N,) int32 bin = ring * sectors + sector of `points` (N, 3, body frame), -1 outside the volume."""
+    bins = np.full(len(points), -1, np.int32)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        r = np.sqrt(x * x + y * y)
+        if z <= min_height or z >= max_height or r > max_range:
+            continue
+        ring = min(int(r / max_range * rings), rings - 1)
+        angle = np.arctan2(y, x)
+        if angle < 0.0:
+            angle += 2.0 * np.pi
+        sector = min(int(angle / (2.0 * np.pi) * sectors), sectors - 1)
+        bins[i] = ring * sectors + sector
+    return bins
+
+
+@numba.njit(cache=True, nogil=True)
+def _compare(  # type: ignore[no-untyped-def]
+    near,
+    map_points,
+    is_alive,
+    was_scanned,
+    stamp,
+    scan_points,
+    scan_ids,
+    rejected,
+    version,
+    max_range,
+    rings,
+    sectors,
+    min_height,
+    max_height,
+    scan_ratio,
+    min_points,
+    bin_max_height,
+    min_removed_span,
+    ground_seed_height,
+    ground_lowest_skipped,
+    ground_lowest,
+    ground_iterations,
+    ground_distance,
+):
+    """Compare one scan with the map, bin by bin, and edit `is_alive` (V,) and `rejected` (M,) in place."""
+    n_bins = rings * sectors
+    map_bins = polar_bins(map_points, max_range, rings, sectors, min_height, max_height)
+    scan_bins = polar_bins(scan_points, max_range, rings, sectors, min_height, max_height)
+
+    map_low, map_high, map_count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
+    for i in range(len(near)):
+        b = map_bins[i]
+        if b >= 0 and is_alive[near[i]]:
+            map_low[b] = min(map_low[b], map_points[i, 2])
+            map_high[b] = max(map_high[b], map_points[i, 2])
+            map_count[b] += 1
+    scan_low, scan_high, scan_count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
+    for i in range(len(scan_points)):
+        b = scan_bins[i]
+        if b >= 0 and scan_ids[i] >= 0:
+            scan_low[b] = min(scan_low[b], scan_points[i, 2])
+            scan_high[b] = max(scan_high[b], scan_points[i, 2])
+            if was_scanned[scan_ids[i]] != stamp:  # the scan is counted in voxels, as the map is
+                was_scanned[scan_ids[i]] = stamp
+                scan_count[b] += 1
+
+    decision = np.full(n_bins, _KEEP, np.int8)
+    for b in range(n_bins):
+        if scan_count[b] < min_points:
+            continue
+        if map_count[b] == 0:
+            decision[b] = _SCAN_ONLY
+            continue
+        map_span, scan_span = map_high[b] - map_low[b], scan_high[b] - scan_low[b]
+        longer = max(map_span, scan_span)
+        if longer <= 0.0 or min(map_span, scan_span) / longer >= scan_ratio:
+            decision[b] = _SIMILAR
+        elif map_span < scan_span:
+            decision[b] = _SCAN_HIGHER
+        elif version == 2 and map_high[b] > bin_max_height or version == 3 and map_span > min_removed_span:
+            decision[b] = _MAP_HIGHER
+
+    _remove_above_ground(
+        near,
+        map_points,
+        map_bins,
+        decision,
+        is_alive,
+        was_scanned,
+        stamp,
+        min_height,
+        ground_seed_height,
+        ground_lowest_skipped,
+        ground_lowest,
+        ground_iterations,
+        ground_distance,
+    )
+    if version == 2:
+        for i in range(len(scan_points)):
+            b = scan_bins[i]
+            if b < 0 or scan_ids[i] < 0:
+                continue
+            if decision[b] == _SCAN_HIGHER:
+                rejected[i] = scan_high[b] > bin_max_height
+            elif decision[b] == _SIMILAR or decision[b] == _SCAN_ONLY:
+                is_alive[scan_ids[i]] = True
+
+
+@numba.njit(cache=True, nogil=True)
+def _remove_above_ground(  # type: ignore[no-untyped-def]
+    near,
+    map_points,
+    map_bins,
+    decision,
+    is_alive,
+    was_scanned,
+    stamp,
+    min_height,
+    ground_seed_height,
+    ground_lowest_skipped,
+    ground_lowest,
+    ground_iterations,
+    ground_distance,
+):
+    """Take the voxels above the ground plane of every bin decided _MAP_HIGHER out of the map.
+
+    The bin becomes the scan's points and the ground part of the map's: voxels that the scan hits stay.
+    """
+    start = np.zeros(len(decision) + 1, np.int64)
+    for i in range(len(near)):
+        b = map_bins[i]
+        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
+            start[b + 1] += 1
+    start = np.cumsum(start)
+    rows = np.empty(start[-1], np.int64)
+    fill = start.copy()
+    for i in range(len(near)):
+        b = map_bins[i]
+        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
+            rows[fill[b]] = i
+            fill[b] += 1
+    for b in range(len(decision)):
+        if start[b + 1] == start[b]:
+            continue
+        members = rows[start[b] : start[b + 1]]
+        is_ground = fit_ground(
+            map_points[members],
+            ground_seed_height,
+            ground_lowest_skipped,
+            ground_lowest,
+            ground_iterations,
+            ground_distance,
+        )
+        for j in range(len(members)):
+            v = near[members[j]]
+            if not is_ground[j] and was_scanned[v] != stamp:
+                is_alive[v] = False
+
+
+@numba.njit(cache=True, nogil=True)
+def fit_ground(points, seed_height, n_skipped, n_lowest, n_iterations, distance):  # type: ignore[no-untyped-def]
+    """Return (N,) bool: which of one bin's `points` (N, 3, z up) are ground, by region-wise plane fit (R-GPF).
+
+    The mean height of the `n_lowest` lowest points after the `n_skipped` very lowest starts it: seeds are the points
+    less than `seed_height` above it; then a plane is fitted `n_iterations` times, points nearer than `distance` to it
+    or below it being the next seeds. The normal is turned upwards, which the released code leaves to chance.
+    """
+    n = len(points)
+    is_ground = np.zeros(n, np.bool_)
+    order = np.argsort(points[:, 2])
+    skipped = min(n_skipped, max(n - 1, 0))
+    last = min(skipped + n_lowest, n)
+    lowest = 0.0
+    for k in range(skipped, last):
+        lowest += points[order[k], 2]
+    lowest /= last - skipped
+    for i in range(n):
+        is_ground[i] = points[i, 2] < lowest + seed_height
+    for _ in range(n_iterations):
+        m = 0
+        mean = np.zeros(3)
+        for i in range(n):
+            if is_ground[i]:
+                m += 1
+                for a in range(3):
+                    mean[a] += points[i, a]
+        if m < 3:
+            break
+        mean /= m
+        covariance = np.zeros((3, 3))
+        for i in range(n):
+            if is_ground[i]:
+                for a in range(3):
+                    for c in range(3):
+                        covariance[a, c] += (points[i, a] - mean[a]) * (points[i, c] - mean[c])
+        normal = np.linalg.eigh(covariance)[1][:, 0]
+        if normal[2] < 0.0:
+            normal = -normal
+        for i in range(n):
+            height = 0.0
+            for a in range(3):
+                height += normal[a] * (points[i, a] - mean[a])
+            is_ground[i] = height < distance
+    return is_ground
+
+

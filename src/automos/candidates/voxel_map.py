@@ -1,0 +1,111 @@
+"""An aggregated voxel map that remembers which voxel every point of every scan fell into.
+
+That index is what carries a decision about a voxel back to the scans' points: users of map cleaners who searched the
+nearest map point instead lost points to quantisation (at 0.2 m a fifth of all points have no map point within 0.1 m).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+_BITS = 21  # per axis of a packed key: +-1e6 voxels, 200 km at 0.2 m
+_OFFSET = 1 << (_BITS - 1)
+_EMPTY = np.int64(-1)
+
+
+class VoxelMap:
+    """Voxels in order of first appearance, with the mean of their points; grows as points are added.
+
+    Attributes (all of length V, the number of voxels): `mean` (V, 3) float32 in the frame of the points added.
+    """
+
+    def __init__(self, voxel: float, origin: npt.ArrayLike = (0.0, 0.0, 0.0)):
+        """Take the edge length `voxel` in metres; coordinates are kept relative to `origin` (3,) for precision."""
+        self.voxel = voxel
+        self.origin = np.asarray(origin, np.float64)
+        self._table_keys = np.full(1 << 16, _EMPTY)
+        self._table_ids = np.zeros(1 << 16, np.int32)
+        self._sum = np.zeros((1 << 15, 3))
+        self._count = np.zeros(1 << 15, np.int32)
+        self.n_voxels = 0
+
+    def __len__(self) -> int:
+        return self.n_voxels
+
+    @property
+    def mean(self) -> npt.NDArray[np.float32]:
+        """(V, 3) float32 mean of each voxel's points, metres."""
+        n = self.n_voxels
+        return (self._sum[:n] / self._count[:n, None] + self.origin).astype(np.float32)
+
+    def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
+        """Add `points` (N, 3), metres; return (N,) int32, the voxel each fell into."""
+        self._reserve(self.n_voxels + len(points))
+        ids = np.empty(len(points), np.int32)
+        self.n_voxels = _insert(
+            np.asarray(points),
+            self.origin,
+            1.0 / self.voxel,
+            self._table_keys,
+            self._table_ids,
+            self._sum,
+            self._count,
+            self.n_voxels,
+            ids,
+        )
+        return ids
+
+    def _reserve(self, n: int) -> None:
+        if n > len(self._count):
+            rows = max(n, 2 * len(self._count)) - len(self._count)
+            self._sum = np.concatenate([self._sum, np.zeros((rows, 3))])
+            self._count = np.concatenate([self._count, np.zeros(rows, np.int32)])
+        if 2 * n > len(self._table_keys):
+            size = 1 << int(np.ceil(np.log2(2 * n)) + 1)
+            keys, ids = np.full(size, _EMPTY), np.zeros(size, np.int32)
+            _rehash(self._table_keys, self._table_ids, keys, ids)
+            self._table_keys, self._table_ids = keys, ids
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _slot(key, keys):  # type: ignore[no-untyped-def]
+    """Where `key` is or belongs in the open-addressing table `keys` (its length a power of two)."""
+    mask = len(keys) - 1
+    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: neighbouring voxels scatter
+    slot = (h ^ (h >> 32)) & mask
+    while keys[slot] != -1 and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@numba.njit(cache=True, nogil=True)
+def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  # type: ignore[no-untyped-def]
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
+        kx = np.int64(np.floor(x * per_metre)) + _OFFSET
+        ky = np.int64(np.floor(y * per_metre)) + _OFFSET
+        kz = np.int64(np.floor(z * per_metre)) + _OFFSET
+        key = (kx << (2 * _BITS)) | (ky << _BITS) | kz
+        slot = _slot(key, keys)
+        if keys[slot] == -1:
+            keys[slot] = key
+            table_ids[slot] = n
+            n += 1
+        v = table_ids[slot]
+        total[v, 0] += x
+        total[v, 1] += y
+        total[v, 2] += z
+        count[v] += 1
+        ids[i] = v
+    return n
+
+
+@numba.njit(cache=True, nogil=True)
+def _rehash(old_keys, old_ids, keys, ids):  # type: ignore[no-untyped-def]
+    for s in range(len(old_keys)):
+        if old_keys[s] != -1:
+            slot = _slot(old_keys[s], keys)
+            keys[slot] = old_keys[s]
+            ids[slot] = old_ids[s]

@@ -1,0 +1,95 @@
+"""Upright boxes around segments: centre, heading, length, width, height, score (paper III-C).
+
+The heading is the angle at which the visible points lie closest to two sides of their rectangle (the closeness
+criterion of Zhang, Xu, Dong and Dolan, "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners", IV 2017):
+a LiDAR sees one or two faces of an object, and a principal axis of an L is neither of its arms.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import Boxes
+
+_MAX_POINTS = 400  # an evenly spaced subset of a large segment has the same heading
+_MIN_DISTANCE = 0.05  # m: closeness must not grow without bound on the side itself
+
+
+def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArray) -> Boxes:
+    """Return the boxes of segments 0..S-1; their length is the longer ground side.
+
+    points : (N, 3) metres, a frame with z up.   ids : (N,) segment of each point, -1 for none, each of 0..S-1 present.
+    scores : (S,) in [0, 1].
+    """
+    count = len(scores)
+    if count == 0:
+        return Boxes.empty()
+    order = np.argsort(ids, kind="stable")
+    order = order[np.searchsorted(ids[order], 0) :]
+    start = np.searchsorted(ids[order], np.arange(count + 1))
+    center, size, yaw = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    _fit(np.ascontiguousarray(points[order], np.float64), start, center, size, yaw)
+    return Boxes(center, size, yaw, np.asarray(scores, np.float64))
+
+
+@numba.njit(cache=True, nogil=True)
+def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
+    for s in range(len(start) - 1):
+        member = points[start[s] : start[s + 1]]
+        step = 1 + (len(member) - 1) // _MAX_POINTS
+        angle = _best_angle(member[::step])
+        c, d = np.cos(angle), np.sin(angle)
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for i in range(len(member)):
+            u = c * member[i, 0] + d * member[i, 1]
+            v = c * member[i, 1] - d * member[i, 0]
+            low[0], high[0] = min(low[0], u), max(high[0], u)
+            low[1], high[1] = min(low[1], v), max(high[1], v)
+            low[2], high[2] = min(low[2], member[i, 2]), max(high[2], member[i, 2])
+        mid = 0.5 * (low + high)
+        center[s, 0], center[s, 1], center[s, 2] = c * mid[0] - d * mid[1], d * mid[0] + c * mid[1], mid[2]
+        size[s] = high - low
+        yaw[s] = angle
+        if size[s, 1] > size[s, 0]:
+            size[s, 0], size[s, 1] = size[s, 1], size[s, 0]
+            yaw[s] += 0.5 * np.pi
+        if yaw[s] > 0.5 * np.pi:
+            yaw[s] -= np.pi
+
+
+@numba.njit(cache=True, nogil=True)
+def _best_angle(points):  # type: ignore[no-untyped-def]
+    """Return the angle in [0, pi/2) of greatest closeness: 3 degrees apart first, then 0.5 around the best."""
+    best_angle, best = 0.0, -1.0
+    for k in range(30):
+        angle = np.deg2rad(3.0 * k)
+        value = _closeness(points, angle)
+        if value > best:
+            best_angle, best = angle, value
+    coarse = best_angle
+    for k in range(-5, 6):
+        angle = coarse + np.deg2rad(0.5 * k)
+        value = _closeness(points, angle)
+        if value > best:
+            best_angle, best = angle, value
+    return best_angle % (0.5 * np.pi)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _closeness(points, angle):  # type: ignore[no-untyped-def]
+    c, d = np.cos(angle), np.sin(angle)
+    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(len(points)):
+        u = c * points[i, 0] + d * points[i, 1]
+        v = c * points[i, 1] - d * points[i, 0]
+        low_u, high_u = min(low_u, u), max(high_u, u)
+        low_v, high_v = min(low_v, v), max(high_v, v)
+    total = 0.0
+    for i in range(len(points)):
+        u = c * points[i, 0] + d * points[i, 1]
+        v = c * points[i, 1] - d * points[i, 0]
+        nearest = min(min(u - low_u, high_u - u), min(v - low_v, high_v - v))
+        total += 1.0 / max(nearest, _MIN_DISTANCE)
+    return total

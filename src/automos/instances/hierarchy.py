@@ -1,0 +1,132 @@
+"""HDBSCAN at several densities, and which of its nested segments to believe.
+
+Paper III-C with III-F: one HDBSCAN fit gives the single-linkage tree of the mutual reachability distance; cutting it at
+eps = 2.0, 1.0, 0.5, 0.25 m gives nested segments. The paper does not say how they are combined. Its first author does
+(PRBonn/auto-mos, issue 3): a segment's score is its share of dynamic points, and a parent is kept unless its children
+score higher, as in Hu, Held and Ramanan, "Learning to Optimally Segment Point Clouds" (RA-L 2020).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.cluster.hierarchy import linkage as single_linkage
+
+
+def cluster_nested(
+    points: npt.NDArray, epsilons: Sequence[float], min_samples: int
+) -> npt.NDArray[np.int32]:
+    """Return (len(epsilons), N) int32 segment ids, one row an eps, nested when eps decrease.
+
+    Points nearer than eps in mutual reachability distance (transitively) share a segment. Ids are 0.. within a row.
+
+    points : (N, 3) metres.   epsilons : metres, decreasing.   min_samples : neighbours that make a point dense.
+    """
+    n = len(points)
+    if n < 2:
+        linkage = np.zeros((0, 4))
+    elif n <= min_samples:  # hdbscan refuses fewer points than neighbours
+        linkage = single_linkage(points)
+    else:
+        from hdbscan import HDBSCAN  # takes a second to import
+
+        # Only the linkage is wanted: the largest min_cluster_size spares the condensed tree of thousands of pairs.
+        fit = HDBSCAN(min_cluster_size=n, min_samples=min_samples, core_dist_n_jobs=1, approx_min_span_tree=False)
+        linkage = fit.fit(np.asarray(points, np.float64)).single_linkage_tree_.to_numpy()
+    return _cut(n, linkage, np.asarray(epsilons, np.float64))
+
+
+@numba.njit(cache=True, nogil=True)
+def _cut(n, linkage, epsilons):  # type: ignore[no-untyped-def]
+    """Cut `linkage` (n - 1, 4; SciPy's format: row i merges two nodes into node n + i) at `epsilons`, decreasing."""
+    labels = np.empty((len(epsilons), n), np.int32)
+    root = np.empty(2 * n, np.int64)
+    for level in range(len(epsilons)):
+        # From the last merge to the first, so that a node's root is known before its children ask for it.
+        for i in range(len(linkage) - 1, -1, -1):
+            node = n + i
+            if i == len(linkage) - 1 or linkage[i, 2] > epsilons[level] or root[node] == -1:
+                root[node] = node
+            below = root[node] if linkage[i, 2] <= epsilons[level] else -1
+            root[int(linkage[i, 0])] = below
+            root[int(linkage[i, 1])] = below
+        id_of = np.full(2 * n, -1, np.int32)
+        next_id = 0
+        for i in range(n):
+            r = root[i] if len(linkage) and root[i] >= 0 else i
+            if id_of[r] == -1:
+                id_of[r] = next_id
+                next_id += 1
+            labels[level, i] = id_of[r]
+    return labels
+
+
+def choose_segments(
+    nested: npt.NDArray[np.int32],
+    weight: npt.NDArray,
+    score: npt.NDArray,
+    min_points: int,
+    max_extent: float,
+    points: npt.NDArray,
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
+    """Return the segments of the eps tree to believe: a parent is kept unless its children score strictly higher.
+
+    A segment's score is the weighted mean of its members' scores, the score of its children the weighted mean over
+    those with at least `min_points`. A segment longer than `max_extent` can only be split, one too small is nothing.
+
+    Parameters
+    ----------
+    nested : (E, N) int32 from `cluster_nested`, coarse to fine.
+    weight : (N,) how many of the scan's points each row stands for.
+    score : (N,) in [0, 1], share of dynamic points among them.
+    points : (N, 3) metres, for the extent (diagonal of the ground rectangle along the axes, metres).
+
+    Returns
+    -------
+    ids : (N,) int32 segment of each row, -1 for none.   scores : (S,) score of each segment.
+    """
+    n_levels, n = nested.shape
+    if n == 0:
+        return np.full(0, -1, np.int32), np.zeros(0)
+    mass, value, extent = [], [], []
+    for level in nested:
+        count = level.max() + 1
+        m = np.bincount(level, weight, count)
+        mass.append(m)
+        value.append(np.bincount(level, weight * score, count) / m)
+        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+        np.minimum.at(low, level, points[:, :2])
+        np.maximum.at(high, level, points[:, :2])
+        extent.append((high - low).max(axis=1))
+
+    # From fine to coarse: the best that a segment's subtree reaches, and whether it is the segment itself.
+    best = [np.where((m >= min_points) & (e <= max_extent), v, -1.0) for m, v, e in zip(mass, value, extent, strict=True)]
+    keep = [b >= 0.0 for b in best]
+    for level in range(n_levels - 2, -1, -1):
+        child_ids, first = np.unique(nested[level + 1], return_index=True)
+        parent_of = nested[level][first]
+        usable = best[level + 1][child_ids] >= 0.0
+        total = np.bincount(parent_of[usable], mass[level + 1][child_ids][usable], len(mass[level]))
+        reached = np.bincount(
+            parent_of[usable], (mass[level + 1] * best[level + 1])[child_ids][usable], len(mass[level])
+        )
+        children = np.divide(reached, total, out=np.full(len(total), -1.0), where=total > 0)
+        split = children > best[level] + 1e-9
+        keep[level] &= ~split
+        best[level] = np.where(split, children, best[level])
+
+    ids, scores = np.full(n, -1, np.int32), []
+    is_open = np.ones(n, bool)
+    for level in range(n_levels):
+        chosen = np.flatnonzero(keep[level])
+        rank = np.full(len(mass[level]), -1)
+        taken = is_open & keep[level][nested[level]]
+        present = np.intersect1d(chosen, nested[level][taken])
+        rank[present] = len(scores) + np.arange(len(present))
+        ids[taken] = rank[nested[level][taken]]
+        scores.extend(value[level][present])
+        is_open &= ~taken
+    return ids, np.asarray(scores, np.float64)

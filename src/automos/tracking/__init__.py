@@ -1,0 +1,1 @@
+"""III-D: objects over time, whether they move, and the points that are theirs."""

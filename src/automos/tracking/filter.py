@@ -1,0 +1,95 @@
+"""Extended Kalman filters of many boxes at once, constant velocity (paper III-D).
+
+State (10): x, y, z, yaw, length, width, height, vx, vy, vz. Measurement (7): the box. Motion and measurement are linear
+but for the yaw, which lives on a circle: a box turned by half a turn is the same box, and one turned by a quarter is the
+same with length and width swapped, so a measurement is brought to the nearest of these before it is compared. The noise
+is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds rather than in frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import Boxes, wrap_angle
+from automos.settings import FilterSettings
+
+Array = npt.NDArray[np.float64]
+N_STATE, N_MEASURED = 10, 7
+YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
+
+
+@dataclass(frozen=True, eq=False)
+class Beliefs:
+    """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10)."""
+
+    mean: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.mean)
+
+    def __getitem__(self, rows: npt.NDArray) -> Beliefs:
+        return Beliefs(self.mean[rows], self.covariance[rows])
+
+    def boxes(self) -> Boxes:
+        """Return the expected boxes."""
+        size = np.maximum(self.mean[:, SIZE], 1e-3)
+        return Boxes(self.mean[:, :3], size, self.mean[:, YAW], np.ones(len(self)))
+
+    @staticmethod
+    def concatenate(parts: list[Beliefs]) -> Beliefs:
+        """Return the beliefs of all `parts`, in order."""
+        return Beliefs(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
+
+
+def measurements(boxes: Boxes) -> Array:
+    """Return (K, 7) what is measured of each box: x, y, z, yaw, length, width, height."""
+    return np.column_stack([boxes.center, boxes.yaw, boxes.size])
+
+
+def start(boxes: Boxes, settings: FilterSettings) -> Beliefs:
+    """Return beliefs for boxes seen for the first time: where they are seen, at an unknown velocity around zero."""
+    mean = np.zeros((len(boxes), N_STATE))
+    mean[:, :N_MEASURED] = measurements(boxes)
+    variance = np.r_[np.full(N_MEASURED, settings.initial_variance), np.full(3, settings.initial_velocity_variance)]
+    return Beliefs(mean, np.broadcast_to(np.diag(variance), (len(boxes), N_STATE, N_STATE)).copy())
+
+
+def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
+    """Return `beliefs` `dt` seconds later."""
+    F = np.eye(N_STATE)
+    F[:3, VELOCITY] = dt * np.eye(3)
+    noise = np.r_[np.full(N_MEASURED, settings.process_variance), np.full(3, settings.process_velocity_variance)]
+    # The noise rates are per second of travel, so two short steps are as uncertain as one long one.
+    Q = np.diag(noise * dt)
+    return Beliefs(beliefs.mean @ F.T, F @ beliefs.covariance @ F.T + Q)
+
+
+def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
+    """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
+    P = beliefs.covariance
+    S = P[:, :N_MEASURED, :N_MEASURED] + settings.measurement_variance * np.eye(N_MEASURED)
+    gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
+    innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
+    mean = beliefs.mean + np.einsum("kij,kj->ki", gain, innovation)
+    mean[:, YAW] = wrap_angle(mean[:, YAW])
+    left = np.eye(N_STATE) - np.concatenate([gain, np.zeros((len(P), N_STATE, 3))], axis=2)
+    # Joseph's form stays symmetric and positive through thousands of updates.
+    covariance = left @ P @ np.swapaxes(left, -1, -2) + settings.measurement_variance * gain @ np.swapaxes(gain, -1, -2)
+    return Beliefs(mean, covariance)
+
+
+def same_box_nearest(measured: Array, yaw: Array) -> Array:
+    """Return `measured` (K, 7), each written as the same box whose heading is nearest to `yaw` (K,).
+
+    The result's heading is within 45 degrees of `yaw` and not wrapped, so that it can be subtracted.
+    """
+    out = measured.copy()
+    quarters = np.round((yaw - measured[:, YAW]) / (0.5 * np.pi))
+    out[:, YAW] = measured[:, YAW] + quarters * 0.5 * np.pi
+    is_swapped = quarters.astype(np.int64) % 2 == 1
+    out[is_swapped, 4], out[is_swapped, 5] = measured[is_swapped, 5], measured[is_swapped, 4]
+    return out

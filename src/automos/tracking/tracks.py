@@ -1,0 +1,59 @@
+"""What tracking leaves behind: one row for every scan that every object was followed through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import Boxes
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Objects over time as a flat table, sorted by track, then scan.
+
+    Attributes
+    ----------
+    track : (R,) int64, 0.. without gaps.
+    scan : (R,) int64, index of the scan.
+    segment : (R,) int64, segment of that scan that was matched, -1 where the object was missed.
+    center, size, yaw : (R, 3), (R, 3), (R,) the estimated box, level frame, metres and radians.
+    velocity : (R, 3) metres per second, level frame.
+    """
+
+    track: npt.NDArray[np.int64]
+    scan: npt.NDArray[np.int64]
+    segment: npt.NDArray[np.int64]
+    center: npt.NDArray[np.float64]
+    size: npt.NDArray[np.float64]
+    yaw: npt.NDArray[np.float64]
+    velocity: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return int(self.track[-1]) + 1 if len(self.track) else 0
+
+    @property
+    def is_observed(self) -> npt.NDArray[np.bool_]:
+        """(R,) whether a segment was matched in that scan."""
+        return self.segment >= 0
+
+    @property
+    def boxes(self) -> Boxes:
+        """The rows' boxes."""
+        return Boxes(self.center, self.size, self.yaw, np.ones(len(self.track)))
+
+    def rows_of(self, track: int) -> slice:
+        """Return the rows of one track."""
+        return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))
+
+    def to_arrays(self) -> dict[str, npt.NDArray]:
+        """Return the columns by name, for saving."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Tracks:
+        """Return the table that `to_arrays` took apart."""
+        return Tracks(**{f.name: arrays[f.name] for f in fields(Tracks)})

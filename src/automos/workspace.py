@@ -1,0 +1,117 @@
+"""A run's folder: what each stage found, kept so that a second run does only what is missing.
+
+A stage's results live under the fingerprint of everything that shaped them (recording, settings, version, the stages
+before), one file per scan, each written to the side and moved into place: what is there is whole, and what other
+settings made is never read. The same interface keeps results in memory for callers that want no files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import atomic_path
+from automos.errors import InputError
+
+Arrays = Mapping[str, npt.NDArray]
+RUN_FILE = "run.json"
+
+
+def fingerprint(*parts: object) -> str:
+    """Return 16 hexadecimal digits that change when any of `parts` (anything JSON can write, or str) does."""
+    text = json.dumps(parts, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+class Stage:
+    """Results of one stage for one recording and one set of settings: named groups of arrays."""
+
+    def has(self, name: str) -> bool:
+        """Return whether `name` was saved."""
+        raise NotImplementedError
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        """Keep `arrays` under `name`."""
+        raise NotImplementedError
+
+    def load(self, name: str) -> dict[str, npt.NDArray]:
+        """Return the arrays saved under `name`."""
+        raise NotImplementedError
+
+    def missing(self, names: list[str]) -> list[int]:
+        """Return the indices of `names` that were not saved yet."""
+        return [i for i, name in enumerate(names) if not self.has(name)]
+
+
+class _MemoryStage(Stage):
+    def __init__(self) -> None:
+        self._groups: dict[str, dict[str, npt.NDArray]] = {}
+
+    def has(self, name: str) -> bool:
+        return name in self._groups
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        self._groups[name] = dict(arrays)
+
+    def load(self, name: str) -> dict[str, npt.NDArray]:
+        return self._groups[name]
+
+
+class _FolderStage(Stage):
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder} could not be made ({error.strerror}): choose another --out") from error
+
+    def has(self, name: str) -> bool:
+        return (self._folder / f"{name}.npz").exists()
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        with atomic_path(self._folder / f"{name}.npz") as temporary, temporary.open("wb") as file:
+            np.savez(file, **arrays)
+
+    def load(self, name: str) -> dict[str, npt.NDArray]:
+        with np.load(self._folder / f"{name}.npz", allow_pickle=False) as archive:
+            return dict(archive)
+
+
+class Workspace:
+    """Where a run keeps its results: in `root`, or in memory where there is none."""
+
+    def __init__(self, root: Path | None = None):
+        """Take the results folder; it is made when first written to."""
+        self.root = root
+        self._in_memory: dict[str, Stage] = {}
+
+    def stage(self, name: str, key: str) -> Stage:
+        """Return the stage `name` as made under fingerprint `key`."""
+        if self.root is None:
+            return self._in_memory.setdefault(f"{name}-{key}", _MemoryStage())
+        return _FolderStage(self.root / "stages" / f"{name}-{key}")
+
+    def keep_only(self, keys: Mapping[str, str]) -> None:
+        """Remove stages made under other fingerprints than `keys` (stage name: fingerprint)."""
+        if self.root is None:
+            return
+        wanted = {f"{name}-{key}" for name, key in keys.items()}
+        for folder in (self.root / "stages").glob("*"):
+            if folder.name not in wanted:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def read_run(self) -> dict[str, Any]:
+        """Return what run.json says of the run in this folder, {} where there is none."""
+        if self.root is None or not (self.root / RUN_FILE).exists():
+            return {}
+        try:
+            return dict(json.loads((self.root / RUN_FILE).read_text()))
+        except (ValueError, OSError):
+            return {}  # damaged from outside: the run is made again
