@@ -27,11 +27,27 @@ class OdometrySettings(_Group):
     voxel: float | None = Field(None, gt=0, description="m, local map voxel; none: a hundredth of max_range")
     max_range: float = Field(100.0, gt=0, description="m, points used for registration")
     min_range: float = Field(1.0, ge=0, description="m, points used for registration")
+    min_points: int = Field(50, ge=3, description="a scan with fewer usable points is not registered")
+    points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")
+    max_iterations: int = Field(500, ge=1, description="of one registration")
+    convergence: float = Field(1e-3, gt=0, description="a registration ends with a step (m and rad) shorter than this")
+    initial_threshold: float = Field(2.0, gt=0, description="m, deviation from constant motion expected at the start")
+    min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
+    start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
     time: Literal["auto", "file", "azimuth", "none"] = Field(
         "auto",
         description="where the points' times come from for motion compensation: the file, the azimuth, or none (already "
         "compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
+    ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
+    ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
+    ground_voxel: float = Field(0.5, gt=0, description="m, one point per voxel is used to find the ground")
+    ground_trials: int = Field(1000, ge=1, description="planes through three points tried")
+    ground_distance: float = Field(0.15, gt=0, description="m, points nearer a plane than this lie on it")
+    ground_share: float = Field(0.1, gt=0, lt=1, description="share of the near surface that must be ground")
+    max_tilt_deg: float = Field(45.0, gt=0, le=90, description="deg between the sensor's z axis and the vertical")
+    min_height: float = Field(0.1, ge=0, description="m, sensor over ground")
+    max_height: float = Field(5.0, gt=0, description="m, sensor over ground")
     loop_closure: bool = Field(False, description="recognise revisited places and close the loop (bends poses locally)")
     threads: int = Field(0, ge=0, description="0: all cores")
 

@@ -1,0 +1,34 @@
+"""One scan, ready for every later stage: valid points, moved to mid-sweep, with their pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automos.odometry.motion import compensate, sweep_times
+from automos.odometry.trajectory import Trajectory
+from automos.scan import Frame, Scan
+
+
+def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
+    """Return the valid points of `scan`, number `index` of the recording, compensated for the sensor's motion.
+
+    The user's own points are compensated, in their order, never a cloud that came back from a registration: those are
+    clipped and thinned, and their rows no longer line up with the labels.
+    """
+    is_valid = scan.is_valid
+    kept = np.flatnonzero(is_valid)
+    points = scan.points if len(kept) == len(scan) else scan.points[kept]
+    times = sweep_times(scan, trajectory.timing)
+    motion = trajectory.sweep_motion[index]
+    if times is not None:
+        times = times if len(kept) == len(scan) else times[kept]
+        points = compensate(points, times, motion)
+    return Frame(
+        points=points,
+        kept=kept,
+        n_points=len(scan),
+        T_level_sensor=trajectory.T_level_world @ trajectory.T_world_sensor[index],
+        stamp=float(trajectory.stamps[index]),
+        sweep_time=times,
+        sweep_motion=motion,
+    )

@@ -1,0 +1,127 @@
+"""Which way is up, and how high the sensor is: the ground near the sensor, wherever the sensor points.
+
+In a handful of scans over the whole recording, the ground is the plane near the sensor that holds most of the surface
+seen there and has next to nothing behind it. It may lie below the sensor or, for one mounted upside down, above it.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import make_transform, rotation_between
+from automos.scan import Points, Pose
+from automos.settings import OdometrySettings
+
+_log = logging.getLogger(__name__)
+
+
+def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:
+    """Return `T_level_world` and whether ground was found (else the identity).
+
+    Parameters
+    ----------
+    clouds : M arrays (n, 3) float32, metres, sensor frame; the first one is the recording's first usable scan.
+    poses : (M, 4, 4) T_world_sensor of these.
+    settings : the odometry's.
+    """
+    near = [_thin(cloud, settings) for cloud in clouds]
+    everything = np.concatenate(near) if near else np.zeros((0, 3))
+    mount = _find_plane(everything, settings)  # what most scans share: how the sensor is mounted
+    if mount is None:
+        return np.eye(4), False
+    planes = [_fit_plane(points, mount, settings) for points in near]
+    ups = np.array([T[:3, :3] @ plane[:3] for T, plane in zip(poses, planes, strict=True)])
+    up = np.median(ups, axis=0)
+    R = rotation_between(up / np.linalg.norm(up), [0.0, 0.0, 1.0])
+    # Height of the ground under the first scan, along the common vertical.
+    normal, offset = planes[0][:3], planes[0][3]
+    down = poses[0][:3, :3].T @ (-up / np.linalg.norm(up))
+    height = offset / max(-float(down @ normal), 0.5)
+    T = make_transform(R)
+    T[2, 3] = height - (R @ poses[0][:3, 3])[2]
+    return T, True
+
+
+def _thin(points: Points, settings: OdometrySettings) -> npt.NDArray[np.float64]:
+    """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
+    is_near = np.einsum("ij,ij->i", points, points) < settings.ground_range**2
+    return first_in_voxel(points[is_near], settings.ground_voxel).astype(np.float64)
+
+
+def first_in_voxel(points: Points, voxel: float) -> Points:
+    """Return the first of `points` (N, 3) in each voxel, in their order."""
+    if len(points) == 0:
+        return points
+    keys = np.floor(points / np.float32(voxel)).astype(np.int64) + (1 << 20)
+    packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
+    return points[np.sort(np.unique(packed, return_index=True)[1])]
+
+
+def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
+    """Return (4,) unit normal towards the sensor and its height over the plane, or None where there is no ground."""
+    if len(points) < settings.min_points:
+        return None
+    rng = np.random.default_rng(0)
+    triples = rng.integers(0, len(points), (settings.ground_trials, 3))
+    points_tested = points[rng.permutation(len(points))[:5000]]
+    a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    normals = normals[length > 1e-6] / length[length > 1e-6, None]
+    a = a[length > 1e-6]
+    heights = -np.einsum("ij,ij->i", normals, a)  # of the sensor over each plane
+    normals *= np.sign(heights)[:, None]
+    heights = np.abs(heights)
+    is_possible = (
+        (np.abs(normals[:, 2]) > np.cos(np.radians(settings.max_tilt_deg)))
+        & (heights > settings.min_height)
+        & (heights < settings.max_height)
+    )
+    if not is_possible.any():
+        return None
+    normals, heights = normals[is_possible], heights[is_possible]
+    scores = _score_planes(points_tested, normals, heights, settings.ground_distance)
+    best = int(np.argmax(scores))
+    if scores[best] < settings.ground_share * len(points_tested):
+        return None
+    return _fit_plane(points, np.append(normals[best], heights[best]), settings)
+
+
+@numba.njit(cache=True, nogil=True)
+def _score_planes(points, normals, heights, distance):  # type: ignore[no-untyped-def]
+    """Points on each plane, less twice those clearly behind it (walls of a valley have none behind, roofs have)."""
+    scores = np.zeros(len(normals))
+    for j in range(len(normals)):
+        score = 0.0
+        for i in range(len(points)):
+            d = heights[j]
+            for k in range(3):
+                d += normals[j, k] * points[i, k]
+            if abs(d) < distance:
+                score += 1.0
+            elif d < -3.0 * distance:
+                score -= 2.0
+        scores[j] = score
+    return scores
+
+
+def _fit_plane(
+    points: npt.NDArray[np.float64], plane: npt.NDArray[np.float64], settings: OdometrySettings
+) -> npt.NDArray[np.float64]:
+    """Return `plane` (4,) drawn onto the points near it, each round looking closer (reweighted least squares)."""
+    for reach in (4.0, 2.0, 1.0, 1.0):
+        residual = points @ plane[:3] + plane[3]
+        near = points[np.abs(residual) < reach * settings.ground_distance]
+        if len(near) < settings.min_points:
+            return plane
+        centre = near.mean(axis=0)
+        _, vectors = np.linalg.eigh(np.cov((near - centre).T))
+        normal = vectors[:, 0] * np.sign(vectors[:, 0] @ plane[:3])
+        if normal @ plane[:3] < 0.9:
+            return plane
+        plane = np.append(normal, -normal @ centre)
+    return plane

@@ -1,0 +1,116 @@
+"""When in the sweep each point was measured, and points moved to where the sensor would have seen them mid-sweep.
+
+A spinning sensor needs a tenth of a second for one scan and drives a metre or two meanwhile. Motion within a sweep is a
+constant twist: half of it lies before the reference time (mid-sweep), half after. Times are fractions of a sweep in
+[-0.5, 0.5], so that no clock is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.scan import Points, Scan
+
+
+@dataclass(frozen=True)
+class SweepTiming:
+    """How the time of each point within its sweep is known.
+
+    Attributes
+    ----------
+    source : "file": the scans carry times; "azimuth": from the direction of the point; "none": already compensated, or
+        unknown.
+    duration : seconds from a sweep's first point to its last ("file" only).
+    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" only).
+    seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y ("azimuth" only).
+    share : sweep duration over the time between scans; 0 where there is nothing to compensate.
+    """
+
+    source: Literal["file", "azimuth", "none"] = "none"
+    duration: float = 0.0
+    turn: int = 0
+    seam_deg: float = 0.0
+    share: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers and text."""
+        return {
+            "source": self.source,
+            "duration": self.duration,
+            "turn": self.turn,
+            "seam_deg": self.seam_deg,
+            "share": self.share,
+        }
+
+
+def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
+    """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None where they are unknown."""
+    if timing.source == "none":
+        return None
+    if timing.source == "azimuth":
+        return _azimuth_times(np.ascontiguousarray(scan.points), timing.turn, np.radians(timing.seam_deg))
+    if scan.time is None:
+        return np.zeros(len(scan), np.float32)
+    fraction = np.nan_to_num(scan.time / np.float32(timing.duration) - np.float32(0.5))
+    return np.clip(fraction, -0.5, 0.5).astype(np.float32)
+
+
+def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:
+    """Return `points` as the sensor would have measured them mid-sweep.
+
+    Parameters
+    ----------
+    points : (N, 3) float32, metres, sensor frame at each point's own time.
+    times : (N,) float32 in [-0.5, 0.5], from `sweep_times`.
+    twist : (6,) se(3) motion of the sensor over one sweep, sensor frame.
+    """
+    twist = np.asarray(twist, np.float64)
+    if not np.any(twist):
+        return points
+    out = np.empty_like(points)
+    _compensate(points, times, twist[:3], twist[3:], out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
+    out = np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        angle = turn * (np.arctan2(points[i, 1], points[i, 0]) - seam) / (2.0 * np.pi)
+        out[i] = angle - np.floor(angle) - 0.5
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
+    """Apply exp(time * twist), Rodrigues' formula on each point (the axis is the same for all)."""
+    angle = np.sqrt(phi[0] ** 2 + phi[1] ** 2 + phi[2] ** 2)
+    ax, ay, az = phi[0], phi[1], phi[2]
+    if angle > 1e-9:
+        ax, ay, az = ax / angle, ay / angle, az / angle
+    # The twist's translation along and across the axis: exp moves it along a helix.
+    along = ax * rho[0] + ay * rho[1] + az * rho[2]
+    cross_x, cross_y, cross_z = ay * rho[2] - az * rho[1], az * rho[0] - ax * rho[2], ax * rho[1] - ay * rho[0]
+    for i in range(len(points)):
+        s = float(times[i])
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if angle > 1e-9:
+            a = s * angle
+            sin, cos = np.sin(a), np.cos(a)
+            one_cos = 1.0 - cos
+            dot = (ax * x + ay * y + az * z) * one_cos
+            px = x * cos + (ay * z - az * y) * sin + ax * dot
+            py = y * cos + (az * x - ax * z) * sin + ay * dot
+            pz = z * cos + (ax * y - ay * x) * sin + az * dot
+            straight, bend, climb = sin / angle, one_cos / angle, along * (a - sin) / angle
+            px += straight * rho[0] + bend * cross_x + climb * ax
+            py += straight * rho[1] + bend * cross_y + climb * ay
+            pz += straight * rho[2] + bend * cross_z + climb * az
+        else:
+            px, py, pz = x + s * rho[0], y + s * rho[1], z + s * rho[2]
+        out[i, 0], out[i, 1], out[i, 2] = px, py, pz
