@@ -5,6 +5,7 @@ Transforms are named by their frames, `T_target_source`, so that a wrong product
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numba
@@ -154,6 +155,15 @@ class Boxes:
     def longest_side(self) -> Array:
         """(M,) metres."""
         return self.size.max(axis=1, initial=0.0)
+
+    def to_arrays(self) -> dict[str, npt.NDArray]:
+        """Return the columns by name, for saving."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Boxes:
+        """Return the boxes that `to_arrays` took apart."""
+        return Boxes(*(np.asarray(arrays[f.name]) for f in fields(Boxes)))
 
     @staticmethod
     def empty() -> Boxes:

@@ -8,7 +8,8 @@ there are.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -23,20 +24,21 @@ def available_cores() -> int:
 
 
 def map_in_order(
-    function: Callable[[Item], Result], items: Sequence[Item], workers: int, chunk: int = 32
+    function: Callable[[Item], Result], items: Iterable[Item], workers: int, chunk: int = 16
 ) -> Iterator[Result]:
     """Yield function(item) for each of `items`, in order, computed by `workers` processes (0: one per core).
 
-    `function` and `items` must be picklable. At most `chunk` results per worker wait to be taken, so memory does not
-    grow with the number of items.
+    `function` and `items` must be picklable. At most `chunk` items per worker are taken ahead, so memory does not grow
+    with their number.
     """
-    workers = min(workers or available_cores(), len(items))
-    if workers <= 1:
+    workers = workers or available_cores()
+    if workers == 1:
         yield from map(function, items)
         return
     from joblib import Parallel, delayed, parallel_config
 
-    with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1), Parallel() as pool:
-        step = chunk * workers
-        for first in range(0, len(items), step):
-            yield from pool(delayed(function)(item) for item in items[first : first + step])
+    items = iter(items)
+    # max_nbytes: scans go through pipes; joblib would write those over a megabyte to temporary files.
+    with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1), Parallel(max_nbytes=None) as pool:
+        while ahead := list(islice(items, chunk * workers)):
+            yield from pool(delayed(function)(item) for item in ahead)

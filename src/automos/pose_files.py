@@ -8,14 +8,13 @@ cannot be paired with the scans beyond doubt is an error: poses shifted by one s
 from __future__ import annotations
 
 import logging
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.atomic import write_text
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.scan import Pose
@@ -247,7 +246,7 @@ def write_kitti(path: str | Path, poses: npt.ArrayLike, T_camera_sensor: npt.Arr
     if T_camera_sensor is not None:
         T = np.asarray(T_camera_sensor, np.float64) @ T @ inverse(T_camera_sensor)
     lines = (" ".join(f"{value:.12e}" for value in row) for row in T[:, :3].reshape(-1, 12))
-    _write_text(Path(path), "".join(line + "\n" for line in lines))
+    write_text(Path(path), "".join(line + "\n" for line in lines))
 
 
 def write_tum(path: str | Path, poses: npt.ArrayLike, stamps: npt.ArrayLike) -> None:
@@ -262,18 +261,4 @@ def write_tum(path: str | Path, poses: npt.ArrayLike, stamps: npt.ArrayLike) -> 
         f"{time:.9f} " + " ".join(f"{value:.12g}" for value in (*translation, *quaternion))
         for time, translation, quaternion in zip(times, T[:, :3, 3], quaternions, strict=True)
     )
-    _write_text(Path(path), "".join(line + "\n" for line in lines))
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write under another name first, so that an interrupted write leaves the old file or none, never half of one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-        Path(temporary).chmod(0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_text(Path(path), "".join(line + "\n" for line in lines))

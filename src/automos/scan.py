@@ -6,10 +6,12 @@ range) work on a :class:`Frame`, which says for each of its points which point o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence as Sequence_
+from collections.abc import Iterator
+from collections.abc import Sequence as Sequence_
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -204,3 +206,15 @@ class Frame:
         out = np.full((self.n_points, *values.shape[1:]), fill, values.dtype)
         out[self.kept] = values
         return out
+
+
+class Frames(Protocol):
+    """The frames of a recording: made when asked for, never all in memory."""
+
+    @property
+    def T_level_sensor(self) -> Pose:
+        """(N, 4, 4) float64, poses of all frames, known without reading any."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int) -> Frame: ...

@@ -53,25 +53,25 @@ class OdometrySettings(_Group):
 
 
 class ErasorSettings(_Group):
-    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale)."""
+    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale_05)."""
 
     version: Literal[2, 3] = Field(3, description="2: the paper's decision; 3: the released one")
     max_range: float = Field(80.0, gt=0, description="m, radius of the volume of interest")
     rings: int = Field(20, gt=0)
     sectors: int = Field(108, gt=0)
-    min_height: float = Field(-0.8, description="m above the ground under the sensor")
-    max_height: float = Field(3.1, description="m above the ground under the sensor")
+    min_height: float = Field(-1.3, description="m above the ground under the sensor")
+    max_height: float = Field(3.0, description="m above the ground under the sensor")
     scan_ratio: float = Field(0.2, gt=0, lt=1, description="pseudo occupancy ratio below which a bin has changed")
     min_points: int = Field(6, ge=1, description="scan points a bin needs to be compared")
     bin_max_height: float = Field(0.2, description="m, version 2: a removed bin must reach higher than this")
     min_removed_span: float = Field(0.5, ge=0, description="m, version 3: a removed bin must span more than this")
     ground_seed_height: float = Field(0.5, gt=0, description="m above the lowest points: seeds of the plane")
     ground_lowest_skipped: int = Field(5, ge=0, description="lowest points skipped as outliers")
-    ground_lowest: int = Field(15, gt=0, description="lowest points whose mean starts the plane")
+    ground_lowest: int = Field(20, gt=0, description="lowest points whose mean starts the plane")
     ground_iterations: int = Field(3, ge=1)
-    ground_distance: float = Field(0.125, gt=0, description="m, points nearer the plane (or below it) are ground")
+    ground_distance: float = Field(0.25, gt=0, description="m, points nearer the plane (or below it) are ground")
     voxel: float = Field(0.2, gt=0, description="m, map and scan voxel")
-    every: int = Field(1, ge=1, description="every how many scans the map is compared with")
+    every: int = Field(4, ge=1, description="every how many scans the map is compared with")
     ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are the vehicle itself")
     submap_scans: int = Field(200, ge=2, description="scans in one submap, at most")
     submap_length: float = Field(160.0, gt=0, description="m driven in one submap, at most")
@@ -93,6 +93,17 @@ class GroundSettings(_Group):
     tolerance_per_metre: float = Field(0.002, ge=0, description="m more for each metre of distance from the sensor")
 
 
+class EgoBodySettings(_Group):
+    """The vehicle's own body: what keeps its range in the sensor's frame while the sensor moves."""
+
+    max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
+    max_scans: int = Field(40, ge=2, description="scans looked at, spread over the recording")
+    min_scans: int = Field(10, ge=2, description="with fewer scans apart from each other nothing is called body")
+    min_distance: float = Field(1.0, gt=0, description="m, how far apart the sensor must be in scans looked at")
+    min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
+    tolerance: float = Field(0.15, gt=0, description="m, ranges nearer to each other than this are the same")
+
+
 class HdbscanSettings(_Group):
     """III-C: class-agnostic segments by HDBSCAN, and the boxes kept."""
 
@@ -101,7 +112,7 @@ class HdbscanSettings(_Group):
     min_points: int = Field(5, ge=1, description="N_min: smaller segments are dropped (III-F)")
     max_side: float = Field(20.0, gt=0, description="m, T_size: larger segments are dropped (III-F)")
     min_score: float = Field(0.5, ge=0, le=1, description="share of candidates from which on a segment is an instance")
-    voxel: float = Field(0.2, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+    voxel: float = Field(0.1, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
 
 
 class FilterSettings(_Group):

@@ -9,7 +9,7 @@ a candidate if its voxel left the map. The map is edited in place: later scans m
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numba
 import numpy as np
@@ -17,33 +17,30 @@ import numpy.typing as npt
 
 from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse, transform
-from automos.scan import Frame
+from automos.scan import Frames
 from automos.settings import ErasorSettings
 
 _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
 
 
 def find_candidates(
-    frames: Sequence[Frame], settings: ErasorSettings, start: int = 0
+    frames: Frames, settings: ErasorSettings, start: int = 0
 ) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
     """Yield (index, score) of every frame from `start` on, in order.
 
     Parameters
     ----------
-    frames : the frames of a recording, indexable; read twice each at most, submap by submap.
+    frames : the frames of a recording.
     start : first index wanted (earlier ones were already made).
 
     Yields
     ------
     index and (M,) float32 score of each of the frame's points: 1 where ERASOR removed its voxel, else 0.
     """
-    origins = np.array([frame.origin_level for frame in frames]) if len(frames) else np.zeros((0, 3))
-    for first, last, own_first, own_last in cut_submaps(origins, settings):
-        if own_last <= start:
-            continue
-        scores = clean_submap([frames[i] for i in range(first, last)], frames[0].T_level_sensor, settings)
-        for i in range(max(own_first, start), own_last):
-            yield i, scores[i - first]
+    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], settings):
+        if own_last > start:
+            own = range(max(own_first, start), own_last)
+            yield from zip(own, clean_submap(frames, range(first, last), own, settings), strict=True)
 
 
 def cut_submaps(origins: npt.NDArray, settings: ErasorSettings) -> list[tuple[int, int, int, int]]:
@@ -75,43 +72,47 @@ def cut_submaps(origins: npt.NDArray, settings: ErasorSettings) -> list[tuple[in
 
 
 def clean_submap(
-    frames: list[Frame], T_body_sensor: npt.NDArray, settings: ErasorSettings
-) -> list[npt.NDArray[np.float32]]:
-    """Return for each frame the (M,) float32 score of its points: 1 where the cleaned map lost their voxel.
+    frames: Frames, submap: range, own: range, settings: ErasorSettings
+) -> Iterator[npt.NDArray[np.float32]]:
+    """Yield for each frame in `own` the (M,) float32 score of its points: 1 where the cleaned map lost their voxel.
 
-    T_body_sensor : (4, 4), sensor to body: z up at the sensor's mount, ground under the vehicle at z = 0.
+    submap : the frames that make the map and are compared with it.
     """
-    voxels = VoxelMap(settings.voxel, frames[0].origin_level)
+    # z up at the sensor's mount, ground under the vehicle at z = 0: heights are measured above what it stands on.
+    T_body_sensor = frames.T_level_sensor[0].copy()
+    T_body_sensor[:2, 3] = 0.0
+    voxels = VoxelMap(settings.voxel, frames.T_level_sensor[submap[0], :3, 3])
     ids_of = []
-    for frame in frames:
-        is_body = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) < settings.ego_radius**2
+    for k in submap:
+        frame = frames[k]
         ids = np.full(len(frame.points), -1, np.int32)
-        ids[~is_body] = voxels.add(frame.points_level[~is_body])
+        is_outside = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) > settings.ego_radius**2
+        ids[is_outside] = voxels.add(frame.points_level[is_outside])
         ids_of.append(ids)
 
     mean = voxels.mean
     is_alive = np.ones(len(mean), bool)
     was_scanned = np.full(len(mean), -1, np.int32)
-    rejected = [np.zeros(len(ids), bool) for ids in ids_of]
-    for k in range(0, len(frames), settings.every):
-        frame, ids = frames[k], ids_of[k]
-        T_body_level = T_body_sensor @ inverse(frame.T_level_sensor)
+    rejected: dict[int, npt.NDArray[np.bool_]] = {}
+    for k in submap[:: settings.every]:
+        frame, ids = frames[k], ids_of[k - submap[0]]
         near = _voxels_near(mean, frame.origin_level.astype(np.float32), np.float32(settings.max_range))
-        _compare(
+        rejected[k] = _compare(
             near,
-            transform(T_body_level, mean[near]),
+            transform(T_body_sensor @ inverse(frame.T_level_sensor), mean[near]),
             is_alive,
             was_scanned,
             np.int32(k),
             transform(T_body_sensor, frame.points),
             ids,
-            rejected[k],
             **_kernel_arguments(settings),
         )
-    return [
-        (np.where(ids >= 0, ~is_alive[ids], False) | bad).astype(np.float32)
-        for ids, bad in zip(ids_of, rejected, strict=True)
-    ]
+    for k in own:
+        ids = ids_of[k - submap[0]]
+        is_candidate = (ids >= 0) & ~np.append(is_alive, True)[ids]  # id -1 reads the True at the end
+        if k in rejected:
+            is_candidate |= rejected[k]
+        yield is_candidate.astype(np.float32)
 
 
 def _kernel_arguments(settings: ErasorSettings) -> dict[str, object]:
@@ -161,7 +162,6 @@ def _compare(  # type: ignore[no-untyped-def]
     stamp,
     scan_points,
     scan_ids,
-    rejected,
     version,
     max_range,
     rings,
@@ -178,7 +178,7 @@ def _compare(  # type: ignore[no-untyped-def]
     ground_iterations,
     ground_distance,
 ):
-    """Compare one scan with the map, bin by bin, and edit `is_alive` (V,) and `rejected` (M,) in place."""
+    """Compare one scan with the map, bin by bin; edit `is_alive` (V,) in place, return (M,) the scan's own dynamics."""
     n_bins = rings * sectors
     map_bins = polar_bins(map_points, max_range, rings, sectors, min_height, max_height)
     scan_bins = polar_bins(scan_points, max_range, rings, sectors, min_height, max_height)
@@ -213,7 +213,7 @@ def _compare(  # type: ignore[no-untyped-def]
             decision[b] = _SIMILAR
         elif map_span < scan_span:
             decision[b] = _SCAN_HIGHER
-        elif version == 2 and map_high[b] > bin_max_height or version == 3 and map_span > min_removed_span:
+        elif (version == 2 and map_high[b] > bin_max_height) or (version == 3 and map_span > min_removed_span):
             decision[b] = _MAP_HIGHER
 
     _remove_above_ground(
@@ -231,6 +231,7 @@ def _compare(  # type: ignore[no-untyped-def]
         ground_iterations,
         ground_distance,
     )
+    rejected = np.zeros(len(scan_points), np.bool_)
     if version == 2:
         for i in range(len(scan_points)):
             b = scan_bins[i]
@@ -240,6 +241,7 @@ def _compare(  # type: ignore[no-untyped-def]
                 rejected[i] = scan_high[b] > bin_max_height
             elif decision[b] == _SIMILAR or decision[b] == _SCAN_ONLY:
                 is_alive[scan_ids[i]] = True
+    return rejected
 
 
 @numba.njit(cache=True, nogil=True)
@@ -338,5 +340,3 @@ def fit_ground(points, seed_height, n_skipped, n_lowest, n_iterations, distance)
                 height += normal[a] * (points[i, a] - mean[a])
             is_ground[i] = height < distance
     return is_ground
-
-

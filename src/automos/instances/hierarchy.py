@@ -16,9 +16,7 @@ import numpy.typing as npt
 from scipy.cluster.hierarchy import linkage as single_linkage
 
 
-def cluster_nested(
-    points: npt.NDArray, epsilons: Sequence[float], min_samples: int
-) -> npt.NDArray[np.int32]:
+def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: int) -> npt.NDArray[np.int32]:
     """Return (len(epsilons), N) int32 segment ids, one row an eps, nested when eps decrease.
 
     Points nearer than eps in mutual reachability distance (transitively) share a segment. Ids are 0.. within a row.
@@ -103,7 +101,9 @@ def choose_segments(
         extent.append((high - low).max(axis=1))
 
     # From fine to coarse: the best that a segment's subtree reaches, and whether it is the segment itself.
-    best = [np.where((m >= min_points) & (e <= max_extent), v, -1.0) for m, v, e in zip(mass, value, extent, strict=True)]
+    best = [
+        np.where((m >= min_points) & (e <= max_extent), v, -1.0) for m, v, e in zip(mass, value, extent, strict=True)
+    ]
     keep = [b >= 0.0 for b in best]
     for level in range(n_levels - 2, -1, -1):
         child_ids, first = np.unique(nested[level + 1], return_index=True)

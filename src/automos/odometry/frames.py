@@ -6,7 +6,7 @@ import numpy as np
 
 from automos.odometry.motion import compensate, sweep_times
 from automos.odometry.trajectory import Trajectory
-from automos.scan import Frame, Scan
+from automos.scan import Frame, Pose, Scan, Sequence
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
@@ -32,3 +32,23 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
         sweep_time=times,
         sweep_motion=motion,
     )
+
+
+class SequenceFrames:
+    """The frames of a whole recording, each made from its scan when asked for."""
+
+    def __init__(self, sequence: Sequence, trajectory: Trajectory):
+        """Take a recording and where its sensor was."""
+        self.sequence = sequence
+        self.trajectory = trajectory
+
+    @property
+    def T_level_sensor(self) -> Pose:
+        """(N, 4, 4) float64, poses of all frames."""
+        return self.trajectory.T_level_sensor
+
+    def __len__(self) -> int:
+        return len(self.sequence)
+
+    def __getitem__(self, index: int) -> Frame:
+        return make_frame(self.sequence[index], self.trajectory, index)

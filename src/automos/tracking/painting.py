@@ -5,40 +5,33 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes, points_in_boxes
+from automos.geometry import points_in_boxes
 from automos.labels import Label
+from automos.tracking.tracks import Tracks
 
 
 def paint_points(
-    points: npt.NDArray,
-    ids: npt.NDArray[np.int32],
-    moving_segments: npt.NDArray[np.int64],
-    segment_tracks: npt.NDArray[np.int64],
-    moving_boxes: Boxes,
-    box_tracks: npt.NDArray[np.int64],
-    is_ground: npt.NDArray[np.bool_] | None = None,
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+    points: npt.NDArray, ids: npt.NDArray[np.int32], moving: Tracks
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32]]:
     """Return the labels of one scan's points and the moving track each belongs to.
+
+    A segment's own points go to its track even where another track's box holds them too.
 
     Parameters
     ----------
-    points : (M, 3) metres, level frame.   ids : (M,) segment of each point, -1 for none.
-    moving_segments, segment_tracks : (A,) segments that belong to moving tracks, and those tracks.
-    moving_boxes, box_tracks : (B,) boxes of moving tracks in this scan (level frame), and those tracks.
-    is_ground : (M,) points that a box does not claim, or None.
+    points : (M, 3) metres, level frame.
+    ids : (M,) segment of each point, -1 for none.
+    moving : the rows of moving tracks in this scan, observed or predicted.
 
     Returns
     -------
-    labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int64, -1 where static.
+    labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int32, -1 where static.
     """
-    track_of = np.full(len(points), -1, np.int64)
-    if len(moving_boxes):
-        owner = points_in_boxes(points, moving_boxes)
-        inside = owner >= 0 if is_ground is None else (owner >= 0) & ~is_ground
-        track_of[inside] = box_tracks[owner[inside]]
-    if len(moving_segments):
-        of_segment = np.full(max(int(ids.max(initial=-1)), int(moving_segments.max())) + 2, -1, np.int64)
-        of_segment[moving_segments] = segment_tracks
-        mine = of_segment[ids]  # id -1 reads the last entry, which is -1
-        track_of[mine >= 0] = mine[mine >= 0]
+    owner = points_in_boxes(points, moving.boxes)
+    track_of = np.append(moving.track, -1)[owner].astype(np.int32)  # owner -1 reads the -1 at the end
+    track_of_segment = np.full(int(ids.max(initial=-1)) + 2, -1, np.int32)
+    seen = moving.is_observed
+    track_of_segment[moving.segment[seen]] = moving.track[seen]
+    own = track_of_segment[ids]
+    track_of = np.where(own >= 0, own, track_of)
     return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of

@@ -35,6 +35,9 @@ class Tracks:
     def __len__(self) -> int:
         return int(self.track[-1]) + 1 if len(self.track) else 0
 
+    def __getitem__(self, rows: npt.NDArray) -> Tracks:
+        return Tracks(*(getattr(self, f.name)[rows] for f in fields(self)))
+
     @property
     def is_observed(self) -> npt.NDArray[np.bool_]:
         """(R,) whether a segment was matched in that scan."""

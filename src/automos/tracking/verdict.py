@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -27,13 +28,23 @@ class Verdicts:
     verdict: npt.NDArray[np.int8]
     confidence: npt.NDArray[np.float64]
 
+    def to_arrays(self) -> dict[str, npt.NDArray]:
+        """Return the columns by name, for saving."""
+        return {"verdict": self.verdict, "confidence": self.confidence}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Verdicts:
+        """Return the verdicts that `to_arrays` took apart."""
+        return Verdicts(arrays["verdict"], arrays["confidence"])
+
 
 def judge_by_trajectory(tracks: Tracks, settings: VerdictSettings) -> Verdicts:
     """Return moving for every track whose trajectory is longer than its box's longest side.
 
     The trajectory is, by setting, `net` (from the first observation to the last) or `accumulated` (the sum of all
-    steps, as the paper's words have it, to which the jitter of a parked car adds as well). The longest side is the
-    median over the track: one bad merge must not cost the track. A track of fewer than `min_observations` is static.
+    steps, as the paper's words have it, to which the jitter of a parked car adds as well). The longest side is that of
+    the largest box of the track, so that something whose visible part grows has not moved. A track of fewer than
+    `min_observations` is static.
     The confidence says how far the trajectory is from the threshold: 0.5 at it, 1 at twice it or at none.
     """
     n = len(tracks)
@@ -46,7 +57,7 @@ def judge_by_trajectory(tracks: Tracks, settings: VerdictSettings) -> Verdicts:
             length = float(np.linalg.norm(center[-1] - center[0]))
         else:
             length = float(np.linalg.norm(np.diff(center, axis=0), axis=1).sum())
-        ratio = length / max(float(np.median(tracks.size[rows][seen].max(axis=1))), 1e-6)
+        ratio = length / float(tracks.size[rows][seen].max())
         if len(center) >= settings.min_observations and ratio > 1.0:
             verdict[k] = Verdict.MOVING
         confidence[k] = 0.5 + 0.5 * min(abs(ratio - 1.0), 1.0)
