@@ -77,8 +77,8 @@ def time_column(columns: Columns) -> npt.NDArray | None:
 def find_time_unit(times: npt.NDArray) -> float:
     """Return the seconds per count (1, 1e-3, 1e-6 or 1e-9) in which `times` (N,) of one sweep last at most MAX_SWEEP.
 
-    Units are a thousand apart, so any sweep of 2 ms to 2 s has one answer; names and types say less (a `timestamp` may
-    be seconds or nanoseconds, a float or an integer).
+    Units are a thousand apart, so any sweep of more than 2 ms, up to 2 s, has one answer; names and types say less (a
+    `timestamp` may be seconds or nanoseconds, a float or an integer).
     """
     span = _span(times)
     return next((unit for unit in (1.0, 1e-3, 1e-6) if span * unit <= MAX_SWEEP), 1e-9)
