@@ -1,0 +1,278 @@
+"""Recordings in folders, plain and in KITTI's layout, and the files beside the scans."""
+
+import logging
+import pickle
+import time
+
+import numpy as np
+import pytest
+
+from automos.datasets import open_recordings, open_sequence
+from automos.datasets.folder import FolderSequence
+from automos.errors import InputError
+from automos.geometry import make_transform
+from automos.pose_files import write_kitti, write_tum
+
+T_CAMERA_SENSOR = make_transform([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.0, -0.1, -0.3])
+
+
+@pytest.fixture
+def kitti(tmp_path):
+    """Return a drive of four scans in KITTI's layout; the third holds no points."""
+    root = tmp_path / "sequences" / "03"
+    (root / "velodyne").mkdir(parents=True)
+    (root / "labels").mkdir()
+    for i, n_points in enumerate([5, 6, 0, 7]):
+        (np.arange(4 * n_points, dtype=np.float32) + 100 * i).tofile(root / "velodyne" / f"{i:06d}.bin")
+        np.full(n_points, 251 + (i << 16), np.uint32).tofile(root / "labels" / f"{i:06d}.label")
+    poses = np.stack([make_transform(t=[i, 0.5 * i, 0]) for i in range(4)])
+    write_kitti(root / "poses.txt", poses, T_CAMERA_SENSOR)
+    numbers = " ".join(f"{v:.9e}" for v in T_CAMERA_SENSOR[:3].ravel())
+    (root / "calib.txt").write_text(f"P0: {numbers}\nTr: {numbers}\n")
+    (root / "times.txt").write_text("0.0\n0.1\n0.21\n0.3\n")
+    return root
+
+
+def test_a_kitti_drive_has_scans_stamps_poses_and_labels(kitti):
+    sequence = open_sequence(kitti)
+    assert (sequence.name, len(sequence), sequence.source) == ("03", 4, kitti)
+    assert sequence.names == ["000000", "000001", "000002", "000003"]
+    assert [len(scan) for scan in sequence] == [5, 6, 0, 7]
+    np.testing.assert_array_equal(sequence[1].points[1], [104, 105, 106])
+    np.testing.assert_array_equal(sequence[1].intensity[:2], [103, 107])
+    np.testing.assert_array_equal(sequence.stamps, [0.0, 0.1, 0.21, 0.3])
+    assert (sequence[1].stamp, sequence[1].name) == (0.1, "000001")
+    np.testing.assert_allclose(sequence.reference_poses[:, :3, 3], [[i, 0.5 * i, 0] for i in range(4)], atol=1e-9)
+    np.testing.assert_allclose(sequence.T_camera_sensor, T_CAMERA_SENSOR, atol=1e-9)
+    np.testing.assert_array_equal(sequence.truth(3), np.full(7, 251 + (3 << 16)))
+    assert sequence.truth(2).shape == (0,)
+    assert sequence.is_compensated is None
+
+
+def test_the_last_scan_is_the_minus_first_and_there_is_none_after_it(kitti):
+    sequence = open_sequence(kitti)
+    assert sequence[-1].name == "000003"
+    with pytest.raises(IndexError):
+        sequence[4]
+
+
+def test_poses_without_calibration_are_those_of_the_sensor(kitti):
+    (kitti / "calib.txt").unlink()
+    poses = np.stack([make_transform(t=[i, 0.5 * i, 0]) for i in range(4)])
+    write_kitti(kitti / "poses.txt", poses)
+    sequence = open_sequence(kitti)
+    assert sequence.T_camera_sensor is None
+    np.testing.assert_allclose(sequence.reference_poses, poses, atol=1e-9)
+
+
+def test_poses_of_the_odometry_benchmark_lie_in_the_root(kitti):
+    (kitti.parents[1] / "poses").mkdir()
+    (kitti / "poses.txt").rename(kitti.parents[1] / "poses" / "03.txt")
+    np.testing.assert_allclose(open_sequence(kitti).reference_poses[3, :3, 3], [3, 1.5, 0], atol=1e-9)
+
+
+def test_a_drive_of_scans_alone_has_nothing_else(kitti):
+    for name in ("poses.txt", "calib.txt", "times.txt"):
+        (kitti / name).unlink()
+    for path in (kitti / "labels").iterdir():
+        path.unlink()
+    sequence = open_sequence(kitti)
+    assert sequence.stamps is None
+    assert sequence.reference_poses is None
+    assert sequence.truth(0) is None
+    assert sequence[0].stamp is None
+
+
+def test_a_part_of_a_drive_keeps_its_own_times_and_poses(kitti):
+    (kitti / "velodyne" / "000000.bin").unlink()
+    (kitti / "velodyne" / "000002.bin").unlink()
+    sequence = open_sequence(kitti)
+    np.testing.assert_array_equal(sequence.stamps, [0.1, 0.3])
+    np.testing.assert_allclose(sequence.reference_poses[:, :3, 3], [[0, 0, 0], [2, 1, 0]], atol=1e-9)
+    assert len(sequence.truth(1)) == 7
+
+
+def test_a_plain_folder_may_have_times_tum_poses_and_labels_too(tmp_path, write_points, columns):
+    for name in ("a1.pcd", "a2.pcd", "a10.pcd"):
+        write_points(tmp_path / name, columns)
+    (tmp_path / "times.txt").write_text("5\n6\n7\n")
+    write_tum(tmp_path / "poses.txt", np.stack([make_transform(t=[i, 0, 0]) for i in range(3)]), [5, 6, 7])
+    (tmp_path / "labels").mkdir()
+    for name in ("a1", "a2", "a10"):
+        np.full(500, 9, np.uint32).tofile(tmp_path / "labels" / f"{name}.label")
+    sequence = open_sequence(tmp_path)
+    assert sequence.names == ["a1", "a2", "a10"]
+    np.testing.assert_allclose(sequence.reference_poses[:, 0, 3], [0, 1, 2])
+    assert len(sequence.truth(2)) == 500
+    assert sequence[2].stamp == 7.0
+
+
+def test_stamps_come_from_the_names_where_there_is_no_times_file(tmp_path, write_points, columns):
+    for stamp in (1561000444390857630, 1561000444490857630):
+        write_points(tmp_path / f"{stamp}.ply", columns)
+    np.testing.assert_allclose(open_sequence(tmp_path).stamps, [1561000444.390857630, 1561000444.490857630], atol=1e-6)
+
+
+def test_one_unit_of_time_holds_for_the_whole_recording(tmp_path, write_points, columns):
+    # Nanoseconds: the full scan tells; in the scan of three points, 60 us apart, they could be microseconds.
+    write_points(tmp_path / "0.pcd", {**columns, "t": np.linspace(0, 1e8, 500).astype(np.uint32)})
+    few = {name: column[:3] for name, column in columns.items()}
+    write_points(tmp_path / "1.pcd", {**few, "t": np.array([0, 30_000, 60_000], np.uint32)})
+    sequence = open_sequence(tmp_path)
+    np.testing.assert_allclose(sequence[1].time, [0.0, 3e-5, 6e-5], rtol=1e-6)
+    np.testing.assert_allclose(sequence[0].time[-1], 0.1, rtol=1e-6)
+
+
+def test_a_sequence_holds_no_points_and_can_be_sent_to_another_process(kitti):
+    sequence = open_sequence(kitti)
+    pickled = pickle.dumps(sequence)
+    assert len(pickled) < 4000
+    copy = pickle.loads(pickled)
+    np.testing.assert_array_equal(copy[3].points, sequence[3].points)
+    assert copy.fingerprint() == sequence.fingerprint()
+
+
+def test_the_fingerprint_changes_with_the_files_and_with_nothing_else(kitti, tmp_path):
+    first = open_sequence(kitti).fingerprint()
+    assert open_sequence(kitti).fingerprint() == first
+    (kitti / "labels" / "000000.label").unlink()
+    assert open_sequence(kitti).fingerprint() == first
+    with open(kitti / "velodyne" / "000001.bin", "ab") as file:
+        file.write(bytes(16))
+    assert open_sequence(kitti).fingerprint() != first
+
+
+# ------------------------------------------------------------------------------------- columns of .bin recordings
+def write_bins(folder, width, counts, ring=True):
+    folder.mkdir()
+    for i, count in enumerate(counts):
+        rows = np.random.default_rng(i).normal(size=(count, width)).astype(np.float32)
+        if width >= 5 and ring:
+            rows[:, 4] = np.arange(count) % 32
+        rows.tofile(folder / f"{i}.bin")
+    return folder
+
+
+@pytest.mark.parametrize(("width", "codec"), [(3, "bin3"), (4, "bin"), (5, "bin5")])
+def test_the_number_of_columns_is_found_from_the_sizes_of_all_files(tmp_path, caplog, width, codec):
+    folder = write_bins(tmp_path / "scans", width, [16, 7, 11, 0, 13])
+    with caplog.at_level(logging.WARNING):
+        sequence = open_sequence(folder)
+    assert [len(scan) for scan in sequence] == [16, 7, 11, 0, 13]
+    assert (f"fit {width} float32 columns" in caplog.text) == (width != 4)
+    assert open_sequence(folder, codec).fingerprint() == sequence.fingerprint()
+
+
+def test_six_columns_are_never_guessed_because_three_fit_as_well(tmp_path):
+    folder = write_bins(tmp_path / "scans", 6, [7, 11, 13])
+    with pytest.raises(InputError, match=r"0\.bin has 168 bytes, which fits 3 and 6 .* --format bin3 or --format bin6"):
+        open_sequence(folder)
+    assert [len(scan) for scan in open_sequence(folder, "bin6")] == [7, 11, 13]
+
+
+def test_a_bin_file_cut_short_is_told_by_name_and_size(kitti):
+    path = kitti / "velodyne" / "000001.bin"
+    path.write_bytes(path.read_bytes()[:-8])
+    with pytest.raises(InputError, match=r"000001\.bin has 88 bytes, no multiple of a point"):
+        open_sequence(kitti)
+
+
+def test_five_columns_need_a_ring(tmp_path):
+    folder = write_bins(tmp_path / "scans", 5, [7, 11, 13], ring=False)
+    with pytest.raises(InputError, match=r"0\.bin has 140 bytes"):
+        open_sequence(folder)
+
+
+def test_a_bin_file_that_does_not_fit_the_named_codec_is_told(kitti):
+    sequence = open_sequence(kitti, "bin5")
+    assert len(sequence[0]) == 4  # 80 bytes
+    with pytest.raises(InputError, match=r"000001\.bin has 96 bytes, no multiple of a point \(5 float32, 20 bytes\)"):
+        sequence[1]
+
+
+# --------------------------------------------------------------------------------------------------- bad input
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0\n0.1\n0.2\n", "holds 3 times for 4 scans"),
+        ("0\n0.1\n0.1\n0.2\n", "scan 000002 at 0.100000 s is not after"),
+        ("0\n0.1\nnan\n0.2\n", "line 3: the time is no number"),
+        ("0\n0.1\nnoon\n0.2\n", "must hold one time in seconds a line"),
+        ("0 0\n0.1 1\n0.2 2\n0.3 3\n", "must hold one time in seconds a line"),
+    ],
+)
+def test_a_bad_times_file_is_told(kitti, text, message):
+    (kitti / "times.txt").write_text(text)
+    with pytest.raises(InputError, match=message):
+        open_sequence(kitti)
+
+
+def test_bad_poses_are_told_when_they_are_asked_for_and_not_before(kitti):
+    (kitti / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    sequence = open_sequence(kitti)
+    with pytest.raises(InputError, match="holds 1 poses for 4 scans"):
+        _ = sequence.reference_poses
+
+
+def test_labels_of_another_length_are_told(kitti):
+    np.zeros(3, np.uint32).tofile(kitti / "labels" / "000001.label")
+    with pytest.raises(InputError, match=r"000001\.label holds 3 labels, but its scan 000001\.bin has 6 points"):
+        open_sequence(kitti).truth(1)
+    (kitti / "labels" / "000001.label").write_bytes(bytes(23))
+    with pytest.raises(InputError, match="23 bytes, no multiple of a label"):
+        open_sequence(kitti).truth(1)
+
+
+def test_labels_are_paired_by_name_so_a_missing_one_does_not_shift_the_others(kitti):
+    (kitti / "labels" / "000001.label").unlink()
+    sequence = open_sequence(kitti)
+    np.testing.assert_array_equal(sequence.truth(3) >> 16, np.full(7, 3))
+    with pytest.raises(InputError, match=r"000001\.label is missing"):
+        sequence.truth(1)
+
+
+def test_a_scan_cut_short_in_the_middle_is_told_when_it_is_read(tmp_path, write_points, columns):
+    for i in range(3):
+        write_points(tmp_path / f"{i}.pcd", columns)
+    path = tmp_path / "1.pcd"
+    path.write_bytes(path.read_bytes()[:-100])
+    sequence = FolderSequence(tmp_path)
+    assert len(sequence[0]) == len(sequence[2]) == 500
+    with pytest.raises(InputError, match=r"1\.pcd is cut short"):
+        sequence[1]
+
+
+def test_a_viewpoint_is_not_applied_and_that_is_said(tmp_path, write_points, columns, caplog):
+    write_points(tmp_path / "0.pcd", columns, viewpoint="1 2 3 1 0 0 0")
+    with caplog.at_level(logging.WARNING):
+        sequence = open_sequence(tmp_path)
+    assert "VIEWPOINT" in caplog.text
+    np.testing.assert_array_equal(sequence[0].points[:, 0], columns["x"])
+
+
+# ------------------------------------------------------------------------------------------------- real recordings
+@pytest.mark.recordings
+def test_real_drives_are_read_whole(recordings):
+    drives = open_recordings(recordings)
+    lengths = {drive.name: len(drive) for drive in drives}
+    assert lengths["kitti_0005"] == 154
+    assert lengths["kitti_0027"] == 100
+    drive = next(drive for drive in drives if drive.name == "kitti_0005")
+    assert [len(drive.truth(i)) for i in (0, 153)] == [len(drive[0]), len(drive[153])]
+    ranges = np.linalg.norm(drive[0].points, axis=1)
+    assert 60 < ranges.max() < 130
+    assert 0 <= drive[0].intensity.min() < drive[0].intensity.max() <= 1
+    assert np.diff(drive.stamps).min() > 0.05
+
+
+@pytest.mark.recordings
+def test_reading_a_real_scan_takes_a_few_milliseconds(recordings):
+    drive = open_sequence(recordings / "sequences" / "kitti_0005")
+    times = []
+    for i in range(20):
+        start = time.perf_counter()
+        scan = drive[i]
+        times.append(time.perf_counter() - start)
+        assert len(scan) > 100_000
+    # The best of twenty: what reading costs, not what else the machine is doing.
+    assert min(times) < 0.005
