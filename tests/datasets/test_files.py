@@ -22,10 +22,8 @@ def test_scans_come_in_natural_order(tmp_path):
 
 
 def test_hidden_files_and_files_beside_the_scans_are_no_scans(tmp_path):
-    touch(
-        tmp_path, "0.bin", "1.BIN", "._0.bin", ".cache.pcd", "poses.txt", "times.txt", "calib.txt", "notes.txt", "a.csv"
-    )
-    touch(tmp_path, "picture.png")
+    touch(tmp_path, "0.bin", "1.BIN", "._0.bin", ".cache.pcd", "poses.txt", "times.txt", "calib.txt")
+    touch(tmp_path, "notes.txt", "a.csv", "picture.png")
     (tmp_path / "old.bin").mkdir()
     assert list_scans(tmp_path)[0] == ["0.bin", "1.BIN"]
 
@@ -59,8 +57,8 @@ def test_a_named_codec_picks_its_files_of_a_mixed_folder(tmp_path):
         (["lidar_12.500000.ply", "lidar_12.600000.ply"], [12.5, 12.6]),
         (
             [
-                "n015-2018-07-24__LIDAR_TOP__1532402927647951.pcd.bin",
-                "n015-2018-07-24__LIDAR_TOP__1532402927697951.pcd.bin",
+                "n015-2018-07-24__TOP__1532402927647951.pcd.bin",
+                "n015-2018-07-24__TOP__1532402927697951.pcd.bin",
             ],
             [1532402927.647951, 1532402927.697951],
         ),

@@ -1,3 +1,4 @@
+import subprocess
 import sys
 
 import numpy as np
@@ -85,8 +86,6 @@ def test_folders_of_scans_inside_the_given_one_are_named(tmp_path):
 
 
 def test_a_format_is_imported_only_when_it_is_used(tmp_path):
-    import subprocess
-
     make_scans(tmp_path / "log")
     program = (
         "import sys; from automos.datasets import open_sequence; "
