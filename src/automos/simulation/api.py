@@ -1,0 +1,49 @@
+"""The way in: a scenario and a sensor by name, a length and a seed."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from automos.errors import InputError
+from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
+from automos.simulation.sensors import SENSORS as _SENSORS
+from automos.simulation.sequence import SimulatedSequence
+
+SCENARIOS: tuple[str, ...] = tuple(_SCENARIOS)
+"""Names of the scenarios."""
+SENSORS: tuple[str, ...] = tuple(_SENSORS)
+"""Names of the sensors."""
+
+
+def simulate(
+    scenario: str, sensor: str = "HDL-64E", n_scans: int = 100, seed: int = 0, compensated: bool = False
+) -> SimulatedSequence:
+    """Return a simulated recording; nothing is computed until a scan is asked for.
+
+    Parameters
+    ----------
+    scenario : one of `SCENARIOS`.
+    sensor : one of `SENSORS`.
+    n_scans : sweeps, at least 1.
+    seed : another seed, another world; at least 0.
+    compensated : take the sensor's own motion out of every sweep, as some recordings come.
+
+    Raises
+    ------
+    InputError
+        A name is unknown or a number out of range.
+    """
+    _check_name("scenario", scenario, SCENARIOS)
+    _check_name("sensor", sensor, SENSORS)
+    if n_scans < 1:
+        raise InputError(f"n_scans is {n_scans}; a simulation needs at least 1 scan.")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; give 0 or a positive integer.")
+    return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated)
+
+
+def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
+    if name not in known:
+        near = get_close_matches(name, known, 1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise InputError(f"{what} {name!r} is unknown{hint}; choose one of: {', '.join(known)}.")

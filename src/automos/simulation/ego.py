@@ -1,0 +1,91 @@
+"""The vehicle that carries the sensor: how its body pitches, rolls and shakes, and what of it the beams hit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.materials import Material
+from automos.simulation.mesh import Mesh, box, join, rod
+from automos.simulation.motion import transforms
+from automos.simulation.traffic import DT
+
+Array = npt.NDArray[np.float64]
+
+PITCH_PER_ACCELERATION = 0.006
+"""rad per m/s^2: the nose dives when braking."""
+ROLL_PER_ACCELERATION = 0.007
+"""rad per m/s^2: the body leans out of the bend."""
+SHAKE = (0.008, 0.0020, 0.0025)
+"""Heave in metres, pitch and roll in radians: standard deviation over the road's unevenness at 10 m/s."""
+SETTLING = 0.25
+"""Seconds in which the suspension follows."""
+
+
+@dataclass(frozen=True, eq=False)
+class EgoMotion:
+    """Poses of the ego vehicle's body.
+
+    Attributes
+    ----------
+    state : (T, 6) as in `Motion`, every DT seconds, suspension included.
+    """
+
+    state: Array
+
+    @cached_property
+    def _spline(self):  # type: ignore[no-untyped-def]
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(DT * np.arange(len(self.state)), self.state, axis=0)
+
+    def at(self, time: npt.ArrayLike) -> Array:
+        """Return (..., 4, 4) T_site_body at `time` seconds."""
+        time = np.clip(np.asarray(time, np.float64), 0.0, DT * (len(self.state) - 1))
+        return transforms(self._spline(time))
+
+
+def ride(state: Array, speed: Array, rng: np.random.Generator) -> EgoMotion:
+    """Return the ego's motion from its wheels' (T, 6) `state` and (T,) `speed`: braking, bends and bumps move the body."""
+    acceleration = np.gradient(speed, DT)
+    lateral = speed * np.gradient(state[:, 3], DT)
+    out = _smooth(state)
+    out[:, 4] -= PITCH_PER_ACCELERATION * _settle(acceleration)
+    out[:, 5] += ROLL_PER_ACCELERATION * _settle(lateral)
+    travelled = np.cumsum(speed) * DT
+    strength = np.clip(speed / 10.0, 0.0, 1.5)
+    for column, amplitude in zip((2, 4, 5), SHAKE, strict=True):
+        waves = rng.uniform(4.0, 30.0, 6)
+        phases = rng.uniform(0, 2 * np.pi, 6)
+        ripple = np.sin(2 * np.pi * travelled[:, None] / waves + phases).sum(axis=1) / np.sqrt(3.0)
+        out[:, column] += amplitude * _settle(strength) * ripple
+    return EgoMotion(out)
+
+
+def _smooth(state: Array) -> Array:
+    """Return the states averaged over a quarter of a second: a body has no corners in its motion."""
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(state, 0.12 / DT, axis=0, mode="nearest")
+
+
+def _settle(values: Array) -> Array:
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(values, SETTLING / DT, mode="nearest")
+
+
+def ego_body(roof: float = 1.42) -> Mesh:
+    """Return what the sensor may see of its own vehicle, body frame with the sensor above the origin: roof, rack, bonnet."""
+    return join(
+        [
+            box((1.85, 1.24, 0.06), (-0.10, 0.0, roof - 0.03), Material.PAINT, 0.8),
+            box((1.0, 1.50, 0.05), (2.1, 0.0, 0.90), Material.PAINT, 0.8),
+            *(rod((x, -0.60, roof + 0.05), (x, 0.60, roof + 0.05), 0.025, Material.METAL) for x in (0.40, -0.75)),
+            *(box((0.10, 0.08, 0.10), (0.55, y, roof + 0.06), Material.PLASTIC) for y in (-0.50, 0.50)),
+            *(rod((x, y, roof), (x, y, roof + 0.13), 0.04, Material.METAL) for x, y in ((-0.8, 0.5), (-0.8, -0.5))),
+        ]
+    )

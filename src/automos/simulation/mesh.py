@@ -1,0 +1,199 @@
+"""Triangle meshes with a material and a tint per face, and the few primitives everything is made of.
+
+Bodies (cars, trucks, trams) are lofts: cross-sections along the length, joined by strips. Round and boxy parts come
+from `trimesh`. Units are metres; x is forward, y left, z up, and z = 0 is the ground a thing stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.materials import Material
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles.
+
+    Attributes
+    ----------
+    vertices : (V, 3) float64, metres.
+    faces : (F, 3) int32, rows of `vertices`.
+    material : (F,) uint8, values of `Material`.
+    tint : (F,) float32, factor on the material's reflectivity.
+    """
+
+    vertices: npt.NDArray[np.float64]
+    faces: npt.NDArray[np.int32]
+    material: npt.NDArray[np.uint8]
+    tint: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Mesh:
+        """Return the mesh turned by `yaw` (radians) about +z and then shifted."""
+        c, s = np.cos(yaw), np.sin(yaw)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return Mesh(self.vertices @ R.T + (x, y, z), self.faces, self.material, self.tint)
+
+    def transformed(self, T: npt.NDArray[np.float64]) -> Mesh:
+        """Return the mesh mapped by the (4, 4) transform `T`."""
+        return Mesh(self.vertices @ T[:3, :3].T + T[:3, 3], self.faces, self.material, self.tint)
+
+    def scaled(self, factor: float | Sequence[float]) -> Mesh:
+        """Return the mesh stretched by one factor or one per axis."""
+        return Mesh(self.vertices * np.asarray(factor), self.faces, self.material, self.tint)
+
+    def tinted(self, factor: float, material: Material | None = None) -> Mesh:
+        """Return the mesh with the tint of all faces (or those of one material) multiplied by `factor`."""
+        rows = slice(None) if material is None else self.material == material
+        tint = self.tint.copy()
+        tint[rows] *= factor
+        return Mesh(self.vertices, self.faces, self.material, tint)
+
+    @property
+    def bounds(self) -> npt.NDArray[np.float64]:
+        """(2, 3) least and greatest corner."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def join(meshes: Iterable[Mesh]) -> Mesh:
+    """Return one mesh of all `meshes`, faces in order."""
+    meshes = list(meshes)
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8), np.zeros(0, np.float32))
+    starts = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + np.int32(start) for m, start in zip(meshes, starts, strict=True)]),
+        np.concatenate([m.material for m in meshes]),
+        np.concatenate([m.tint for m in meshes]),
+    )
+
+
+def from_faces(vertices: npt.ArrayLike, faces: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh:
+    """Return a mesh of one material."""
+    faces = np.asarray(faces, np.int32)
+    return Mesh(
+        np.asarray(vertices, np.float64),
+        faces,
+        np.full(len(faces), material, np.uint8),
+        np.full(len(faces), tint, np.float32),
+    )
+
+
+def quads(corners: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh:
+    """Return two triangles for each of `corners` (Q, 4, 3), given around the rim."""
+    corners = np.asarray(corners, np.float64).reshape(-1, 4, 3)
+    first = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+    return from_faces(corners.reshape(-1, 3), faces, material, tint)
+
+
+_BOX_CORNERS = np.array([[x, y, z] for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))])
+_BOX_RIMS = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+
+
+def box(size: Sequence[float], center: Sequence[float], material: Material, tint: float = 1.0) -> Mesh:
+    """Return a box of `size` (length, width, height) about `center`."""
+    corners = _BOX_CORNERS * np.asarray(size) + np.asarray(center)
+    return quads(corners[_BOX_RIMS], material, tint)
+
+
+@lru_cache(maxsize=16)
+def _unit_cylinder(sections: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+    import trimesh
+
+    cylinder = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=sections)
+    return np.array(cylinder.vertices) + (0.0, 0.0, 0.5), np.array(cylinder.faces, np.int32)
+
+
+def rod(
+    start: Sequence[float],
+    end: Sequence[float],
+    radius: float,
+    material: Material,
+    tint: float = 1.0,
+    end_radius: float | None = None,
+    sections: int = 8,
+) -> Mesh:
+    """Return a cylinder from `start` to `end`, tapered where `end_radius` is given."""
+    from automos.geometry import rotation_between
+
+    vertices, faces = _unit_cylinder(sections)
+    axis = np.asarray(end, np.float64) - start
+    width = radius + ((radius if end_radius is None else end_radius) - radius) * vertices[:, 2]
+    shaped = np.column_stack([vertices[:, 0] * width, vertices[:, 1] * width, vertices[:, 2] * np.linalg.norm(axis)])
+    return from_faces(shaped @ rotation_between([0.0, 0.0, 1.0], axis).T + start, faces, material, tint)
+
+
+@lru_cache(maxsize=1)
+def _unit_ball() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=1.0)
+    return np.array(ball.vertices), np.array(ball.faces, np.int32)
+
+
+def ball(radius: float | Sequence[float], center: Sequence[float], material: Material, tint: float = 1.0) -> Mesh:
+    """Return a sphere, or an ellipsoid where three radii are given."""
+    vertices, faces = _unit_ball()
+    return from_faces(vertices * np.asarray(radius) + np.asarray(center), faces, material, tint)
+
+
+def wheel(center: Sequence[float], radius: float, width: float) -> Mesh:
+    """Return a tyre with its rim; its axle lies along y."""
+    x, y, z = center
+    tyre = rod((x, y - 0.5 * width, z), (x, y + 0.5 * width, z), radius, Material.RUBBER, sections=14)
+    rim = rod((x, y - 0.52 * width, z), (x, y + 0.52 * width, z), 0.62 * radius, Material.METAL, 0.8, sections=10)
+    return join([tyre, rim])
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cross-section of a body at `x`: bottom, belt (the widest line) and top heights, half-widths at belt and top.
+
+    `upper` is the material of the side between belt and top and `top` that of the roof, both from here to the next
+    section.
+    """
+
+    x: float
+    bottom: float
+    belt: float
+    top: float
+    half_belt: float
+    half_top: float
+    upper: Material = Material.PAINT
+    roof: Material = Material.PAINT
+
+
+def loft(sections: Sequence[Section], side: Material = Material.PAINT, caps: Material = Material.PAINT) -> Mesh:
+    """Return the closed body through `sections`, which run along +x."""
+    rims = np.array(
+        [
+            [
+                (s.x, s.half_belt * 0.94, s.bottom),
+                (s.x, s.half_belt, s.belt),
+                (s.x, s.half_top, s.top),
+                (s.x, -s.half_top, s.top),
+                (s.x, -s.half_belt, s.belt),
+                (s.x, -s.half_belt * 0.94, s.bottom),
+            ]
+            for s in sections
+        ]
+    )  # (S, 6, 3)
+    parts = []
+    for k, section in enumerate(sections[:-1]):
+        strip = [side, section.upper, section.roof, section.upper, side, Material.PLASTIC]
+        for j in range(6):
+            i = (j + 1) % 6
+            parts.append(quads([rims[k, j], rims[k, i], rims[k + 1, i], rims[k + 1, j]], strip[j]))
+    for rim in (rims[0], rims[-1]):
+        parts.append(from_faces(rim, [[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]], caps))
+    return join(parts)

@@ -1,0 +1,116 @@
+"""Paths in the plane: smooth lines with arc length, along which roads run, vehicles drive and people walk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+STEP = 0.5
+"""Metres between the samples of a path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A line sampled every `STEP` metres.
+
+    Attributes
+    ----------
+    xy : (K, 2) metres.
+    z : (K,) metres above the terrain's height (0 on the ground, more on a bridge).
+    """
+
+    xy: Array
+    z: Array
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return STEP * (len(self.xy) - 1)
+
+    @property
+    def heading(self) -> Array:
+        """(K,) radians, continuous."""
+        d = np.gradient(self.xy, axis=0)
+        return np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+
+    @property
+    def curvature(self) -> Array:
+        """(K,) 1/m, positive to the left."""
+        return np.gradient(self.heading) / STEP
+
+    def at(self, s: npt.ArrayLike, offset: npt.ArrayLike = 0.0) -> tuple[Array, Array]:
+        """Return ((..., 2) position, (...,) heading) at arc length `s`, `offset` metres to the left of the line."""
+        s, offset = np.broadcast_arrays(np.asarray(s, np.float64), np.asarray(offset, np.float64))
+        k = s / STEP
+        grid = np.arange(len(self.xy))
+        heading = np.interp(k, grid, self.heading)
+        x = np.interp(k, grid, self.xy[:, 0]) - offset * np.sin(heading)
+        y = np.interp(k, grid, self.xy[:, 1]) + offset * np.cos(heading)
+        return np.stack([x, y], axis=-1), heading
+
+    def beside(self, offset: float) -> Path:
+        """Return the path `offset` metres to the left (negative: to the right)."""
+        normal = np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
+        return resample(self.xy + offset * normal, self.z)
+
+    def reversed(self) -> Path:
+        """Return the path driven the other way."""
+        return Path(self.xy[::-1].copy(), self.z[::-1].copy())
+
+    def shifted(self, start: float, length: float, offset: float) -> Path:
+        """Return the path with a change of lane: `offset` metres to the left, taken from `start` over `length` metres."""
+        s = STEP * np.arange(len(self.xy))
+        u = np.clip((s - start) / length, 0.0, 1.0)
+        shift = offset * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+        normal = np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
+        return resample(self.xy + shift[:, None] * normal, self.z)
+
+    def part(self, start: float, end: float) -> Path:
+        """Return the piece between two arc lengths."""
+        i, j = int(max(start, 0.0) / STEP), int(min(end, self.length) / STEP) + 1
+        return Path(self.xy[i:j].copy(), self.z[i:j].copy())
+
+
+def resample(xy: npt.ArrayLike, z: npt.ArrayLike | None = None) -> Path:
+    """Return the path through the dense polyline `xy` (N, 2), sampled anew every STEP metres."""
+    xy = np.asarray(xy, np.float64)
+    z = np.zeros(len(xy)) if z is None else np.asarray(z, np.float64)
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
+    grid = np.arange(0.0, s[-1] + 1e-9, STEP)
+    return Path(np.column_stack([np.interp(grid, s, xy[:, 0]), np.interp(grid, s, xy[:, 1])]), np.interp(grid, s, z))
+
+
+def through(points: npt.ArrayLike, radius: float = 8.0) -> Path:
+    """Return the path along the polyline `points` (P, 2) with its corners rounded to at most `radius` metres.
+
+    Straight pieces are kept exactly, so paths that share a straight piece run on top of each other there.
+    """
+    points = np.asarray(points, np.float64)
+    dense = [points[:1]]
+    for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+        dense.append(_fillet(before, corner, after, radius))
+    dense.append(points[-1:])
+    return resample(np.concatenate(dense))
+
+
+def _fillet(before: Array, corner: Array, after: Array, radius: float) -> Array:
+    """Return (N, 2) points of the arc that rounds `corner`."""
+    a, b = before - corner, after - corner
+    length_a, length_b = np.linalg.norm(a), np.linalg.norm(b)
+    a, b = a / length_a, b / length_b
+    half = 0.5 * np.arccos(np.clip(a @ b, -1.0, 1.0))  # half the angle between the legs
+    if half > 0.5 * np.pi - 1e-3:
+        return corner[None]
+    reach = min(radius / np.tan(half), 0.5 * length_a, 0.5 * length_b)
+    radius = reach * np.tan(half)
+    bisector = (a + b) / np.linalg.norm(a + b)
+    center = corner + bisector * radius / np.sin(half)
+    start, end = corner + reach * a - center, corner + reach * b - center
+    angle = np.arctan2(start[0] * end[1] - start[1] * end[0], start @ end)
+    turn = np.linspace(0.0, angle, max(4, int(abs(angle) * radius / 0.25)))
+    c, s = np.cos(turn), np.sin(turn)
+    return center + np.column_stack([c * start[0] - s * start[1], s * start[0] + c * start[1]])

@@ -1,0 +1,82 @@
+"""From hits to what the sensor reports: which beams come back, with what range error and intensity.
+
+A beam returns while its echo is strong enough: reflectivity x cos(incidence)**falloff / range**2 against the sensor's
+reach on a 10 % target. A beam that straddles an edge reports a range in between when both echoes fall into one pulse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.cast import Hits
+from automos.simulation.materials import column
+from automos.simulation.sensors import Pattern, Sensor
+
+PULSE = 1.2
+"""Metres: two echoes nearer to each other than this merge into one."""
+FADE = 0.06
+"""Width, as a share of the range, over which returns die out at a surface's limit of visibility."""
+MISFIRE = 0.004
+"""Share of beams that fail for no reason."""
+FULL_SCALE = 1.1
+"""Reflectivity that saturates the intensity scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """What comes back of N beams.
+
+    Attributes
+    ----------
+    distance : (N,) float32 metres, measured.
+    intensity : (N,) float32 in [0, 1].
+    is_return : (N,) bool.
+    straddles : (N,) int64, for mixed returns the row of the other beam's hit that took part, else -1.
+    """
+
+    distance: npt.NDArray[np.float32]
+    intensity: npt.NDArray[np.float32]
+    is_return: npt.NDArray[np.bool_]
+    straddles: npt.NDArray[np.int64]
+
+
+def measure(sensor: Sensor, pattern: Pattern, hits: Hits, rng: np.random.Generator) -> Returns:
+    """Return what `sensor` reports of `hits`; `rng` supplies the noise."""
+    n = len(hits.distance)
+    echo = column("reflectivity")[hits.material] * hits.tint * hits.cosine ** column("falloff")[hits.material]
+    limit = sensor.reach * np.sqrt(10.0 * np.maximum(echo, 1e-6))
+    margin = (1.0 - hits.distance / limit) / FADE
+    seen = rng.random(n, np.float32) < 1.0 / (1.0 + np.exp(-np.clip(margin, -30.0, 30.0)))
+    seen &= ~hits.lost & (rng.random(n, np.float32) > MISFIRE)
+    mixed, straddles = _mix_edges(sensor, hits.distance, ~hits.lost, rng)
+    noise = rng.standard_normal(n, np.float32) * (sensor.noise * (1.0 + hits.distance / 100.0))
+    fuzz = rng.standard_exponential(n, np.float32) * column("fuzz")[hits.material]
+    distance = mixed + noise + fuzz + ring_bias(sensor)[pattern.ring]
+    seen &= (distance > sensor.min_range) & (distance < sensor.max_range)
+    strength = np.clip(echo / FULL_SCALE * (1.0 + 0.08 * rng.standard_normal(n, np.float32)), 0.0, 1.0)
+    intensity = np.round(strength * sensor.levels) / sensor.levels
+    return Returns(distance.astype(np.float32), intensity.astype(np.float32), seen, straddles)
+
+
+def ring_bias(sensor: Sensor) -> npt.NDArray[np.float32]:
+    """Return (beams,) metres: each beam's constant range error, the same for every unit of a kind."""
+    rng = np.random.default_rng(sum(map(ord, sensor.name)))
+    return (sensor.ring_bias * rng.standard_normal(sensor.beams)).astype(np.float32)
+
+
+def _mix_edges(sensor: Sensor, distance, is_hit, rng):  # type: ignore[no-untyped-def]
+    """Return (N,) distances with edges blurred, and for each blurred beam the row it shares an edge with."""
+    beams = sensor.beams
+    n = len(distance)
+    other = np.arange(n) + beams  # the next firing of the same beam
+    other[-beams:] -= 2 * beams
+    gap = distance[other] - distance
+    step = 2.0 * np.pi / sensor.columns
+    chance = 0.5 * min(1.0, sensor.divergence / step)
+    blurred = (np.abs(gap) > 0.25) & (np.abs(gap) < PULSE) & is_hit & is_hit[other]
+    blurred &= rng.random(n, np.float32) < chance
+    share = rng.random(n, np.float32)
+    return np.where(blurred, distance + share * gap, distance), np.where(blurred, other, -1)

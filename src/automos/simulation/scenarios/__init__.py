@@ -1,0 +1,27 @@
+"""The situations a labeler must master; each module builds a world from a random generator and a duration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from automos.simulation.scenarios.city import city
+from automos.simulation.world import World
+
+SCENARIOS: dict[str, Callable[[np.random.Generator, float], World]] = {
+    "city": city,
+}
+"""Builders by name: (random generator, seconds) to world."""
+
+DURATION_STEP = 20.0
+"""Seconds to which durations are rounded up, so that short and long runs of a seed begin alike."""
+
+
+@lru_cache(maxsize=2)
+def build_world(scenario: str, seed: int, duration: float) -> World:
+    """Return the world of a scenario, long enough for `duration` seconds; remembered per process."""
+    seconds = DURATION_STEP * np.ceil(max(duration, 0.1) / DURATION_STEP)
+    rng = np.random.default_rng([seed, sum(map(ord, scenario))])
+    return SCENARIOS[scenario](rng, float(seconds))

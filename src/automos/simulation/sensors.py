@@ -1,0 +1,218 @@
+"""LiDARs as their makers publish them: beam elevations, azimuth step, rate, reach and noise.
+
+Sources: Velodyne manuals 63-HDL64E S2, 63-9113 HDL-32E, 63-9243 VLP-16, 63-9679 VLS-128 (elevations in ascending order);
+Ouster OS1 datasheet (uniform 45 degrees, mode 1024 x 10); Livox Avia user manual (70.4 x 77.2 degrees, 240 000 points/s,
+six lines), its rosette drawn by two prisms that turn at 7294 and -4664 rpm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Array32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """A LiDAR.
+
+    Attributes
+    ----------
+    name : as its maker writes it.
+    elevations : degrees of each beam, in ring order (from the top down for spinning sensors); empty for a rosette.
+    columns : firings per sweep and beam (spinning), or firings per sweep and line (rosette).
+    period : seconds per sweep.
+    turn : +1 turns counter-clockwise seen from above, -1 clockwise; a sweep starts and ends at the back.
+    stagger : degrees by which the azimuths of successive beams differ, repeated over the beams.
+    reach : metres at which a surface of 10 % reflectivity is still seen every other time.
+    max_range, min_range : metres.
+    noise : metres, standard deviation of one range measurement.
+    ring_bias : metres, standard deviation of the beams' constant range errors left by calibration.
+    divergence : radians, full angle of a beam.
+    height : metres above the ground where it is usually mounted.
+    organised : missing returns are kept as points at the origin, beam by beam.
+    levels : steps of its intensity scale.
+    rosette : (width, height) of the field of view in degrees, for a sensor that does not spin; else None.
+    """
+
+    name: str
+    elevations: npt.NDArray[np.float64]
+    columns: int
+    period: float
+    reach: float
+    max_range: float
+    min_range: float
+    noise: float
+    ring_bias: float = 0.005
+    divergence: float = 0.003
+    height: float = 1.8
+    turn: int = -1
+    stagger: tuple[float, ...] = (0.0,)
+    organised: bool = False
+    levels: int = 255
+    rosette: tuple[float, float] | None = None
+
+    @property
+    def beams(self) -> int:
+        """Number of beams (lines for a rosette)."""
+        return len(self.elevations)
+
+    def pattern(self, sweep: int) -> Pattern:
+        """Return the beams of one sweep in the order in which they are fired."""
+        return _rosette_pattern(self, sweep) if self.rosette else _spinning_pattern(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """The beams of one sweep.
+
+    Attributes
+    ----------
+    direction : (N, 3) float32 unit vectors, sensor frame.
+    phase : (N,) float32 in [-0.5, 0.5), when in the sweep.
+    ring : (N,) uint16.
+    column : (N,) int32, number of the firing.
+    """
+
+    direction: Array32
+    phase: Array32
+    ring: npt.NDArray[np.uint16]
+    column: npt.NDArray[np.int32] = field(repr=False)
+
+
+def _directions(azimuth: npt.NDArray, elevation: npt.NDArray) -> Array32:
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1).astype(np.float32)
+
+
+def _spinning_pattern(sensor: Sensor) -> Pattern:
+    column = np.repeat(np.arange(sensor.columns, dtype=np.int32), sensor.beams)
+    ring = np.tile(np.arange(sensor.beams, dtype=np.uint16), sensor.columns)
+    phase = (column + 0.5) / sensor.columns - 0.5
+    stagger = np.resize(sensor.stagger, sensor.beams)[ring]
+    azimuth = sensor.turn * 2.0 * np.pi * phase + np.radians(stagger)
+    return Pattern(_directions(azimuth, np.radians(sensor.elevations[ring])), phase.astype(np.float32), ring, column)
+
+
+PRISMS = (7294.0 / 60.0, -4664.0 / 60.0)
+"""Turns per second of the two prisms of a rosette."""
+
+
+def _rosette_pattern(sensor: Sensor, sweep: int) -> Pattern:
+    assert sensor.rosette is not None
+    width, height = np.radians(sensor.rosette)
+    column = np.repeat(np.arange(sensor.columns, dtype=np.int32), sensor.beams)
+    ring = np.tile(np.arange(sensor.beams, dtype=np.uint16), sensor.columns)
+    phase = (column + 0.5) / sensor.columns - 0.5
+    time = (sweep + phase) * sensor.period
+    a, b = (2.0 * np.pi * rate * time for rate in PRISMS)
+    azimuth = 0.25 * width * (np.cos(a) + np.cos(b))
+    elevation = 0.25 * height * (np.sin(a) + np.sin(b)) + np.radians(sensor.elevations[ring])
+    return Pattern(_directions(azimuth, elevation), phase.astype(np.float32), ring, column)
+
+
+_ALPHA = np.concatenate(
+    [
+        [-25.0, -19.582, -16.042, -13.565, -11.742, -10.346, -9.244, -8.352, -7.65, -7.15, -6.85, -6.65],
+        -6.5 + 0.11 * np.arange(104),
+        [4.98, 5.18, 5.43, 5.73, 6.08, 6.48, 6.98, 7.58, 8.43, 9.7, 11.75, 15.0],
+    ]
+)
+
+_SENSORS = [
+    Sensor(
+        "HDL-64E",
+        elevations=np.concatenate([2.0 - np.arange(32) / 3.0, -8.83 - 0.5 * np.arange(32)]),
+        columns=2083,
+        period=0.1,
+        reach=50.0,
+        max_range=120.0,
+        min_range=0.9,
+        noise=0.012,
+        ring_bias=0.010,
+        divergence=0.002,
+        height=1.73,
+        turn=1,
+    ),
+    Sensor(
+        "HDL-32E",
+        elevations=10.67 - 4.0 / 3.0 * np.arange(32),
+        columns=1084,
+        period=0.05,
+        reach=40.0,
+        max_range=100.0,
+        min_range=0.9,
+        noise=0.012,
+        height=1.84,
+    ),
+    Sensor(
+        "VLP-16",
+        elevations=15.0 - 2.0 * np.arange(16),
+        columns=1800,
+        period=0.1,
+        reach=40.0,
+        max_range=100.0,
+        min_range=0.5,
+        noise=0.012,
+        height=1.8,
+    ),
+    Sensor(
+        "OS1-64",
+        elevations=np.linspace(22.5, -22.5, 64),
+        columns=1024,
+        period=0.1,
+        reach=50.0,
+        max_range=120.0,
+        min_range=0.5,
+        noise=0.012,
+        height=1.8,
+        stagger=(4.23, 1.41, -1.41, -4.23),
+        organised=True,
+        levels=4096,
+    ),
+    Sensor(
+        "OS1-128",
+        elevations=np.linspace(22.5, -22.5, 128),
+        columns=1024,
+        period=0.1,
+        reach=50.0,
+        max_range=120.0,
+        min_range=0.5,
+        noise=0.012,
+        height=1.8,
+        stagger=(4.23, 1.41, -1.41, -4.23),
+        organised=True,
+        levels=4096,
+    ),
+    Sensor(
+        "VLS-128",
+        elevations=_ALPHA[::-1].copy(),
+        columns=1876,
+        period=0.1,
+        reach=180.0,
+        max_range=245.0,
+        min_range=1.0,
+        noise=0.012,
+        height=1.9,
+        stagger=(6.354, 4.548, 2.732, 0.911, -0.911, -2.732, -4.548, -6.354),
+    ),
+    Sensor(
+        "Avia",
+        elevations=np.linspace(0.5, -0.5, 6),
+        columns=4000,
+        period=0.1,
+        reach=190.0,
+        max_range=450.0,
+        min_range=1.0,
+        noise=0.012,
+        height=1.6,
+        divergence=0.003,
+        rosette=(70.4, 76.2),
+    ),
+]
+
+SENSORS = {sensor.name: sensor for sensor in _SENSORS}
+"""All sensors by name."""

@@ -1,0 +1,316 @@
+"""A recording that was never made: scans of a simulated world with exact labels, boxes and poses.
+
+Nothing is kept but names and numbers; a scan is cast when it is asked for, always to the same bytes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import Boxes, inverse, make_transform, rotation_between, transform, wrap_angle
+from automos.labels import Label, pack
+from automos.scan import Pose, Scan, Sequence
+from automos.simulation.cast import EGO, Hits, Scene, rays_at_body, sweep_rays
+from automos.simulation.ego import ego_body
+from automos.simulation.motion import transforms
+from automos.simulation.returns import measure
+from automos.simulation.scenarios import build_world
+from automos.simulation.sensors import SENSORS, Pattern, Sensor
+from automos.simulation.truth import Verdicts, judge
+from automos.simulation.world import World
+
+Array = npt.NDArray[np.float64]
+
+MOUNT_TILT = 0.006
+"""Radians, standard deviation of the sensor's tilt in its mount."""
+MOVING_NOW = 0.15
+"""m/s above which a body moves at this moment."""
+CASTS_KEPT = 3
+"""How many casts a process remembers, so that a scan and its truth cost one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """The objects of which a scan holds points, in the level frame at mid-sweep.
+
+    Attributes
+    ----------
+    boxes : K upright boxes around the whole objects; the score is 1.
+    ids : (K,) int32 instance ids, constant over the sequence, as in the upper 16 bits of the labels.
+    kinds : K names.
+    is_moving : (K,) bool, moves at some time while observed.
+    is_moving_now : (K,) bool.
+    n_points : (K,) int64 points of this scan on it.
+    """
+
+    boxes: Boxes
+    ids: npt.NDArray[np.int32]
+    kinds: tuple[str, ...]
+    is_moving: npt.NDArray[np.bool_]
+    is_moving_now: npt.NDArray[np.bool_]
+    n_points: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Cast:
+    """A scan and, for each of its points, the object it is on (0 scenery, EGO) and whether that can be told."""
+
+    scan: Scan
+    object: npt.NDArray[np.int32]
+    is_clear: npt.NDArray[np.bool_]
+
+
+class SimulatedSequence(Sequence):
+    """Scans of a simulated world, cast on demand; equal arguments give equal bytes. Made by `simulate`.
+
+    The world frame is the sensor's at the middle of scan 0, as for every sequence; `T_level_world` stands it upright.
+    """
+
+    def __init__(self, scenario: str, sensor: Sensor, n_scans: int, seed: int, compensated: bool):
+        self.scenario = scenario
+        self.sensor = sensor
+        self.seed = seed
+        self.name = f"{scenario}_{sensor.name}_{seed}".replace(" ", "_")
+        self._n_scans = n_scans
+        self._compensated = compensated
+
+    def __reduce__(self) -> tuple:
+        return _restore, (self.scenario, self.sensor.name, self._n_scans, self.seed, self._compensated)
+
+    def __len__(self) -> int:
+        return self._n_scans
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._cast(index).scan
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds, the middle of each sweep."""
+        return (np.arange(len(self)) + 0.5) * self.sensor.period
+
+    @property
+    def is_compensated(self) -> bool:
+        """As asked for."""
+        return self._compensated
+
+    @property
+    def reference_poses(self) -> Pose:
+        """(len, 4, 4) true T_world_sensor at mid-sweep."""
+        return inverse(self._T_site_sensor(self.stamps[:1])) @ self._T_site_sensor(self.stamps)
+
+    @property
+    def T_level_world(self) -> Pose:
+        """(4, 4): turns the world upright (least rotation) and puts z = 0 on the ground under the first scan."""
+        T = self._T_site_sensor(self.stamps[0])
+        up_world = T[2, :3]
+        height = T[2, 3] - self.world.ground_under_ego
+        return make_transform(rotation_between(up_world, [0.0, 0.0, 1.0]), [0.0, 0.0, height])
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32]:
+        """Return (N,) labels: MOVING for what moves at some time while observed, instance ids in the upper 16 bits.
+
+        0 where it cannot be said: the ego's own body, missing returns, points between a mover's edge and what lies
+        behind, objects that moved by less than an annotator could tell.
+        """
+        return self._labels(index, self._verdicts.is_moving, self._verdicts.is_static)
+
+    def truth_now(self, index: int) -> npt.NDArray[np.uint32]:
+        """Return (N,) labels as `truth`, but MOVING only where the object moves during this very sweep."""
+        moving = self._moving_now(index)
+        return self._labels(index, moving, ~moving)
+
+    def boxes(self, index: int) -> Annotations:
+        """Return the objects of which scan `index` holds points."""
+        cast = self._cast(index)
+        n_points = np.bincount(cast.object[cast.object > 0], minlength=len(self.world.objects) + 1)[1:]
+        rows = np.flatnonzero(n_points > 0)
+        states, _ = self.world.object_states(self.stamps[index])
+        T_level_site = self.T_level_world @ inverse(self._T_site_sensor(self.stamps[0]))
+        return Annotations(
+            boxes=_upright_boxes(self.world, rows, states[rows]).transformed(T_level_site),
+            ids=(rows + 1).astype(np.int32),
+            kinds=tuple(self.world.objects[k].kind for k in rows),
+            is_moving=self._verdicts.is_moving[rows],
+            is_moving_now=self._moving_now(index)[rows],
+            n_points=n_points[rows],
+        )
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the recording does."""
+        return f"{super().fingerprint()}:{self.sensor.name}:{self.seed}:{self._compensated}"
+
+    # ------------------------------------------------------------------------------------------------ inner workings
+    @property
+    def world(self) -> World:
+        """The world; built when first asked for, once per process."""
+        return build_world(self.scenario, self.seed, len(self) * self.sensor.period)
+
+    @property
+    def _verdicts(self) -> Verdicts:
+        return _verdicts(self.scenario, self.sensor.name, len(self), self.seed)
+
+    @property
+    def _T_body_sensor(self) -> Pose:
+        rng = np.random.default_rng([self.seed, 5])
+        tilt = MOUNT_TILT * rng.standard_normal(2)
+        return transforms(np.array([0.0, 0.0, self.sensor.height, 0.0, *tilt]))
+
+    def _T_site_sensor(self, time: npt.ArrayLike) -> Array:
+        return self.world.ego.at(time) @ self._T_body_sensor
+
+    def _moving_now(self, index: int) -> npt.NDArray[np.bool_]:
+        half = 0.5 * self.sensor.period
+        before, _ = self.world.object_states(self.stamps[index] - half)
+        after, _ = self.world.object_states(self.stamps[index] + half)
+        return np.linalg.norm(after[:, :3] - before[:, :3], axis=1) > MOVING_NOW * self.sensor.period
+
+    def _labels(self, index: int, is_moving, is_static) -> npt.NDArray[np.uint32]:  # type: ignore[no-untyped-def]
+        cast = self._cast(index)
+        of_object = np.full(len(is_moving) + 1, Label.UNLABELED, np.uint32)
+        of_object[0] = Label.STATIC
+        of_object[1:][is_static] = Label.STATIC
+        of_object[1:][is_moving] = Label.MOVING
+        on_object = np.maximum(cast.object, 0)
+        labels = np.where(cast.is_clear & (cast.object != EGO), of_object[on_object], Label.UNLABELED)
+        return pack(labels, np.where(cast.is_clear, on_object, 0))
+
+    def _cast(self, index: int) -> _Cast:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"scan {index} of {len(self)}")
+        return _cast(self, index % len(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SimulatedSequence) and self.__reduce__() == other.__reduce__()
+
+    def __hash__(self) -> int:
+        return hash(self.__reduce__()[1])
+
+
+def _restore(scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool) -> SimulatedSequence:
+    return SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, compensated)
+
+
+@lru_cache(maxsize=2)
+def _verdicts(scenario: str, sensor: str, n_scans: int, seed: int) -> Verdicts:
+    sequence = SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, False)
+    T = sequence._T_site_sensor(sequence.stamps)
+    return judge(sequence.world, static_scene(sequence.world), sequence.sensor, T, sequence.stamps)
+
+
+@lru_cache(maxsize=2)
+def static_scene(world: World) -> Scene:
+    """Return the ray-tracing scene of what stands still in `world`."""
+    return Scene(world.static, world.static_object)
+
+
+@lru_cache(maxsize=4096)
+def _body_scene(world: World, mover: int, frame: int) -> Scene:
+    return Scene(world.movers[mover].frames[frame], len(world.parked) + mover + 1)
+
+
+@lru_cache(maxsize=1024)
+def _sway_scene(world: World, k: int) -> Scene:
+    return Scene(world.swaying[k].mesh, 0)
+
+
+@lru_cache(maxsize=1)
+def _ego_scene() -> Scene:
+    return Scene(ego_body(), EGO)
+
+
+@lru_cache(maxsize=CASTS_KEPT)
+def _cast(sequence: SimulatedSequence, index: int) -> _Cast:
+    sensor, world = sequence.sensor, sequence.world
+    rng = np.random.default_rng([sequence.seed, index, 11])
+    pattern = sensor.pattern(index)
+    middle = float(sequence.stamps[index])
+    column_times = middle + ((np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5) * sensor.period
+    T_site_sensor = sequence._T_site_sensor(column_times)
+    hits = _hit(sequence, pattern, T_site_sensor, middle, rng)
+    returns = measure(sensor, pattern, hits, rng)
+    points = returns.distance[:, None] * pattern.direction
+    if sequence.is_compensated:
+        points = _compensate(points, pattern, T_site_sensor, sequence._T_site_sensor(middle))
+    object_ = np.where(returns.is_return, hits.object, EGO).astype(np.int32)
+    straddling = returns.straddles >= 0
+    is_clear = returns.is_return & ~(straddling & (hits.object != hits.object[returns.straddles]))
+    if sensor.organised:
+        points[~returns.is_return] = 0.0
+        rows = np.arange(len(points)).reshape(sensor.columns, sensor.beams).T.ravel()
+    else:
+        rows = np.flatnonzero(returns.is_return)
+    scan = Scan(
+        np.ascontiguousarray(points[rows], np.float32),
+        intensity=np.where(returns.is_return, returns.intensity, 0.0).astype(np.float32)[rows],
+        time=((pattern.phase[rows] + 0.5) * sensor.period).astype(np.float32),
+        ring=pattern.ring[rows],
+        stamp=middle,
+        name=sequence.names[index],
+    )
+    return _Cast(scan, object_[rows], is_clear[rows])
+
+
+def _hit(sequence: SimulatedSequence, pattern: Pattern, T_site_sensor: Array, middle: float, rng) -> Hits:  # type: ignore[no-untyped-def]
+    """Return what each beam of the sweep hits first: the ego itself, the still world, or a body on the move."""
+    sensor, world = sequence.sensor, sequence.world
+    n = len(pattern.direction)
+    hits = Hits.none(n, sensor.max_range)
+    chance = rng.random(n, np.float32)
+    T = sequence._T_body_sensor
+    own_direction = (pattern.direction @ T[:3, :3].T).astype(np.float32)
+    own_origin = np.broadcast_to(T[:3, 3].astype(np.float32), own_direction.shape).copy()
+    _ego_scene().cast(own_origin, own_direction, hits, None, chance.copy())
+    origin, direction = sweep_rays(pattern.direction, pattern.column, T_site_sensor)
+    static_scene(world).cast(origin, direction, hits, None, chance.copy())
+    start, end = middle - 0.5 * sensor.period, middle + 0.5 * sensor.period
+    here = T_site_sensor[len(T_site_sensor) // 2, :3, 3]
+    for scene, a, b, center, radius in _bodies(world, start, end):
+        if np.linalg.norm(a[:3] - here) > sensor.max_range + 20.0:
+            continue
+        rows, o, d = rays_at_body(origin, direction, pattern.phase, hits.distance, a, b, center, radius)
+        if len(rows):
+            scene().cast(o, d, hits, rows, chance[rows])
+    return hits
+
+
+def _bodies(world: World, start: float, end: float):  # type: ignore[no-untyped-def]
+    """Yield (scene maker, state at start, state at end, centre, radius) of all that moves or sways."""
+    state_a, travelled, present_a = world.motion.at(start)
+    state_b, _, present_b = world.motion.at(end)
+    for k, thing in enumerate(world.movers):
+        if present_a[k] and present_b[k]:
+            frame = int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)
+            yield lambda k=k, frame=frame: _body_scene(world, k, frame), state_a[k], state_b[k], thing.center, thing.radius
+    for k, sway in enumerate(world.swaying):
+        low, high = sway.mesh.bounds
+        center, radius = 0.5 * (low + high), float(0.5 * np.linalg.norm(high - low))
+        yield lambda k=k: _sway_scene(world, k), sway.state(start), sway.state(end), center, radius
+
+
+def _compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_site_middle: Array) -> npt.NDArray:
+    """Return the points as seen from where the sensor is at mid-sweep."""
+    T = (inverse(T_site_middle) @ T_site_sensor)[pattern.column]
+    return (np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]).astype(np.float32)
+
+
+def _upright_boxes(world: World, rows: npt.NDArray, states: Array) -> Boxes:
+    """Return site-frame upright boxes around objects `rows`, grown where a body pitches or rolls."""
+    if len(rows) == 0:
+        return Boxes.empty()
+    center, size = [], []
+    for k, state in zip(rows, states, strict=True):
+        thing = world.objects[k]
+        level = state.copy()
+        level[3] = 0.0
+        low, high = thing.bounds
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        corners = transform(transforms(level), corners)
+        a, b = corners.min(axis=0), corners.max(axis=0)
+        turned = transforms(np.array([*state[:3], state[3], 0.0, 0.0]))
+        center.append(transform(turned, (0.5 * (a + b) - state[:3])[None])[0])
+        size.append(b - a)
+    return Boxes(np.array(center), np.array(size), wrap_angle(states[:, 3]), np.ones(len(rows)))

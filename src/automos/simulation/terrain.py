@@ -1,0 +1,166 @@
+"""The ground: gentle hills, roads with crown and kerbs, rough verges; as a height anywhere and as a mesh.
+
+Roads are one signed distance field (metres, negative on the carriageway), joined smoothly so that junctions get rounded
+corners. The mesh has pairs of vertices along the kerb lines, so that a kerb is a step and not a ramp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.materials import Material
+from automos.simulation.mesh import Mesh
+from automos.simulation.paths import Path
+
+Array = npt.NDArray[np.float64]
+
+KERB_RAMP = 0.04
+"""Metres over which a kerb rises."""
+CROWN = 0.02
+"""Cross slope of a road."""
+
+
+@dataclass(frozen=True, eq=False)
+class Road:
+    """A carriageway about `center` with `half_width`, and a raised `sidewalk` of that width on both sides (0: none)."""
+
+    center: Path
+    half_width: float
+    sidewalk: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Heights of the ground.
+
+    Attributes
+    ----------
+    roads : carriageways.
+    hills : (H, 4) amplitude in metres, wave vector in rad/m (two columns), phase in radians.
+    kerb : metres, step from the carriageway to the sidewalk or verge.
+    verge : material beyond the sidewalks.
+    roughness : metres, scatter of the ground beyond the sidewalks.
+    corner : metres, how far junction corners are rounded.
+    """
+
+    roads: tuple[Road, ...]
+    hills: Array
+    kerb: float = 0.12
+    verge: Material = Material.GRASS
+    roughness: float = 0.04
+    corner: float = 4.0
+    seed: int = 0
+
+    def road_distance(self, xy: Array) -> Array:
+        """Return (N,) metres to the nearest carriageway, negative on it, for `xy` (N, 2)."""
+        lines = [road.center.xy[::4] for road in self.roads]
+        starts = np.cumsum([0] + [len(line) for line in lines])
+        half = np.array([road.half_width for road in self.roads])
+        out = np.empty(len(xy))
+        _union_distance(np.ascontiguousarray(xy, np.float64), np.concatenate(lines), starts, half, self.corner, out)
+        return out
+
+    def base(self, xy: Array) -> Array:
+        """Return (N,) metres, the height of the hills alone."""
+        xy = np.asarray(xy, np.float64)
+        z = np.zeros(len(xy))
+        for amplitude, kx, ky, phase in self.hills:
+            z += amplitude * np.sin(kx * xy[:, 0] + ky * xy[:, 1] + phase)
+        return z
+
+    def height(self, xy: Array, distance: Array | None = None) -> Array:
+        """Return (N,) metres, the height of the ground with crown and kerbs but without its roughness."""
+        distance = self.road_distance(xy) if distance is None else distance
+        rise = np.clip((distance + 0.5 * KERB_RAMP) / KERB_RAMP, 0.0, 1.0)
+        return self.base(xy) + CROWN * np.clip(-distance, 0.0, 4.0) + self.kerb * rise
+
+    def mesh(self, reach: float, keep: npt.NDArray | None = None) -> Mesh:
+        """Return the ground within `reach` metres of the roads, or of the points `keep` (K, 2) where given."""
+        from scipy.spatial import Delaunay
+
+        rng = np.random.default_rng([self.seed, 77])
+        xy = self._vertices(reach, keep, rng)
+        distance = self.road_distance(xy)
+        wild = np.clip((distance - self._walk) / 2.0, 0.0, 1.0)
+        z = self.height(xy, distance) + rng.normal(0.0, 1.0, len(xy)) * (0.003 + self.roughness * wild)
+        faces = Delaunay(xy).simplices.astype(np.int32)
+        edges = np.linalg.norm(xy[faces] - xy[np.roll(faces, 1, axis=1)], axis=2)
+        faces = faces[edges.max(axis=1) < 25.0]
+        middle = distance[faces].mean(axis=1)
+        material = np.select([middle < 0.0, middle < self._walk], [Material.ASPHALT, Material.PAVEMENT], self.verge)
+        patches = 1.0 + 0.25 * np.sin(0.31 * xy[faces[:, 0], 0]) * np.sin(0.23 * xy[faces[:, 0], 1] + 1.0)
+        tint = (patches * rng.uniform(0.9, 1.1, len(faces))).astype(np.float32)
+        return Mesh(np.column_stack([xy, z]), faces, material.astype(np.uint8), tint)
+
+    @property
+    def _walk(self) -> float:
+        return max((road.sidewalk for road in self.roads), default=0.0)
+
+    def _vertices(self, reach: float, keep: npt.NDArray | None, rng: np.random.Generator) -> Array:
+        from scipy.spatial import cKDTree
+
+        centers = np.concatenate([road.center.xy[::4] for road in self.roads]) if keep is None else keep
+        tree = cKDTree(centers)
+        low, high = centers.min(axis=0) - reach, centers.max(axis=0) + reach
+        parts = [self._kerb_lines()] if self.kerb > 0 else []
+        for spacing, inner, outer in ((1.2, -np.inf, 9.0), (3.0, 9.0, 30.0), (9.0, 30.0, np.inf)):
+            grid = _jittered_grid(low, high, spacing, rng)
+            near, _ = tree.query(grid, distance_upper_bound=reach)
+            grid = grid[np.isfinite(near)]
+            distance = self.road_distance(grid)
+            free = np.abs(distance) > 0.6 if self.kerb > 0 else np.ones(len(grid), bool)
+            parts.append(grid[(distance >= inner) & (distance < outer) & free])
+        return np.concatenate(parts)
+
+    def _kerb_lines(self) -> Array:
+        """Return (2K, 2) vertices just inside and just outside every kerb, in pairs across it."""
+        from scipy.spatial import cKDTree
+
+        edges = np.concatenate([r.center.beside(s * r.half_width).xy[::2] for r in self.roads for s in (-1.0, 1.0)])
+        eps = 0.05
+        for _ in range(5):  # walk down to the zero line of the joined field
+            distance, gradient = self._gradient(edges, eps)
+            edges = edges - distance[:, None] * gradient
+        distance, gradient = self._gradient(edges, eps)
+        good = (np.abs(distance) < 0.01) & (np.linalg.norm(gradient, axis=1) > 0.5)
+        edges, gradient = edges[good], gradient[good]
+        drop = np.zeros(len(edges), bool)
+        for i, j in sorted(cKDTree(edges).query_pairs(0.6)):
+            drop[j] |= not drop[i]
+        edges, gradient = edges[~drop], gradient[~drop]
+        gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
+        return np.concatenate([edges - 0.5 * KERB_RAMP * gradient, edges + 0.5 * KERB_RAMP * gradient])
+
+    def _gradient(self, xy: Array, eps: float) -> tuple[Array, Array]:
+        dx, dy = np.array([eps, 0.0]), np.array([0.0, eps])
+        slope = [self.road_distance(xy + d) - self.road_distance(xy - d) for d in (dx, dy)]
+        return self.road_distance(xy), np.column_stack(slope) / (2 * eps)
+
+
+def _jittered_grid(low: Array, high: Array, spacing: float, rng: np.random.Generator) -> Array:
+    xs, ys = (np.arange(a, b, spacing) for a, b in zip(low, high, strict=True))
+    grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid + rng.uniform(-0.3, 0.3, grid.shape) * spacing
+
+
+@numba.njit(cache=True, nogil=True)
+def _union_distance(xy, line, starts, half, corner, out):  # type: ignore[no-untyped-def]
+    """Distance to the union of thick polylines; where two come near each other their edge is rounded by `corner`."""
+    for i in range(len(xy)):
+        best = np.inf
+        for r in range(len(half)):
+            d2 = np.inf
+            for k in range(starts[r], starts[r + 1] - 1):
+                ax, ay = line[k, 0], line[k, 1]
+                ux, uy = line[k + 1, 0] - ax, line[k + 1, 1] - ay
+                px, py = xy[i, 0] - ax, xy[i, 1] - ay
+                t = min(max((px * ux + py * uy) / (ux * ux + uy * uy), 0.0), 1.0)
+                d2 = min(d2, (px - t * ux) ** 2 + (py - t * uy) ** 2)
+            d = np.sqrt(d2) - half[r]
+            h = max(corner - abs(best - d), 0.0) / corner if best < np.inf else 0.0
+            best = min(best, d) - 0.25 * h * h * corner
+        out[i] = best

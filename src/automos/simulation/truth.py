@@ -1,0 +1,79 @@
+"""Which objects move at some time while observed: SemanticKITTI's rule, decided from the true motion.
+
+A car that waits at the light and then drives is moving throughout; one that only moves where nobody could see it is
+not. "Observed" means that an unobstructed line leads from the sensor to it at mid-sweep.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.cast import Scene
+from automos.simulation.motion import transforms
+from automos.simulation.sensors import Sensor
+from automos.simulation.world import World
+
+Array = npt.NDArray[np.float64]
+
+CERTAIN_MOTION = 0.5
+"""Metres between two observed places from which on an annotator calls an object moving."""
+CERTAIN_REST = 0.1
+"""Metres below which an annotator calls it static; in between it is unlabeled."""
+_SIGHT_HEIGHTS = (0.35, 0.85)
+"""Heights, as shares of the object's, of the points that are looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts:
+    """Over all K objects of a world.
+
+    Attributes
+    ----------
+    is_moving, is_static : (K,) bool; neither where it cannot be told.
+    """
+
+    is_moving: npt.NDArray[np.bool_]
+    is_static: npt.NDArray[np.bool_]
+
+
+def judge(world: World, still: Scene, sensor: Sensor, T_site_sensor: Array, stamps: Array) -> Verdicts:
+    """Return which objects move while observed from the (S, 4, 4) poses at the (S,) `stamps`.
+
+    `still` is the scene of all that stands still: what hides an object.
+    """
+    n_parked, n_movers = len(world.parked), len(world.movers)
+    first = np.full((n_movers, 3), np.nan)
+    moved = np.zeros(n_movers)
+    for T, time in zip(T_site_sensor, stamps, strict=True):
+        state, _, present = world.motion.at(float(time))
+        seen = np.flatnonzero(present)
+        seen = seen[_in_sight(world, still, sensor, T, state, seen)]
+        new = seen[np.isnan(first[seen, 0])]
+        first[new] = state[new, :3]
+        moved[seen] = np.maximum(moved[seen], np.linalg.norm(state[seen, :3] - first[seen], axis=1))
+    is_moving = np.concatenate([np.zeros(n_parked, bool), moved > CERTAIN_MOTION])
+    is_static = np.concatenate([np.ones(n_parked, bool), moved < CERTAIN_REST])
+    return Verdicts(is_moving, is_static)
+
+
+def _in_sight(world: World, still: Scene, sensor: Sensor, T: Array, state: Array, rows: npt.NDArray) -> npt.NDArray[np.bool_]:
+    """Return (len(rows),) bool: whether any looked-at point of each mover is within reach and not hidden."""
+    if len(rows) == 0:
+        return np.zeros(0, bool)
+    local = np.array([[(*(world.movers[k].center[:2]), h * world.movers[k].size[2]) for h in _SIGHT_HEIGHTS] for k in rows])
+    pose = transforms(state[rows])
+    targets = np.einsum("mij,mhj->mhi", pose[:, :3, :3], local) + pose[:, None, :3, 3]
+    line = targets - T[:3, 3]
+    distance = np.linalg.norm(line, axis=2)
+    direction = (line / distance[..., None]).reshape(-1, 3).astype(np.float32)
+    origin = np.broadcast_to(T[:3, 3].astype(np.float32), direction.shape).copy()
+    face, _ = still.first(origin, direction, distance.ravel().astype(np.float32))
+    in_view = distance < sensor.max_range
+    if sensor.rosette:
+        ahead = line @ T[:3, 0]
+        sideways = line @ T[:3, 1]
+        in_view &= np.abs(np.arctan2(sideways, ahead)) < 0.5 * np.radians(sensor.rosette[0])
+    return np.any((face.reshape(distance.shape) < 0) & in_view, axis=1)

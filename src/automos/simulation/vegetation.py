@@ -1,0 +1,95 @@
+"""Trees, bushes and hedges: foliage is a cloud of leaf-sized triangles, so that beams enter it as they enter leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.simulation.materials import Material
+from automos.simulation.mesh import Mesh, ball, from_faces, join, rod
+
+Array = npt.NDArray[np.float64]
+
+
+def leaves(centers: Array, size: float, rng: np.random.Generator, tint: float = 1.0) -> Mesh:
+    """Return one triangle of about `size` metres, turned at random, at each of `centers` (N, 3)."""
+    corners = centers[:, None, :] + rng.normal(0.0, 0.5 * size, (len(centers), 3, 3))
+    corners[..., 2] = np.maximum(corners[..., 2], 0.02)
+    faces = np.arange(3 * len(centers)).reshape(-1, 3)
+    mesh = from_faces(corners.reshape(-1, 3), faces, Material.LEAVES, tint)
+    tints = (tint * rng.uniform(0.5, 1.5, len(centers))).astype(np.float32)
+    return Mesh(mesh.vertices, mesh.faces, mesh.material, tints)
+
+
+def _in_ellipsoid(n: int, radii: Array, rng: np.random.Generator, hollow: float) -> Array:
+    """Return (n, 3) points in an ellipsoid, denser toward its skin as `hollow` goes from 0 to 1."""
+    direction = rng.normal(size=(n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    depth = rng.random(n) ** ((1.0 - 0.8 * hollow) / 3.0)
+    return direction * depth[:, None] * radii
+
+
+def make_tree(rng: np.random.Generator, height: float, leafy: float = 1.0) -> Mesh:
+    """Return a deciduous tree: trunk, branches, and a canopy of several lumps. `leafy` scales the number of leaves."""
+    trunk_height = height * rng.uniform(0.24, 0.36)
+    radius = 0.012 * height + rng.uniform(0.03, 0.10)
+    lean = rng.normal(0.0, 0.02, 2) * height
+    top = np.array([lean[0], lean[1], 0.75 * height])
+    parts = [
+        ball((radius * 2.2, radius * 2.2, 0.25), (0, 0, 0), Material.BARK),
+        rod((0, 0, 0), top, radius, Material.BARK, end_radius=0.3 * radius, sections=8),
+    ]
+    spread = height * rng.uniform(0.24, 0.34)
+    for _ in range(int(rng.integers(5, 9))):
+        angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.95)
+        out = spread * rng.uniform(0.35, 0.75) * np.sin(np.pi * min(up, 0.9))
+        z = trunk_height + up * (0.82 * height - trunk_height)
+        tip = np.array([out * np.cos(angle), out * np.sin(angle), z]) + (*lean, 0.0)
+        foot = top * rng.uniform(0.35, 0.8)
+        parts.append(rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5))
+        lump = spread * rng.uniform(0.45, 0.7)
+        radii = np.array([lump, lump, 0.8 * lump])
+        n = int(leafy * 13.0 * 4.2 * lump**3 / 0.35)
+        parts.append(leaves(tip + _in_ellipsoid(min(max(n, 40), 420), radii, rng, 0.5), 0.32, rng))
+    return join(parts)
+
+
+def make_conifer(rng: np.random.Generator, height: float) -> Mesh:
+    """Return a spruce: a cone of needles that reaches nearly to the ground."""
+    n = int(90 * height)
+    up = rng.random(n) ** 1.4
+    radius = 0.2 * height * (1.0 - up) * np.sqrt(rng.uniform(0.25, 1.0, n))
+    angle = rng.uniform(0, 2 * np.pi, n)
+    centers = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.6 + up * (height - 0.6)])
+    trunk = rod((0, 0, 0), (0, 0, 0.9 * height), 0.018 * height, Material.BARK, end_radius=0.02, sections=6)
+    return join([trunk, leaves(centers, 0.30, rng, 0.7)])
+
+
+def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
+    """Return a bush: dense foliage down to the ground."""
+    n = int(np.clip(260 * radius**2 * height, 60, 700))
+    centers = _in_ellipsoid(n, np.array([radius, radius, 0.6 * height]), rng, 0.6) + (0, 0, 0.5 * height)
+    return leaves(np.maximum(centers, (-np.inf, -np.inf, 0.05)), 0.16, rng)
+
+
+def make_hedge(rng: np.random.Generator, length: float, height: float, depth: float = 0.7) -> Mesh:
+    """Return a clipped hedge along +x from 0 to `length`."""
+    n = int(140 * length * height * depth)
+    centers = rng.uniform((0, -0.5 * depth, 0.02), (length, 0.5 * depth, height), (n, 3))
+    stems = box_core(length, height, depth)
+    return join([stems, leaves(centers, 0.15, rng)])
+
+
+def box_core(length: float, height: float, depth: float) -> Mesh:
+    """Return the wood inside a hedge: what stops the beams that pass the leaves."""
+    from automos.simulation.mesh import box
+
+    return box((length, 0.1 * depth, 0.9 * height), (0.5 * length, 0.0, 0.45 * height), Material.BARK, 0.8)
+
+
+def make_tuft(rng: np.random.Generator, radius: float, height: float) -> Mesh:
+    """Return a patch of high grass or herbs."""
+    n = int(np.clip(120 * radius**2, 12, 150))
+    angle, out = rng.uniform(0, 2 * np.pi, n), radius * np.sqrt(rng.random(n))
+    centers = np.column_stack([out * np.cos(angle), out * np.sin(angle), height * rng.random(n) * 0.7])
+    return leaves(centers, 0.11, rng)
