@@ -1,0 +1,141 @@
+"""The command line: parse, call one function, print."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.console import Console
+
+from automos.errors import AutomosError, SettingsError
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Automatic moving/static labels for every point of a LiDAR recording.",
+)
+console = Console(stderr=True)
+output = Console(highlight=False)
+
+Recording = Annotated[Path, typer.Argument(help="a folder of scans, a KITTI-style sequence, or a root with sequences/")]
+Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
+Preset = Annotated[str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")]
+SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")]
+
+
+@app.command()
+def label(
+    recording: Recording,
+    out: Annotated[Path | None, typer.Option(help="results folder [default: automos_runs/NAME]")] = None,
+    preset: Preset = "default",
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+    format: Format = None,
+    poses: Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")] = None,
+    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")] = None,
+    workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
+    dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
+) -> None:
+    """Label every point of every scan as moving or static.
+
+    [bold]Examples[/bold]
+
+    automos label my_log/                       a folder of .bin, .pcd, .ply, .npy or .xyz scans
+
+    automos label kitti/sequences/07 --out 07/  a KITTI sequence; its poses are not used
+
+    automos label my_log/ --poses poses.tum     poses from your own SLAM
+    """
+    from automos.datasets import open_recordings
+    from automos.labeling import label_recording, summary
+
+    chosen = _settings(preset, settings, set_)
+    recordings = open_recordings(recording, format)
+    for sequence in recordings:
+        folder = out if out and len(recordings) == 1 else (out or Path("automos_runs")) / sequence.name
+        if dry_run:
+            output.print(f"{sequence.name}: {len(sequence)} scans from {sequence.source} -> {folder}")
+            continue
+        run = label_recording(sequence, folder, chosen, poses, calib, workers, console)
+        output.print(summary(run, folder), soft_wrap=True, markup=False)
+
+
+@app.command()
+def evaluate(
+    predictions: Annotated[Path, typer.Argument(help="a results folder, or a folder of .label files")],
+    recording: Recording,
+    format: Format = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
+) -> None:
+    """Score labels against the truth that came with a recording, as SemanticKITTI's moving-object benchmark does."""
+    from automos.datasets import open_recordings
+    from automos.evaluation.report import evaluate_recordings
+
+    report = evaluate_recordings(predictions, open_recordings(recording, format))
+    output.print(report.table())
+    if json_file is not None:
+        from automos.atomic import write_text
+
+        write_text(json_file, report.to_json())
+
+
+@app.command("settings")
+def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
+    """Print all settings as YAML; the output is a settings file."""
+    from automos.settings import dump_yaml
+
+    output.print(dump_yaml(_settings(preset, settings, set_)), end="")
+
+
+def _settings(preset: str, file: Path | None, overrides: list[str] | None) -> Any:
+    from automos.settings import load_settings
+
+    values = {}
+    for item in overrides or []:
+        key, sign, text = item.partition("=")
+        if not sign:
+            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
+        values[key.strip()] = yaml.safe_load(text)
+    return load_settings(preset, file, values)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from automos import __version__
+
+        output.print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option(help="show tracebacks and log messages")] = False,
+    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")] = False,
+) -> None:
+    logging.basicConfig(level=logging.DEBUG if debug else logging.ERROR, format="%(name)s: %(message)s")
+    _Debug.on = debug
+
+
+class _Debug:
+    on = False
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one sentence and exit code 2."""
+    try:
+        app()
+    except AutomosError as error:
+        if _Debug.on:
+            raise
+        console.print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False, markup=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        console.print("interrupted; the same command goes on from here", soft_wrap=True)
+        sys.exit(130)

@@ -1,0 +1,132 @@
+"""The results folder of a run: labels, poses, tracks, and what they were made from and with.
+
+    predictions/*.label   one uint32 per point, in the scan's order, named after the scan
+    poses.txt  poses.tum  sensor poses, KITTI and TUM
+    tracks.json           every object: verdict, confidence, a box per scan
+    settings.yaml         the settings that were used, all of them
+    run.json              versions, fingerprints, counts, timings, warnings
+    stages/               what each stage found; deleting it costs only time
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import platform
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos import __version__
+from automos.atomic import atomic_path, write_text
+from automos.geometry import inverse
+from automos.labels import Label, pack
+from automos.pipeline import Result
+from automos.pose_files import write_kitti, write_tum
+from automos.scan import Sequence
+from automos.settings import Settings, dump_yaml
+from automos.tracking.verdict import Verdict
+from automos.workspace import RUN_FILE, Workspace
+
+_log = logging.getLogger(__name__)
+
+
+def write_results(
+    folder: Path,
+    sequence: Sequence,
+    result: Result,
+    settings: Settings,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> dict[str, Any]:
+    """Write all result files of one recording into `folder`; return what run.json says.
+
+    run.json comes last and names the fingerprint of the labels: while it is absent or names another, the label files
+    are not to be trusted, and older ones are removed before the first new one is written.
+    """
+    predictions = folder / "predictions"
+    key = f"{result.keys['labels']}-{int(settings.output.track_ids)}"
+    before = Workspace(folder).read_run()
+    if before.get("fingerprint") != key:
+        (folder / RUN_FILE).unlink(missing_ok=True)
+        for stale in predictions.glob("*.label"):
+            stale.unlink()
+    predictions.mkdir(parents=True, exist_ok=True)
+    counts = dict.fromkeys((name.name.lower() for name in Label), 0)
+    for i, name in enumerate(result.names):
+        labels = result.labels(i)
+        for label in Label:
+            counts[label.name.lower()] += int((labels == label).sum())
+        instances = result.track_ids(i) + 1 if settings.output.track_ids else None
+        with atomic_path(predictions / f"{name}.label") as temporary:
+            pack(labels, instances).tofile(temporary)
+        progress("writing", i + 1, len(result))
+
+    trajectory = result.trajectory
+    write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
+    write_tum(folder / "poses.tum", trajectory.T_world_sensor, trajectory.stamps)
+    write_text(folder / "settings.yaml", dump_yaml(settings))
+    with atomic_path(folder / "tracks.json") as temporary, temporary.open("w") as file:
+        file.writelines(_tracks_json(result))
+    run = {
+        "fingerprint": key,
+        "recording": {"name": sequence.name, "scans": len(result), "input": sequence.fingerprint()},
+        "points": counts,
+        "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
+        "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
+        "odometry": trajectory.diagnostics,
+        "stages": dict(result.keys),
+        "versions": versions(),
+    }
+    write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    return run
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what shapes the labels."""
+    found = {"automos": __version__, "python": platform.python_version()}
+    for package in ("numpy", "scipy", "numba", "hdbscan", "kiss-icp", "small_gicp"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _tracks_json(result: Result) -> Iterator[str]:
+    """Yield tracks.json, a track a line, so that neither writing nor a glance at it needs the whole."""
+    tracks, verdicts = result.tracks, result.verdicts
+    T_world_level = inverse(result.trajectory.T_level_world)
+    head = {
+        "frame": "level: z up, ground under the first scan at z = 0; T_world_level maps it to the frame of poses.txt",
+        "T_world_level": np.round(T_world_level, 9).tolist(),
+        "units": {"center": "m", "size": "m: length, width, height", "yaw": "rad", "velocity": "m/s", "stamp": "s"},
+        "scans": result.names,
+    }
+    yield json.dumps(head, indent=1)[:-2] + ',\n "tracks": ['
+    columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
+    stamps = np.round(result.trajectory.stamps, 6).tolist()
+    for k in range(len(tracks)):
+        rows = tracks.rows_of(k)
+        boxes = [
+            {
+                "scan": int(tracks.scan[r]),
+                "stamp": stamps[tracks.scan[r]],
+                "observed": bool(tracks.segment[r] >= 0),
+                "center": columns[r][:3],
+                "size": columns[r][3:6],
+                "yaw": columns[r][6],
+                "velocity": columns[r][7:],
+            }
+            for r in range(rows.start, rows.stop)
+        ]
+        track = {
+            "id": k + 1,
+            "verdict": Verdict(verdicts.verdict[k]).name.lower(),
+            "confidence": round(float(verdicts.confidence[k]), 3),
+            "boxes": boxes,
+        }
+        yield ("," if k else "") + "\n  " + json.dumps(track)
+    yield "\n ]\n}\n"

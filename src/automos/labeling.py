@@ -1,0 +1,73 @@
+"""One recording into one results folder: what `automos label` does, and what a cluster's workers do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from automos.errors import InputError
+from automos.export.results import write_results
+from automos.pipeline import label
+from automos.pose_files import read_calib, read_poses
+from automos.progress import StageProgress
+from automos.scan import Sequence
+from automos.settings import Settings
+from automos.workspace import RUN_FILE, Workspace
+
+
+def label_recording(
+    sequence: Sequence,
+    folder: Path,
+    settings: Settings,
+    pose_file: Path | None = None,
+    calib_file: Path | None = None,
+    workers: int = 0,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Label `sequence`, write all results into `folder`, return what run.json says of the run.
+
+    Parameters
+    ----------
+    pose_file : KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
+    console : where progress bars are drawn; none without it.
+
+    Raises
+    ------
+    InputError : the recording, the poses or the folder cannot be used.
+    """
+    _refuse_foreign(folder)
+    poses = None
+    if pose_file is not None:
+        T_camera_sensor = None if calib_file is None else read_calib(calib_file)
+        poses = read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
+    with StageProgress(console or Console(quiet=True), sequence.name) as progress:
+        result = label(
+            sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress
+        )
+        return write_results(folder, sequence, result, settings, progress)
+
+
+def summary(run: dict[str, Any], folder: Path) -> str:
+    """Return what was done in a few lines for a terminal."""
+    points, tracks = run["points"], run["tracks"]
+    total = max(sum(points.values()), 1)
+    seconds = sum(run["seconds"].values())
+    lines = [
+        f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, "
+        f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
+        f"{points['unlabeled']:,} unlabeled",
+        *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
+        f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; labels in {folder}/predictions",
+    ]
+    return "\n".join(lines)
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Raise where `folder` holds labels that no run of ours wrote: they would be replaced."""
+    is_ours = (folder / RUN_FILE).exists() or (folder / "stages").exists()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: choose another --out")
+    if not is_ours and any((folder / "predictions").glob("*.label")):
+        raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
