@@ -5,7 +5,8 @@
     >>> scan, labels = sequence[3], sequence.truth(3)
 """
 
-from automos.simulation.api import SCENARIOS, SENSORS, simulate
+from automos.simulation.api import FORMAT, SCENARIOS, SENSORS, simulate
 from automos.simulation.sequence import Annotations, SimulatedSequence
+from automos.simulation.write import write
 
-__all__ = ["SCENARIOS", "SENSORS", "Annotations", "SimulatedSequence", "simulate"]
+__all__ = ["FORMAT", "SCENARIOS", "SENSORS", "Annotations", "SimulatedSequence", "simulate", "write"]
