@@ -78,17 +78,17 @@ class ErasorSettings(_Group):
 
 
 class GroundSettings(_Group):
-    """The ground of one scan: a height map under a lower envelope."""
+    """The ground of one scan: walked outwards from the sensor, then a height map."""
 
-    cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map")
-    max_range: float = Field(80.0, gt=0, description="m, half the side of the height map")
-    trend_cells: int = Field(8, ge=1, description="cells per block of the smooth trend")
+    cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map, and depth of a sector's cell")
+    max_range: float = Field(80.0, gt=0, description="m, how far ground is looked for")
+    sectors: int = Field(360, ge=8, description="sectors around the sensor")
+    start_range: float = Field(10.0, gt=0, description="m, the ground's height is first taken from within this")
+    step: float = Field(0.12, gt=0, description="m, ground may rise or fall by this at once (a kerb)")
+    max_bend: float = Field(0.06, gt=0, description="m per m, how fast the ground's slope may change")
+    max_step: float = Field(0.3, gt=0, description="m, most that ground may differ from what is expected, however far on")
     max_slope: float = Field(0.35, gt=0, description="steepest ground, rise over run")
-    max_slope_from_trend: float = Field(0.1, gt=0, description="steepest local ground, measured from the trend")
-    sectors: int = Field(360, ge=8, description="sectors around the sensor in which mirror images are looked for")
     ghost_depth: float = Field(0.15, gt=0, description="m, a sight this far under nearer ground is a mirror image")
-    lone_ghost_depth: float = Field(0.5, gt=0, description="m, a lone cell this far below all others is no ground")
-    seed_height: float = Field(0.15, gt=0, description="m, points this near the envelope shape the surface")
     tolerance: float = Field(0.12, gt=0, description="m, points at most this far above the surface are ground")
     tolerance_per_metre: float = Field(0.002, ge=0, description="m more for each metre of distance from the sensor")
 

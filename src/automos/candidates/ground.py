@@ -1,10 +1,9 @@
 """The ground under one scan, as a height map, and the points that lie on it.
 
-A lower envelope does the work: the ground at a place is no higher than the lowest point of any other place plus the
-steepest slope times the distance. On raw heights this envelope must allow steep roads and so would climb up whatever
-hides its own foot; it is therefore taken twice, the second time on the heights above a smooth trend through the first,
-where a far gentler slope is enough. Both are two raster sweeps (a grey-value distance transform), so the cost is a few
-milliseconds whatever the scene. No sensor height, tilt or plane is assumed.
+Ground is what can be walked along: from the sensor outwards, sector by sector, a cell whose lowest point continues the
+ground walked so far is ground. What rises faster is an object; what lies under a sight line over nearer ground is a mirror
+image; what was hidden is bridged, and a long even run at another height is taken up again. The cells found become a height
+map whose gaps are filled from coarser and coarser averages. No sensor height, tilt or plane is assumed.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ import numpy.typing as npt
 
 from automos.scan import Mask
 from automos.settings import GroundSettings
-
-_EMPTY = np.float32(1e9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,34 +48,37 @@ def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: G
     points_level : (M, 3) float32, metres, level frame (z up).
     origin_level : (3,) metres, where the sensor was.
     """
-    cell = settings.cell
-    n_coarse = 2 * int(np.ceil(settings.max_range / (cell * settings.trend_cells)))
-    n = n_coarse * settings.trend_cells
-    # A whole number of cells, so that the map does not shift under the world from scan to scan.
-    corner = (np.floor(np.asarray(origin_level[:2]) / cell) - n // 2) * cell
-    lowest = np.full((n, n), _EMPTY, np.float32)
     origin = np.asarray(origin_level, np.float64)
-    grid = (corner[0], corner[1], 1.0 / cell)
-    sight = _steepest_sight(points_level, origin, cell, settings.ghost_depth, settings.sectors, n // 2)
-    _lowest(points_level, origin, cell, sight, *grid, lowest)
-    _drop_ghosts(lowest, settings.lone_ghost_depth)
-
-    envelope = lowest.copy()
-    _lower_envelope(envelope, settings.max_slope * cell)
-    trend = _trend(lowest, envelope, settings)
-
-    _subtract(lowest, trend, envelope)
-    _lower_envelope(envelope, settings.max_slope_from_trend * cell)
+    n_rings = int(np.ceil(settings.max_range / settings.cell))
+    lowest = np.full((settings.sectors, n_rings), np.float32(np.inf))
+    highest = np.full_like(lowest, -np.inf)
+    _fill_sectors(points_level, origin, settings.cell, lowest, highest)
+    is_ground = np.zeros(lowest.shape, np.bool_)
+    _walk_outwards(
+        lowest,
+        highest,
+        _start_height(lowest, settings),
+        settings.cell,
+        settings.step,
+        settings.max_bend,
+        settings.max_step,
+        settings.max_slope,
+        settings.ghost_depth,
+        is_ground,
+    )
+    # A whole number of cells, so that the map does not shift under the world from scan to scan.
+    n = 2 * n_rings
+    corner = (np.floor(origin[:2] / settings.cell) - n_rings) * settings.cell
     sums, counts = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
-    _add_seeds(points_level, *grid, trend + envelope, settings.seed_height, sums, counts)
-    height, weights = sums / np.maximum(counts, 1.0) - trend, np.minimum(counts, 1.0)
-    return GroundSurface(corner, cell, trend + _fill(height, weights))
+    _add_ground_points(points_level, origin, lowest, is_ground, settings.step, corner, settings.cell, sums, counts)
+    height = _fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
+    return GroundSurface(corner, settings.cell, height)
 
 
 def segment_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings) -> Mask:
     """Return (M,) bool: which of `points_level` (M, 3), level frame, lie on the ground (or beneath it).
 
-    `origin_level` (3,) is where the sensor was. Points beyond `settings.max_range` (square around it) are not ground.
+    `origin_level` (3,) is where the sensor was. Points beyond `settings.max_range` are not ground.
     """
     return is_on_ground(points_level, origin_level, fit_ground(points_level, origin_level, settings), settings)
 
@@ -88,12 +88,10 @@ def is_on_ground(
 ) -> Mask:
     """Return (M,) bool: which of `points_level` (M, 3) are at most the tolerance above `surface`."""
     is_ground = np.empty(len(points_level), np.bool_)
-    x0, y0 = surface.corner
     _is_low(
         points_level,
         np.asarray(origin_level, np.float64),
-        x0,
-        y0,
+        surface.corner,
         1.0 / surface.cell,
         surface.height,
         settings.tolerance,
@@ -103,18 +101,91 @@ def is_on_ground(
     return is_ground
 
 
-def _trend(lowest: npt.NDArray, envelope: npt.NDArray, settings: GroundSettings) -> npt.NDArray[np.float32]:
-    """Smooth (H, W) surface through the cells on the first envelope."""
-    n = len(lowest) // settings.trend_cells
-    sums, counts = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
-    _add_lowest(lowest, envelope, settings.seed_height, settings.trend_cells, sums, counts)
-    coarse = _fill(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
-    trend = np.empty_like(lowest)
-    _upsample(coarse, settings.trend_cells, trend)
-    return trend
+def _start_height(lowest: npt.NDArray, settings: GroundSettings) -> float:
+    """Return the height from which the walk begins: low among what each sector has near the sensor."""
+    near = lowest[:, : max(int(settings.start_range / settings.cell), 1)].min(axis=1)
+    near = near[np.isfinite(near)]
+    return float(np.percentile(near, 30)) if len(near) else 0.0
 
 
-def _fill(values: npt.NDArray, weights: npt.NDArray) -> npt.NDArray[np.float32]:
+@numba.njit(cache=True, nogil=True)
+def _sector_and_ring(x, y, n_sectors, ring):  # type: ignore[no-untyped-def]
+    """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset."""
+    size = abs(x) + abs(y)
+    if size == 0.0:
+        return 0, 0
+    turn = 0.25 * (1.0 - x / size)
+    turn = turn if y >= 0.0 else 1.0 - turn
+    return min(int(turn * n_sectors), n_sectors - 1), int(np.sqrt(x * x + y * y) / ring)
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-untyped-def]
+    """Heights above the sensor of the lowest and highest point per sector and ring."""
+    n_sectors, n_rings = lowest.shape
+    for i in range(len(points)):
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, ring)
+        if k < n_rings:
+            z = points[i, 2] - origin[2]
+            lowest[j, k] = min(lowest[j, k], z)
+            highest[j, k] = max(highest[j, k], z)
+
+
+@numba.njit(cache=True, nogil=True)
+def _walk_outwards(  # type: ignore[no-untyped-def]
+    lowest, highest, start, ring, step, max_bend, max_step, max_slope, ghost_depth, is_ground
+):
+    """Mark the cells that continue the ground walked so far."""
+    n_sectors, n_rings = lowest.shape
+    for j in range(n_sectors):
+        z, slope, r_last = start, 0.0, 0.0
+        sight = -np.inf  # steepest sight line over ground walked so far: what lies under it is a mirror image
+        run = 0  # cells in a row that follow each other but not the ground: a hidden rise, a step, a ramp
+        z_run, r_run = 0.0, 0.0
+        for k in range(n_rings):
+            if not np.isfinite(lowest[j, k]):
+                continue
+            r = ring * (k + 0.5)
+            low = lowest[j, k]
+            if low < r * sight:
+                continue
+            ahead = r - r_last
+            expected = z + slope * ahead
+            allowed = min(step + max_bend * ahead, max_step)
+            if abs(low - expected) <= allowed:
+                is_ground[j, k] = True
+                run = 0
+            else:
+                is_flat = highest[j, k] - low < 2.0 * step
+                follows = run > 0 and abs(low - z_run) <= step + max_slope * (r - r_run) and r - r_run < 10.0 * ring
+                run = (run + 1 if follows else 1) if is_flat else 0
+                z_run, r_run = low, r
+                if run < 5 or abs(low - expected) > step + max_slope * ahead:
+                    continue
+                is_ground[j, k] = True
+            if is_ground[j, k]:
+                new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -max_slope), max_slope)
+                weight = min(ahead / 4.0, 0.5)
+                slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else 0.0
+                z, r_last = low, r
+                sight = max(sight, (low - ghost_depth) / r)
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, sums, counts):  # type: ignore[no-untyped-def]
+    n_sectors, n_rings = lowest.shape
+    h, w = sums.shape
+    for i in range(len(points)):
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, cell)
+        if k >= n_rings or not is_ground[j, k] or points[i, 2] - origin[2] - lowest[j, k] > step:
+            continue
+        u, v = int((points[i, 0] - corner[0]) / cell), int((points[i, 1] - corner[1]) / cell)
+        if 0 <= u < w and 0 <= v < h:
+            sums[v, u] += points[i, 2]
+            counts[v, u] += 1
+
+
+def _fill_gaps(values: npt.NDArray, weights: npt.NDArray) -> npt.NDArray[np.float32]:
     """Return `values` (H, W), blended where their weight is below 1 with ever coarser averages (pull-push)."""
     h, w = values.shape
     if max(h, w) == 1:
@@ -123,7 +194,7 @@ def _fill(values: npt.NDArray, weights: npt.NDArray) -> npt.NDArray[np.float32]:
     coarse_weights = np.empty_like(coarse)
     _halve(values, weights, coarse, coarse_weights)
     filled = np.empty_like(values)
-    _upsample(_fill(coarse, coarse_weights), 2, filled)
+    _double(_fill_gaps(coarse, coarse_weights), filled)
     _blend(values, weights, filled)
     return filled
 
@@ -143,141 +214,17 @@ def _halve(values, weights, coarse, coarse_weights):  # type: ignore[no-untyped-
 
 
 @numba.njit(cache=True, nogil=True)
+def _double(coarse, fine):  # type: ignore[no-untyped-def]
+    for v in range(fine.shape[0]):
+        for u in range(fine.shape[1]):
+            fine[v, u] = _sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
+
+
+@numba.njit(cache=True, nogil=True)
 def _blend(values, weights, filled):  # type: ignore[no-untyped-def]
     for v in range(values.shape[0]):
         for u in range(values.shape[1]):
             filled[v, u] += weights[v, u] * (values[v, u] - filled[v, u])
-
-
-@numba.njit(cache=True, nogil=True)
-def _subtract(lowest, trend, above):  # type: ignore[no-untyped-def]
-    for v in range(lowest.shape[0]):
-        for u in range(lowest.shape[1]):
-            above[v, u] = lowest[v, u] - trend[v, u] if lowest[v, u] < 1e8 else 1e9
-
-
-@numba.njit(cache=True, nogil=True)
-def _add_lowest(lowest, envelope, seed_height, block, sums, counts):  # type: ignore[no-untyped-def]
-    for v in range(lowest.shape[0]):
-        for u in range(lowest.shape[1]):
-            if lowest[v, u] < 1e8 and lowest[v, u] - envelope[v, u] < seed_height:
-                sums[v // block, u // block] += lowest[v, u]
-                counts[v // block, u // block] += 1
-
-
-@numba.njit(cache=True, nogil=True)
-def _turn(x, y):  # type: ignore[no-untyped-def]
-    """Direction in the plane as a number in [0, 1) that grows with the angle: cheaper than an arctan."""
-    size = abs(x) + abs(y)
-    if size == 0.0:
-        return 0.0
-    turn = 0.25 * (1.0 - x / size)
-    return turn if y >= 0.0 else min(1.0 - turn, 0.9999999)
-
-
-@numba.njit(cache=True, nogil=True)
-def _steepest_sight(points, origin, ring, margin, n_sectors, n_rings):  # type: ignore[no-untyped-def]
-    """Slope (rise over run) below which a sight line of a sector would pass under ground that was seen nearer by.
-
-    A mirror image under the road is seen through the road; the bound is the second steepest of the nearer cells' lowest
-    points, so that a single overhanging thing does not make ghosts of the ground behind it.
-    """
-    lowest = np.full((n_sectors, n_rings), np.float32(1e9))
-    for i in range(len(points)):
-        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
-        k = int(np.sqrt(x * x + y * y) / ring)
-        if k < n_rings:
-            j = int(_turn(x, y) * n_sectors) % n_sectors
-            lowest[j, k] = min(lowest[j, k], points[i, 2])
-    bound = np.empty((n_sectors, n_rings), np.float32)
-    for j in range(n_sectors):
-        first, second = -1e9, -1e9
-        for k in range(n_rings):
-            bound[j, k] = second
-            z = lowest[j, k] - origin[2]
-            if z < -margin:  # what stands as high as the sensor may hang over the ground
-                slope = (z - margin) / (ring * (k + 0.5))
-                if slope > first:
-                    first, second = slope, first
-                elif slope > second:
-                    second = slope
-    return bound
-
-
-@numba.njit(cache=True, nogil=True)
-def _lowest(points, origin, ring, bound, x0, y0, per_cell, lowest):  # type: ignore[no-untyped-def]
-    h, w = lowest.shape
-    n_sectors, n_rings = bound.shape
-    for i in range(len(points)):
-        u, v = int(np.floor((points[i, 0] - x0) * per_cell)), int(np.floor((points[i, 1] - y0) * per_cell))
-        if not (0 <= u < w and 0 <= v < h) or points[i, 2] >= lowest[v, u]:
-            continue
-        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
-        r = np.sqrt(x * x + y * y)
-        k = min(int(r / ring), n_rings - 1)
-        j = int(_turn(x, y) * n_sectors) % n_sectors
-        if points[i, 2] - origin[2] >= r * bound[j, k]:
-            lowest[v, u] = points[i, 2]
-
-
-@numba.njit(cache=True, nogil=True)
-def _drop_ghosts(lowest, max_depth):  # type: ignore[no-untyped-def]
-    """Empty the cells far below all their neighbours: mirror images and stray returns under the ground."""
-    h, w = lowest.shape
-    for v in range(h):
-        for u in range(w):
-            if lowest[v, u] >= 1e8:
-                continue
-            n_neighbours, has_support = 0, False
-            for b in range(max(v - 2, 0), min(v + 3, h)):
-                for a in range(max(u - 2, 0), min(u + 3, w)):
-                    if (a != u or b != v) and lowest[b, a] < 1e8:
-                        n_neighbours += 1
-                        has_support |= lowest[b, a] - lowest[v, u] < max_depth
-            if n_neighbours >= 3 and not has_support:
-                lowest[v, u] = 1e9
-
-
-@numba.njit(cache=True, nogil=True)
-def _lower_envelope(z, rise):  # type: ignore[no-untyped-def]
-    """Replace `z` by the highest surface below it that rises by at most `rise` per cell (two chamfer sweeps)."""
-    h, w = z.shape
-    diagonal = np.float32(rise * 1.4142135)
-    straight = np.float32(rise)
-    for v in range(h):
-        for u in range(w):
-            low = z[v, u]
-            if u > 0:
-                low = min(low, z[v, u - 1] + straight)
-            if v > 0:
-                low = min(low, z[v - 1, u] + straight)
-                if u > 0:
-                    low = min(low, z[v - 1, u - 1] + diagonal)
-                if u < w - 1:
-                    low = min(low, z[v - 1, u + 1] + diagonal)
-            z[v, u] = low
-    for v in range(h - 1, -1, -1):
-        for u in range(w - 1, -1, -1):
-            low = z[v, u]
-            if u < w - 1:
-                low = min(low, z[v, u + 1] + straight)
-            if v < h - 1:
-                low = min(low, z[v + 1, u] + straight)
-                if u < w - 1:
-                    low = min(low, z[v + 1, u + 1] + diagonal)
-                if u > 0:
-                    low = min(low, z[v + 1, u - 1] + diagonal)
-            z[v, u] = low
-
-
-@numba.njit(cache=True, nogil=True)
-def _add_seeds(points, x0, y0, per_cell, floor, seed_height, sums, counts):  # type: ignore[no-untyped-def]
-    h, w = floor.shape
-    for i in range(len(points)):
-        u, v = int(np.floor((points[i, 0] - x0) * per_cell)), int(np.floor((points[i, 1] - y0) * per_cell))
-        if 0 <= u < w and 0 <= v < h and abs(points[i, 2] - floor[v, u]) < seed_height:
-            sums[v, u] += points[i, 2]
-            counts[v, u] += 1
 
 
 @numba.njit(cache=True, nogil=True)
@@ -292,23 +239,16 @@ def _sample(grid, x, y):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _upsample(coarse, factor, fine):  # type: ignore[no-untyped-def]
-    for v in range(fine.shape[0]):
-        for u in range(fine.shape[1]):
-            fine[v, u] = _sample(coarse, (u + 0.5) / factor - 0.5, (v + 0.5) / factor - 0.5)
-
-
-@numba.njit(cache=True, nogil=True)
 def _interpolate(points, x0, y0, per_cell, height, out):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         out[i] = _sample(height, (points[i, 0] - x0) * per_cell - 0.5, (points[i, 1] - y0) * per_cell - 0.5)
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_low(points, origin, x0, y0, per_cell, height, tolerance, tolerance_per_metre, out):  # type: ignore[no-untyped-def]
+def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_metre, out):  # type: ignore[no-untyped-def]
     h, w = height.shape
     for i in range(len(points)):
-        u, v = (points[i, 0] - x0) * per_cell, (points[i, 1] - y0) * per_cell
+        u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
         if not (0.0 <= u < w and 0.0 <= v < h):
             out[i] = False
             continue

@@ -1,0 +1,162 @@
+"""Where a sensor's beams point, learnt from its own scans.
+
+Every sensor leaves its pattern in the angles of its returns: how far apart neighbouring firings of one beam are, and how
+many beams there are per degree at each elevation. With both, (elevation, azimuth) maps to a grid of rows and columns in
+which about one ray falls into each cell, whether the beams are evenly spaced (Ouster), in two blocks (HDL-64E), sparse
+(VLP-16) or not repeating at all (Livox). Angles are those of the raw sweep, before the sensor's motion is taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import se3_exp
+from automos.scan import Frame, Points
+
+_SINE_BINS = 8192
+_TIME_BINS = 360
+_MICRO_ROW = np.radians(0.05)
+_ELEVATION_BIN = np.radians(0.25)
+_SECTORS = 180
+
+
+@dataclass(frozen=True, eq=False)
+class BeamPattern:
+    """The grid of rays of one sensor.
+
+    Attributes
+    ----------
+    n_rows, n_columns : size of the grid; columns go round the full circle, column 0 begins at azimuth -pi.
+    row_height : radians between neighbouring rows, the median.
+    row_of_sine : (8193,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
+    sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along each degree of azimuth (from -pi);
+        zeros where directions have no fixed time.
+    """
+
+    n_rows: int
+    n_columns: int
+    row_height: float
+    row_of_sine: npt.NDArray[np.float32]
+    sweep_time: npt.NDArray[np.float32]
+
+    @property
+    def column_width(self) -> float:
+        """Radians between neighbouring columns."""
+        return 2.0 * np.pi / self.n_columns
+
+
+def raw_points(frame: Frame) -> Points:
+    """Return (M, 3) float32: the frame's points as the moving sensor saw them, motion compensation taken back."""
+    if frame.sweep_time is None or frame.sweep_motion is None:
+        return frame.points
+    # Sweeps turn by a few degrees at most: with 64 steps the rounding stays under a centimetre at 50 m.
+    n_steps = 64
+    steps = (np.arange(n_steps) + 0.5) / n_steps - 0.5
+    T_raw_frame = se3_exp(-steps[:, None] * frame.sweep_motion).astype(np.float32)
+    out = np.empty_like(frame.points)
+    _transform_by_step(frame.points, frame.sweep_time, T_raw_frame, out)
+    return out
+
+
+def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
+    """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough)."""
+    azimuths, elevations, times = [], [], []
+    for frame in frames:
+        points = raw_points(frame).astype(np.float64)
+        azimuths.append(np.arctan2(points[:, 1], points[:, 0]))
+        elevations.append(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
+        times.append(frame.sweep_time)
+    step = _azimuth_step(azimuths, elevations)
+    density, edges = _row_density(azimuths, elevations, step)  # rows per bin, for one ray per row and azimuth step
+    if step is None:  # no beam repeats: square cells, one ray in each
+        step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
+        density = density * step
+    rows = np.concatenate([[0.0], np.cumsum(density)])
+    n_rows = max(round(rows[-1]), 2)
+    centres = np.interp((np.arange(n_rows) + 0.5) * rows[-1] / n_rows, rows, edges)
+    return _make_pattern(centres, step, _time_of_azimuth(azimuths, times))
+
+
+def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> float | None:
+    """Return the radians between firings of one beam; None where neighbours in a row keep no common distance."""
+    gaps = np.concatenate([_neighbour_gaps(a, e) for a, e in zip(azimuths, elevations, strict=True)])
+    gaps = gaps[(gaps > np.radians(0.02)) & (gaps < np.radians(3.0))]
+    if len(gaps) < 100:
+        return None
+    edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
+    counts = np.histogram(gaps, edges)[0]
+    around_mode = np.convolve(counts, np.ones(5), mode="same")
+    k = int(around_mode.argmax())
+    if around_mode[k] < 0.4 * len(gaps):
+        return None
+    near_mode = gaps[(gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])]
+    return float(np.median(near_mode))
+
+
+def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray) -> npt.NDArray:
+    """Return the azimuth differences of neighbours in rows far thinner than the gap between beams."""
+    micro_row = np.floor(elevation / _MICRO_ROW).astype(np.int64)
+    order = np.lexsort((azimuth, micro_row))
+    same_row = np.diff(micro_row[order]) == 0
+    return np.diff(azimuth[order])[same_row]
+
+
+def _row_density(
+    azimuths: list[npt.NDArray], elevations: list[npt.NDArray], step: float | None
+) -> tuple[npt.NDArray, npt.NDArray]:
+    """Return rows per elevation bin and the bins' edges; rays per radian of azimuth and bin where `step` is None."""
+    low, high = min(e.min() for e in elevations), max(e.max() for e in elevations)
+    n_bins = int((high - low) / _ELEVATION_BIN) + 1
+    counts = np.zeros((len(azimuths), n_bins, _SECTORS))
+    for i, (azimuth, elevation) in enumerate(zip(azimuths, elevations, strict=True)):
+        u = ((azimuth + np.pi) / (2.0 * np.pi) * _SECTORS).astype(np.int64) % _SECTORS
+        v = np.minimum(((elevation - low) / _ELEVATION_BIN).astype(np.int64), n_bins - 1)
+        counts[i] = np.bincount(v * _SECTORS + u, minlength=n_bins * _SECTORS).reshape(n_bins, _SECTORS)
+    counts = counts.transpose(1, 0, 2).reshape(n_bins, -1)  # (bins, frames x sectors)
+    full = 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
+    # Sky and open roads return nothing: only sectors that return anything tell how dense the beams are.
+    density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in counts]) / full
+    # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
+    most = np.percentile(counts.sum(axis=0), 99) / full
+    density *= min(1.0, 1.15 * most / density.sum())
+    return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
+
+
+def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.float32]) -> BeamPattern:
+    gaps = np.maximum(np.diff(centres), 1e-4)
+    padded = np.concatenate([[centres[0] - gaps[0]], centres, [centres[-1] + gaps[-1]]])
+    rows = np.arange(-1, len(centres) + 1) + 0.5
+    elevation = np.arcsin(np.linspace(-1.0, 1.0, _SINE_BINS + 1))
+    row_of_sine = np.interp(elevation, padded, rows, left=-2.0, right=len(centres) + 2.0).astype(np.float32)
+    n_columns = 8 * max(round(2.0 * np.pi / step / 8), 1)
+    return BeamPattern(len(centres), n_columns, float(np.median(gaps)), row_of_sine, sweep_time)
+
+
+def _time_of_azimuth(azimuths: list[npt.NDArray], times: list[npt.NDArray | None]) -> npt.NDArray[np.float32]:
+    out = np.zeros(_TIME_BINS, np.float32)
+    known = [(a, t) for a, t in zip(azimuths, times, strict=True) if t is not None]
+    if not known:
+        return out
+    azimuth, time = np.concatenate([a for a, _ in known]), np.concatenate([t for _, t in known]).astype(np.float64)
+    bins = ((azimuth + np.pi) / (2.0 * np.pi) * _TIME_BINS).astype(np.int64) % _TIME_BINS
+    n = np.maximum(np.bincount(bins, minlength=_TIME_BINS), 1)
+    mean = np.bincount(bins, time, _TIME_BINS) / n
+    spread = np.sqrt(np.maximum(np.bincount(bins, time**2, _TIME_BINS) / n - mean**2, 0.0))
+    if np.median(spread[n > 1]) > 0.1:  # a tenth of the sweep: the pattern does not turn with time
+        return out
+    return mean.astype(np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
+    n = len(T)
+    for i in range(len(points)):
+        M = T[min(max(int((time[i] + 0.5) * n), 0), n - 1)]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(3):
+            out[i, k] = M[k, 0] * x + M[k, 1] * y + M[k, 2] * z + M[k, 3]
