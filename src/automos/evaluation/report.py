@@ -1,0 +1,207 @@
+"""Scores of labels on disk: files paired with scans by name, counted, pooled, shown as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.evaluation.moving import Counts, Scores, count
+from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.scan import Sequence
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+logger = logging.getLogger(__name__)
+
+Progress = Callable[[str, int, int], None]
+
+FOUND = 0.5
+"""Share of its points from which an object counts as found in the summary."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Counts of one recording."""
+
+    counts: Counts = field(default_factory=Counts)
+    objects: ObjectCounts = field(default_factory=ObjectCounts)
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """Counts of recordings by name, and what follows from them."""
+
+    recordings: dict[str, Result]
+
+    @property
+    def counts(self) -> Counts:
+        """The points of all recordings, pooled."""
+        return sum((result.counts for result in self.recordings.values()), start=Counts())
+
+    @property
+    def scores(self) -> Scores:
+        """The scores of all points; `scores.iou` is the benchmark's number."""
+        return self.counts.scores
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all scores as plain numbers; ratios in [0, 1], None where nothing was to be found or was found."""
+        return {
+            **_counts_dict(self.counts),
+            "recordings": {
+                name: {**_counts_dict(result.counts), "objects": _objects_dict(result.objects)}
+                for name, result in self.recordings.items()
+            },
+        }
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+
+    def table(self) -> Table:
+        """Return the scores as a table: all points, by range, by recording; ratios in percent."""
+        from rich.table import Table
+
+        table = Table(title="Moving points, as SemanticKITTI-MOS counts them")
+        table.add_column("")
+        for heading in ("IoU %", "precision %", "recall %", "TD", "FD", "FS", "objects found"):
+            table.add_column(heading, justify="right")
+        table.add_row(
+            "all points", *_cells(self.scores), _found(self.recordings.values()), style="bold", end_section=True
+        )
+        for name, scores in self.counts.scores_by_range.items():
+            table.add_row(name, *_cells(scores), "")
+        table.add_section()
+        if len(self.recordings) > 1:
+            for name, result in self.recordings.items():
+                table.add_row(name, *_cells(result.counts.scores), _found([result]))
+        return table
+
+
+# ---------------------------------------------------------------------------------------------------- evaluating
+def evaluate_recordings(
+    predictions: str | Path, sequences: Iterable[Sequence], progress: Progress | None = None
+) -> Report:
+    """Return the scores of the labels in `predictions` on `sequences`; those that came without truth are left out.
+
+    Parameters
+    ----------
+    predictions : for one recording a results folder or a folder of .label files; for several, a folder that holds one
+        such folder of each recording's name, or `sequences/<name>/predictions` as the benchmark wants it.
+    sequences : recordings.
+    progress : called with what is done, scans done and scans in all.
+
+    Raises
+    ------
+    InputError
+        No truth at all, or predictions that are missing or of another length than their scan.
+    """
+    recordings = list(sequences)
+    labeled = [sequence for sequence in recordings if _has_truth(sequence)]
+    if not labeled:
+        raise InputError(f"{_names(recordings)} came without labels: there is no truth to compare with")
+    if len(labeled) < len(recordings):
+        logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labeled))
+    folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labeled}
+    return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labeled})
+
+
+def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress | None = None) -> Result:
+    """Return the counts of one recording whose predictions are `folder / <scan name>.label`.
+
+    Raises
+    ------
+    InputError
+        A prediction that is missing, damaged or of another length than its scan, or truth that is.
+    """
+    folder = Path(folder)
+    counts, objects = Counts(), ObjectCounts()
+    for i, name in enumerate(sequence.names):
+        truth = sequence.truth(i)
+        if truth is not None:
+            prediction = read_prediction(folder / f"{name}.label", len(truth))
+            with np.errstate(invalid="ignore", over="ignore"):
+                ranges = np.linalg.norm(sequence[i].points, axis=1)
+            counts += count(prediction, truth, ranges)
+            objects += count_objects(prediction, truth)
+        if progress is not None:
+            progress(f"evaluating {sequence.name}", i + 1, len(sequence))
+    return Result(counts, objects)
+
+
+def read_prediction(path: Path, n_points: int) -> npt.NDArray[np.uint32]:
+    """Return the (n_points,) uint32 labels in `path`."""
+    try:
+        size = path.stat().st_size
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing; each scan needs a prediction of its name: label the recording again"
+        ) from None
+    if size != 4 * n_points:
+        raise InputError(
+            f"{path} has {size} bytes, but its scan has {n_points} points ({4 * n_points} bytes as uint32); "
+            "it belongs to another scan or was cut short: label the recording again"
+        )
+    return np.fromfile(path, np.uint32)
+
+
+def find_predictions(root: Path, name: str, is_only: bool) -> Path:
+    """Return the folder of recording `name`'s label files; `root` itself may be it if the recording `is_only` one."""
+    homes = [root / name, root / "sequences" / name]
+    if is_only:
+        homes.insert(0, root)
+    for home in homes:
+        for folder in (home / "predictions", home):
+            if any(folder.glob("[!.]*.label")):
+                return folder
+    raise InputError(f"{root} holds no predictions for {name}; give a results folder, or a folder of .label files")
+
+
+def _has_truth(sequence: Sequence) -> bool:
+    return any(sequence.truth(i) is not None for i in range(len(sequence)))
+
+
+def _names(sequences: Iterable[Sequence]) -> str:
+    return ", ".join(sequence.name for sequence in sequences)
+
+
+# ------------------------------------------------------------------------------------------------------- showing
+def _counts_dict(counts: Counts) -> dict[str, Any]:
+    return {
+        "n_scans": counts.n_scans,
+        **_scores_dict(counts.scores),
+        "ranges": {name: _scores_dict(scores) for name, scores in counts.scores_by_range.items()},
+    }
+
+
+def _scores_dict(scores: Scores) -> dict[str, float | int | None]:
+    ratios = {"iou": scores.iou, "precision": scores.precision, "recall": scores.recall}
+    return {**{name: None if math.isnan(value) else value for name, value in ratios.items()}, **asdict(scores)}
+
+
+def _objects_dict(objects: ObjectCounts) -> list[dict[str, float | int]]:
+    columns = (objects.instance, objects.label & 0xFFFF, objects.n_scans, objects.n_points, objects.recall)
+    names = ("instance", "label", "n_scans", "n_points", "recall")
+    return [dict(zip(names, row, strict=True)) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def _cells(scores: Scores) -> list[str]:
+    ratios = (
+        "-" if math.isnan(value) else f"{100 * value:.1f}" for value in (scores.iou, scores.precision, scores.recall)
+    )
+    points = (f"{value:,}" for value in (scores.true_dynamic, scores.false_dynamic, scores.false_static))
+    return [*ratios, *points]
+
+
+def _found(results: Iterable[Result]) -> str:
+    recall = np.concatenate([result.objects.recall for result in results])
+    return f"{int((recall >= FOUND).sum())} of {len(recall)}" if len(recall) else "-"

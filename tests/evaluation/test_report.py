@@ -1,0 +1,168 @@
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from automos.datasets import open_recordings, open_sequence
+from automos.errors import InputError
+from automos.evaluation.report import evaluate_folder, evaluate_recordings
+from automos.labels import Label, to_mos
+
+
+def make_drive(root, name, truth_per_scan):
+    """Write a drive whose points of scan i lie 10, 20, 40 and 60 m away, with the given labels."""
+    drive = root / "sequences" / name
+    (drive / "velodyne").mkdir(parents=True)
+    (drive / "labels").mkdir()
+    for i, truth in enumerate(truth_per_scan):
+        points = np.zeros((len(truth), 4), np.float32)
+        points[:, 0] = np.resize([10, 20, 40, 60], len(truth))
+        points.tofile(drive / "velodyne" / f"{i:06d}.bin")
+        np.array(truth, np.uint32).tofile(drive / "labels" / f"{i:06d}.label")
+    return drive
+
+
+def write_predictions(folder, labels_per_scan):
+    folder.mkdir(parents=True, exist_ok=True)
+    for i, labels in enumerate(labels_per_scan):
+        np.array(labels, np.uint32).tofile(folder / f"{i:06d}.label")
+    return folder
+
+
+CAR = 1 << 16 | 252
+TRUTH = [[CAR, CAR, 9, 0], [CAR, 9, 9, 9]]
+
+
+@pytest.fixture
+def drive(tmp_path):
+    return make_drive(tmp_path / "data", "00", TRUTH)
+
+
+def test_a_folder_of_labels_is_scored_by_hand(drive, tmp_path):
+    folder = write_predictions(tmp_path / "out", [[251, 9, 251, 251], [251, 9, 9, 0]])
+    # TD: 10 m twice. FS: the car at 20 m. FD: the point at 40 m. The unlabeled point at 60 m is ignored.
+    result = evaluate_folder(folder, open_sequence(drive))
+    scores = result.counts.scores
+    assert (scores.true_dynamic, scores.false_dynamic, scores.false_static) == (2, 1, 1)
+    by_range = result.counts.scores_by_range
+    assert [by_range[r].iou for r in ("0-15 m", "15-30 m", "30-50 m")] == [1.0, 0.0, 0.0]
+    assert np.isnan(by_range["50+ m"].iou)
+    np.testing.assert_allclose(result.objects.recall, [2 / 3])
+
+
+@pytest.mark.parametrize("home", ["", "predictions", "00/predictions", "sequences/00/predictions", "00"])
+def test_predictions_are_found_in_results_folders_and_the_benchmarks_layout(drive, tmp_path, home):
+    write_predictions(tmp_path / "out" / home, TRUTH)
+    report = evaluate_recordings(tmp_path / "out", open_recordings(drive))
+    assert report.scores.iou == 1.0
+
+
+def test_recordings_are_pooled_and_listed(drive, tmp_path):
+    make_drive(tmp_path / "data", "01", [[CAR] * 8])
+    write_predictions(tmp_path / "out" / "00" / "predictions", TRUTH)
+    write_predictions(tmp_path / "out" / "01" / "predictions", [[9] * 8])
+    seen = []
+    report = evaluate_recordings(tmp_path / "out", open_recordings(tmp_path / "data"), lambda *step: seen.append(step))
+    assert report.scores.iou == pytest.approx(3 / 11)  # 3 of 3 and 0 of 8
+    values = json.loads(report.to_json())
+    assert values["iou"] == pytest.approx(3 / 11)
+    assert (values["n_scans"], values["true_dynamic"], values["false_static"]) == (3, 3, 8)
+    assert values["recordings"]["00"]["iou"] == 1.0
+    assert values["recordings"]["01"]["recall"] == 0.0
+    assert values["recordings"]["01"]["precision"] is None
+    assert values["recordings"]["01"]["objects"] == [
+        {"instance": 1, "label": 252, "n_scans": 1, "n_points": 8, "recall": 0.0}
+    ]
+    assert values["ranges"]["0-15 m"]["true_dynamic"] == 2
+    assert seen == [("evaluating 00", 1, 2), ("evaluating 00", 2, 2), ("evaluating 01", 1, 1)]
+
+
+def test_the_table_shows_percent_points_and_objects(drive, tmp_path):
+    write_predictions(tmp_path / "out", [[251, 9, 251, 251], [251, 9, 9, 0]])
+    report = evaluate_recordings(tmp_path / "out", [open_sequence(drive)])
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))
+    console.print(report.table())
+    text = console.export_text()
+    line = next(line for line in text.splitlines() if "all points" in line)
+    assert [word for word in line.replace("│", " ").split()] == [
+        "all",
+        "points",
+        "50.0",
+        "66.7",
+        "66.7",
+        "2",
+        "1",
+        "1",
+        "1",
+        "of",
+        "1",
+    ]
+    assert all(name in text for name in ("0-15 m", "15-30 m", "30-50 m", "50+ m"))
+
+
+def test_a_missing_prediction_is_an_error_and_shifts_nothing(drive, tmp_path):
+    folder = write_predictions(tmp_path / "out", TRUTH)
+    (folder / "000000.label").unlink()
+    with pytest.raises(InputError, match=r"000000\.label is missing"):
+        evaluate_folder(folder, open_sequence(drive))
+
+
+@pytest.mark.parametrize("n_bytes", [12, 20, 13, 0])
+def test_a_prediction_of_another_length_is_an_error(drive, tmp_path, n_bytes):
+    folder = write_predictions(tmp_path / "out", TRUTH)
+    (folder / "000001.label").write_bytes(bytes(n_bytes))
+    with pytest.raises(InputError, match=rf"000001\.label has {n_bytes} bytes, but its scan has 4 points"):
+        evaluate_folder(folder, open_sequence(drive))
+
+
+def test_predictions_that_are_nowhere_are_an_error(drive, tmp_path):
+    with pytest.raises(InputError, match="holds no predictions for 00"):
+        evaluate_recordings(tmp_path, [open_sequence(drive)])
+
+
+def test_recordings_without_truth_are_left_out_and_none_with_truth_is_an_error(drive, tmp_path, caplog):
+    bare = make_drive(tmp_path / "data", "01", [[9]])
+    (bare / "labels" / "000000.label").unlink()
+    write_predictions(tmp_path / "out" / "00", TRUTH)
+    report = evaluate_recordings(tmp_path / "out", open_recordings(tmp_path / "data"))
+    assert list(report.recordings) == ["00"]
+    assert "left out, without truth: 01" in caplog.text
+    with pytest.raises(InputError, match="01 came without labels"):
+        evaluate_recordings(tmp_path / "out", [open_sequence(bare)])
+
+
+@pytest.mark.recordings
+def test_a_real_drive_is_scored_from_files_as_from_arrays(recordings, tmp_path):
+    sequence = open_sequence(recordings / "sequences" / "kitti_0005")
+    kept = range(0, 154, 30)
+
+    class Part(type(sequence)):
+        """Every thirtieth scan."""
+
+        def truth(self, index):
+            return super().truth(index) if index in kept else None
+
+    part = Part(sequence.source)
+    true_dynamic = false_dynamic = false_static = 0
+    for i in kept:
+        # Called moving: everything between 5 and 15 m ahead.
+        x = sequence[i].points[:, 0]
+        is_moving = (x > 5) & (x < 15)
+        np.where(is_moving, 251, 9).astype(np.uint32).tofile(tmp_path / f"{sequence.names[i]}.label")
+        truth = to_mos(sequence.truth(i))
+        true_dynamic += int((is_moving & (truth == Label.MOVING)).sum())
+        false_dynamic += int((is_moving & (truth == Label.STATIC)).sum())
+        false_static += int((~is_moving & (truth == Label.MOVING)).sum())
+    result = evaluate_folder(tmp_path, part)
+    assert result.counts.n_scans == len(kept)
+    scores = result.counts.scores
+    assert (scores.true_dynamic, scores.false_dynamic, scores.false_static) == (
+        true_dynamic,
+        false_dynamic,
+        false_static,
+    )
+    assert min(true_dynamic, false_dynamic, false_static) > 0
+    by_range = sum(scores.true_dynamic for scores in result.counts.scores_by_range.values())
+    assert by_range == true_dynamic
+    assert result.objects.n_found.sum() == true_dynamic
