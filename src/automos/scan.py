@@ -16,6 +16,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import transform
+
 Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -193,8 +195,7 @@ class Frame:
     @cached_property
     def points_level(self) -> Points:
         """(M, 3) float32, metres, level frame."""
-        T = self.T_level_sensor
-        return (self.points @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)).astype(np.float32)
+        return transform(self.T_level_sensor, self.points)
 
     @property
     def origin_level(self) -> npt.NDArray[np.float64]:

@@ -89,44 +89,44 @@ def choose_segments(
     n_levels, n = nested.shape
     if n == 0:
         return np.full(0, -1, np.int32), np.zeros(0)
-    mass, value, extent = [], [], []
-    for level in nested:
-        count = level.max() + 1
-        m = np.bincount(level, weight, count)
-        mass.append(m)
-        value.append(np.bincount(level, weight * score, count) / m)
-        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-        np.minimum.at(low, level, points[:, :2])
-        np.maximum.at(high, level, points[:, :2])
-        extent.append((high - low).max(axis=1))
+    summaries = [_summarise(level, weight, score, points) for level in nested]
 
-    # From fine to coarse: the best that a segment's subtree reaches, and whether it is the segment itself.
-    best = [
-        np.where((m >= min_points) & (e <= max_extent), v, -1.0) for m, v, e in zip(mass, value, extent, strict=True)
-    ]
+    # From fine to coarse: the best that a segment's subtree reaches, -1 where nothing in it is usable.
+    best = [np.where((mass >= min_points) & (extent <= max_extent), value, -1.0) for mass, value, extent in summaries]
     keep = [b >= 0.0 for b in best]
     for level in range(n_levels - 2, -1, -1):
-        child_ids, first = np.unique(nested[level + 1], return_index=True)
-        parent_of = nested[level][first]
-        usable = best[level + 1][child_ids] >= 0.0
-        total = np.bincount(parent_of[usable], mass[level + 1][child_ids][usable], len(mass[level]))
-        reached = np.bincount(
-            parent_of[usable], (mass[level + 1] * best[level + 1])[child_ids][usable], len(mass[level])
-        )
+        mass = np.where(best[level + 1] >= 0.0, summaries[level + 1][0], 0.0)
+        parent = np.zeros(len(mass), np.int64)
+        parent[nested[level + 1]] = nested[level]
+        total = np.bincount(parent, mass, len(best[level]))
+        reached = np.bincount(parent, mass * best[level + 1], len(best[level]))
         children = np.divide(reached, total, out=np.full(len(total), -1.0), where=total > 0)
-        split = children > best[level] + 1e-9
-        keep[level] &= ~split
-        best[level] = np.where(split, children, best[level])
+        is_split = children > best[level] + 1e-9
+        keep[level] &= ~is_split
+        best[level] = np.where(is_split, children, best[level])
 
-    ids, scores = np.full(n, -1, np.int32), []
-    is_open = np.ones(n, bool)
+    ids, scores, is_open = np.full(n, -1, np.int32), [], np.ones(n, bool)
     for level in range(n_levels):
-        chosen = np.flatnonzero(keep[level])
-        rank = np.full(len(mass[level]), -1)
         taken = is_open & keep[level][nested[level]]
-        present = np.intersect1d(chosen, nested[level][taken])
-        rank[present] = len(scores) + np.arange(len(present))
-        ids[taken] = rank[nested[level][taken]]
-        scores.extend(value[level][present])
+        present, rank = np.unique(nested[level][taken], return_inverse=True)
+        ids[taken] = sum(map(len, scores)) + rank
+        scores.append(summaries[level][1][present])
         is_open &= ~taken
-    return ids, np.asarray(scores, np.float64)
+    return ids, np.concatenate(scores)
+
+
+@numba.njit(cache=True, nogil=True)
+def _summarise(level, weight, score, points):  # type: ignore[no-untyped-def]
+    """Return mass, weighted mean score and longest ground extent (S,) of each segment of one level."""
+    count = level.max() + 1
+    mass, value = np.zeros(count), np.zeros(count)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    for i in range(len(level)):
+        s = level[i]
+        mass[s] += weight[i]
+        value[s] += weight[i] * score[i]
+        for a in range(2):
+            low[s, a] = min(low[s, a], points[i, a])
+            high[s, a] = max(high[s, a], points[i, a])
+    extent = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])
+    return mass, value / mass, extent
