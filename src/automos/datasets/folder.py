@@ -34,6 +34,8 @@ def open_recording(path: Path, codec: str | None = None) -> FolderSequence:
 class FolderSequence(Sequence):
     """Scans that lie as one file each in one folder. Holds names, not points; files are read when asked for."""
 
+    source: Path
+
     def __init__(self, source: Path, scan_folder: str = ".", codec: str | None = None):
         """List the scans in `source / scan_folder`; the recording's other files are looked for in `source`.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from automos.datasets.columns import Columns
 from automos.datasets.lzf import decompress
+from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.scan import Pose
@@ -111,19 +112,8 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
 
 
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
-    lines = body.decode("ascii", "replace").split("\n")
-    rows = [line for line in lines if line.strip()][: header.n_points]
-    if len(rows) < header.n_points:
-        raise InputError(
-            f"{path} is cut short: {len(rows)} points, but its header promises {header.n_points}; copy it again"
-        )
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
-    try:
-        matrix = np.loadtxt(rows, ndmin=2) if rows else np.zeros((0, sum(widths)))
-    except ValueError as error:
-        raise InputError(f"{path} holds points that are no numbers: {error}") from None
-    if matrix.shape[1] != sum(widths):
-        raise InputError(f"{path} has {matrix.shape[1]} numbers a point, but its header names {sum(widths)}")
+    matrix = parse_points(path, body, sum(widths), 0, header.n_points)
     first = dict(zip(header.dtype.names or (), np.cumsum([0, *widths]), strict=False))
     return {name: matrix[:, first[name]] for name in _scalar_fields(header.dtype)}
 

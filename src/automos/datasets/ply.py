@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets.columns import Columns
+from automos.datasets.text import parse_points
 from automos.errors import InputError
 
 _TYPES = {
@@ -97,16 +98,5 @@ def _dtype(element: _Element, order: str) -> np.dtype:
 
 
 def _from_text(body: bytes, n_skipped: int, vertex: _Element, path: Path) -> Columns:
-    rows = [line for line in body.decode("ascii", "replace").split("\n") if line.strip()]
-    rows = rows[n_skipped : n_skipped + vertex.count]
-    if len(rows) < vertex.count:
-        raise InputError(
-            f"{path} is cut short: {len(rows)} points, but its header promises {vertex.count}; copy it again"
-        )
-    try:
-        matrix = np.loadtxt(rows, ndmin=2) if rows else np.zeros((0, len(vertex.fields)))
-    except ValueError as error:
-        raise InputError(f"{path} holds points that are no numbers: {error}") from None
-    if matrix.shape[1] != len(vertex.fields):
-        raise InputError(f"{path} has {matrix.shape[1]} numbers a point, but its header names {len(vertex.fields)}")
+    matrix = parse_points(path, body, len(vertex.fields), n_skipped, vertex.count)
     return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}

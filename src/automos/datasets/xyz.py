@@ -6,28 +6,30 @@ first line that names x, y and z names the columns.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from automos.datasets.columns import Columns, from_matrix
+from automos.datasets.text import parse_table
 from automos.errors import InputError
 
-_DIVIDERS = str.maketrans(",;\t", "   ")
-_COMMENTS = ("#", "//")
+_DIVIDERS = bytes.maketrans(b",;", b"  ")
+_COMMENT = re.compile(rb"(#|//)[^\n]*")
 
 
 def read(path: Path) -> Columns:
     """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
-    lines = [line for line in path.read_text(errors="replace").translate(_DIVIDERS).splitlines() if line.strip()]
-    names = _names(lines[0]) if lines else []
-    rows = [line for line in lines[1 if names else 0 :] if not line.lstrip().startswith(_COMMENTS)]
-    if not rows:
-        return from_matrix(np.zeros((0, 3)), path)
+    text = path.read_bytes().lstrip().translate(_DIVIDERS)
+    first_line, _, rest = text.partition(b"\n")
+    names = _names(first_line.decode("utf-8", "replace"))
     try:
-        matrix = np.loadtxt(rows, comments=list(_COMMENTS), ndmin=2)
+        matrix = parse_table(_without_comments(rest if names else text))
     except ValueError as error:
         raise InputError(f"{path} is not a table of numbers: {error}") from None
+    if len(matrix) == 0:
+        matrix = np.zeros((0, len(names) or 3))
     if not names:
         return from_matrix(matrix, path)
     if len(names) != matrix.shape[1]:
@@ -35,10 +37,14 @@ def read(path: Path) -> Columns:
     return dict(zip(names, matrix.T, strict=True))
 
 
+def _without_comments(text: bytes) -> bytes:
+    return _COMMENT.sub(b"", text) if b"#" in text or b"//" in text else text
+
+
 def _names(first_line: str) -> list[str]:
     """Return the column names that the first line holds, none if it holds numbers or a remark."""
     words = first_line.lstrip("#/ ").split()
-    if first_line.lstrip().startswith(_COMMENTS):
+    if first_line.startswith(("#", "//")):
         return words if {"x", "y", "z"} <= {word.lower() for word in words} else []
     try:
         [float(word) for word in words]
