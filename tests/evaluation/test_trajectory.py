@@ -94,6 +94,32 @@ def test_a_constant_turn_is_a_drift_in_degrees_per_metre():
     np.testing.assert_allclose(errors.translation, 0.5 * np.radians(0.51) * 51, rtol=2e-2)
 
 
+def test_the_drift_is_that_of_kittis_loops():
+    reference, rng = curved(400), np.random.default_rng(1)
+    estimate = [np.eye(4)]
+    for step in inverse(reference[:-1]) @ reference[1:]:
+        estimate.append(estimate[-1] @ step @ se3_exp(rng.normal(scale=0.01, size=6)))
+    estimate = np.stack(estimate)
+    # The devkit, in plain loops: distances, last frame further than the length, error of the motion between the two.
+    distances = [0.0]
+    for i in range(1, 400):
+        distances.append(distances[-1] + np.linalg.norm(reference[i, :3, 3] - reference[i - 1, :3, 3]))
+    t_err, r_err = [], []
+    for first in range(0, 400, 10):
+        for length in (100, 200, 300):
+            last = next((i for i in range(first, 400) if distances[i] > distances[first] + length), None)
+            if last is None:
+                continue
+            wanted = np.linalg.inv(reference[first]) @ reference[last]
+            error = np.linalg.inv(np.linalg.inv(estimate[first]) @ estimate[last]) @ wanted
+            t_err.append(np.linalg.norm(error[:3, 3]) / length)
+            r_err.append(np.arccos((np.trace(error[:3, :3]) - 1) / 2) / length)
+    result = drift(estimate, reference, lengths=(100, 200, 300))
+    assert result.n_segments == len(t_err) > 50
+    assert result.t_err == pytest.approx(100 * np.mean(t_err))
+    assert result.r_err == pytest.approx(np.degrees(np.mean(r_err)))
+
+
 def test_the_mean_is_over_segments_of_all_lengths_together():
     # A jump of 1 m at scan 50 of 100: L = 10 has starts 0..88, of them 39..49 cross; L = 40 starts 0..58, 9..49 cross.
     reference = straight(100)
