@@ -1,8 +1,8 @@
 """Worlds with exact truth: a LiDAR simulator for testing, developing and showing labelers.
 
-    >>> from automos import simulation
-    >>> sequence = simulation.simulate("city", "HDL-64E", n_scans=20, seed=0)
-    >>> scan, labels = sequence[3], sequence.truth(3)
+>>> from automos import simulation
+>>> sequence = simulation.simulate("city", "HDL-64E", n_scans=20, seed=0)
+>>> scan, labels = sequence[3], sequence.truth(3)
 """
 
 from automos.simulation.api import FORMAT, SCENARIOS, SENSORS, simulate

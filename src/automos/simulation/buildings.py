@@ -14,7 +14,9 @@ from automos.simulation.mesh import Mesh, box, join, quads, rod
 Array = npt.NDArray[np.float64]
 
 
-def _wall_with_holes(width: float, z0: float, z1: float, holes: Array, material: Material, tint: float, recess: float) -> Mesh:
+def _wall_with_holes(
+    width: float, z0: float, z1: float, holes: Array, material: Material, tint: float, recess: float
+) -> Mesh:
     """Return a wall in y = 0 with rectangular `holes` (H, 4: x0, x1, z0, z1) in one row, panes set back by `recess`."""
     if len(holes) == 0:
         return quads([[(0, 0, z0), (width, 0, z0), (width, 0, z1), (0, 0, z1)]], material, tint)
@@ -39,7 +41,9 @@ def _storey(width: float, z0: float, height: float, rng: np.random.Generator, ba
     share = rng.uniform(0.72, 0.85) if shop else rng.uniform(0.36, 0.55)
     low, high = (0.25, 0.88) if shop else (0.32, 0.80)
     half = 0.5 * share * width / n
-    return np.column_stack([centers - half, centers + half, np.full(n, z0 + low * height), np.full(n, z0 + high * height)])
+    return np.column_stack(
+        [centers - half, centers + half, np.full(n, z0 + low * height), np.full(n, z0 + high * height)]
+    )
 
 
 def make_building(
@@ -55,7 +59,11 @@ def make_building(
     parts = []
     for k in range(storeys):
         z0, z1 = k * storey_height - (0.6 if k == 0 else 0.0), (k + 1) * storey_height
-        holes = np.zeros((0, 4)) if smooth and rng.random() < 0.5 else _storey(width, k * storey_height, storey_height, rng, bay, shop and k == 0)
+        holes = (
+            np.zeros((0, 4))
+            if smooth and rng.random() < 0.5
+            else _storey(width, k * storey_height, storey_height, rng, bay, shop and k == 0)
+        )
         if len(holes) and rng.random() < 0.5 and k == 0:
             holes[int(rng.integers(len(holes))), 2] = 0.05  # the door
         parts.append(_wall_with_holes(width, z0, z1, holes, material, tint, recess))
@@ -78,8 +86,17 @@ def _balcony(hole: Array, rng: np.random.Generator) -> Mesh:
     width = x1 - x0 + 0.8
     floor = low - 0.5
     slab = box((width, depth, 0.15), (center, -0.5 * depth, floor), Material.STONE)
-    rails = [rod((x, -depth, floor), (x, -depth, floor + 1.0), 0.015, Material.METAL, sections=3) for x in np.linspace(center - width / 2, center + width / 2, 9)]
-    bar = rod((center - width / 2, -depth, floor + 1.0), (center + width / 2, -depth, floor + 1.0), 0.025, Material.METAL, sections=4)
+    rails = [
+        rod((x, -depth, floor), (x, -depth, floor + 1.0), 0.015, Material.METAL, sections=3)
+        for x in np.linspace(center - width / 2, center + width / 2, 9)
+    ]
+    bar = rod(
+        (center - width / 2, -depth, floor + 1.0),
+        (center + width / 2, -depth, floor + 1.0),
+        0.025,
+        Material.METAL,
+        sections=4,
+    )
     return join([slab, bar, *rails])
 
 
@@ -87,7 +104,9 @@ def _oriel(x: float, width: float, z0: float, z1: float, material: Material, tin
     return box((width, 0.8, z1 - z0 - 0.5), (x + 0.5 * width, -0.4, 0.5 * (z0 + z1)), material, tint)
 
 
-def _sides_and_roof(width: float, depth: float, height: float, rng: np.random.Generator, material: Material, tint: float) -> Mesh:
+def _sides_and_roof(
+    width: float, depth: float, height: float, rng: np.random.Generator, material: Material, tint: float
+) -> Mesh:
     low = -0.6
     sides = [
         [(0, 0, low), (0, depth, low), (0, depth, height), (0, 0, height)],
@@ -115,7 +134,9 @@ def make_house(rng: np.random.Generator) -> Mesh:
 
 def make_wall(rng: np.random.Generator, length: float, height: float) -> Mesh:
     """Return a garden or retaining wall along +x."""
-    return box((length, 0.25, height + 0.6), (0.5 * length, 0.0, 0.5 * height - 0.3), Material.STONE, rng.uniform(0.6, 1.4))
+    return box(
+        (length, 0.25, height + 0.6), (0.5 * length, 0.0, 0.5 * height - 0.3), Material.STONE, rng.uniform(0.6, 1.4)
+    )
 
 
 def make_fence(rng: np.random.Generator, length: float, height: float = 1.2) -> Mesh:
@@ -125,6 +146,8 @@ def make_fence(rng: np.random.Generator, length: float, height: float = 1.2) -> 
     pickets = np.arange(0.0, length, spacing)
     parts = [box((0.09, 0.09, height + 0.3), (x, 0, 0.5 * height - 0.1), Material.BARK) for x in posts]
     corners = np.array([(-0.04, 0, 0.12), (0.04, 0, 0.12), (0.04, 0, height), (-0.04, 0, height)])
-    parts.append(quads(corners[None] + pickets[:, None, None] * np.array([1.0, 0, 0]), Material.BARK, rng.uniform(0.7, 1.5)))
+    parts.append(
+        quads(corners[None] + pickets[:, None, None] * np.array([1.0, 0, 0]), Material.BARK, rng.uniform(0.7, 1.5))
+    )
     parts += [box((length, 0.04, 0.08), (0.5 * length, 0.03, z), Material.BARK) for z in (0.3, 0.85 * height)]
     return join(parts)

@@ -6,135 +6,133 @@ sweeps are distorted by both motions as real ones are.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import column
-from automos.simulation.mesh import Mesh
+from automos.geometry import inverse
+from automos.simulation.ego import ego_body
+from automos.simulation.motion import transforms
+from automos.simulation.scene import EGO, Hits, Scene
+from automos.simulation.sensors import SECTORS, Pattern
+from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
-EGO = -1
-"""Object id of the ego vehicle's own body."""
-_BEHIND_PANE = 0.02
-"""Metres behind a pane where a beam that passed it starts again."""
-_MAX_PANES = 4
+_OWN_TURN = 0.06
+"""Radians, more than a sensor turns with its vehicle during half a sweep."""
 
 
-@dataclass(eq=False)
-class Hits:
-    """The nearest surface on each of N beams.
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """The beams of one sweep in the site frame.
 
     Attributes
     ----------
-    distance : (N,) float32 metres, inf where nothing is hit.
-    material : (N,) uint8.
-    tint : (N,) float32.
-    cosine : (N,) float32 of the angle of incidence.
-    object : (N,) int32, id of the object hit, 0 for scenery, EGO for the ego's own body.
-    lost : (N,) bool, the surface swallowed the beam.
+    origin, direction : (N, 3) float32.
+    pattern : the same beams in the sensor frame.
+    T_middle : (4, 4) T_site_sensor at mid-sweep.
+    drift : metres the sensor moves during half the sweep.
     """
 
-    distance: Array32
-    material: npt.NDArray[np.uint8]
-    tint: Array32
-    cosine: Array32
-    object: npt.NDArray[np.int32]
-    lost: npt.NDArray[np.bool_]
+    origin: Array32
+    direction: Array32
+    pattern: Pattern
+    T_middle: Array
+    drift: float
 
     @staticmethod
-    def none(n: int, reach: float) -> Hits:
-        """Return no hits for `n` beams of `reach` metres."""
-        return Hits(
-            np.full(n, reach, np.float32),
-            np.zeros(n, np.uint8),
-            np.zeros(n, np.float32),
-            np.ones(n, np.float32),
-            np.zeros(n, np.int32),
-            np.ones(n, np.bool_),
-        )
+    def of(pattern: Pattern, T_site_sensor: Array) -> Beams:
+        """Return the beams of `pattern` fired at the (C, 4, 4) poses of their columns."""
+        origin, direction = np.empty_like(pattern.direction), np.empty_like(pattern.direction)
+        _carry(pattern.direction, pattern.column, T_site_sensor, origin, direction)
+        middle = T_site_sensor[len(T_site_sensor) // 2]
+        drift = float(np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - middle[:3, 3], axis=1).max())
+        return Beams(origin, direction, pattern, middle, drift)
 
 
-class Scene:
-    """A mesh ready to be hit. Not picklable, as the ray tracer's trees are not."""
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """What moves or sways during a sweep: where it is at the sweep's start and end, and the sphere that holds it."""
 
-    def __init__(self, mesh: Mesh, owner: npt.NDArray[np.int32] | int):
-        """Build the tree over `mesh`; `owner` is the object id of each face, or of all."""
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
+    key: tuple[str, int, int]
+    start: Array
+    end: Array
+    center: Array
+    radius: float
 
-        self._scene = EmbreeScene()
-        vertices = np.ascontiguousarray(mesh.vertices, np.float32)
-        TriangleMesh(self._scene, vertices, np.ascontiguousarray(mesh.faces, np.int32))
-        corners = mesh.vertices[mesh.faces]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        self._normal = normal.astype(np.float32)
-        self._material = mesh.material
-        self._tint = mesh.tint
-        self._owner = np.broadcast_to(np.asarray(owner, np.int32), len(mesh.faces))
-        lost, passed = column("lost"), column("passed")
-        self._lost = lost[mesh.material]
-        self._passed = passed[mesh.material]
 
-    def first(self, origin: Array32, direction: Array32, reach: Array32) -> tuple[npt.NDArray[np.int32], Array32]:
-        """Return ((N,) face or -1, (N,) distance) of the first face on each beam within `reach`."""
-        found = self._scene.run(origin, direction, dists=reach, output=True)
-        return found["primID"], found["tfar"]
+class Caster:
+    """Casts beams into a world. Holds the ray tracer's trees: cheap to use, not to be pickled."""
 
-    def cast(self, origin: Array32, direction: Array32, hits: Hits, rows: npt.NDArray[np.int64] | None, chance: Array32) -> None:
-        """Update `hits` (at `rows`, all where None) where this scene is nearer.
+    def __init__(self, world: World):
+        """Build the tree of what stands still in `world`; those of moving bodies are built when first needed."""
+        self._world = world
+        self.still = Scene(world.static, world.static_object)
+        self._ego = Scene(ego_body(), EGO)
+        self._scenes: dict[tuple[str, int, int], Scene] = {}
 
-        `chance` (N,) in [0, 1) decides for each beam whether a pane swallows, passes or returns it.
+    def sweep(
+        self,
+        pattern: Pattern,
+        T_site_sensor: Array,
+        T_body_sensor: Array,
+        times: tuple[float, float],
+        reach: float,
+        chance: Array32,
+    ) -> Hits:
+        """Return what each beam of a sweep hits first: the ego itself, the still world, or a body on the move.
+
+        Parameters
+        ----------
+        pattern : N beams.
+        T_site_sensor : (C, 4, 4) the sensor's pose at each column.
+        T_body_sensor : (4, 4) its place on the ego vehicle.
+        times : seconds, start and end of the sweep.
+        reach : metres.
+        chance : (N,) in [0, 1), decides what panes do with each beam.
         """
-        best = hits.distance if rows is None else hits.distance[rows]
-        face, distance = self.first(origin, direction, best)
-        found = np.flatnonzero(face >= 0)
-        if len(found) == 0:
-            return
-        face, distance, chance = face[found], distance[found], chance[found]
-        face, distance = self._through_panes(origin, direction, best, found, face, distance, chance)
-        kept = face >= 0
-        found, face, distance, chance = found[kept], face[kept], distance[kept], chance[kept]
-        at = found if rows is None else rows[found]
-        hits.distance[at] = distance
-        hits.material[at] = self._material[face]
-        hits.tint[at] = self._tint[face]
-        hits.cosine[at] = np.abs(np.einsum("ij,ij->i", self._normal[face], direction[found]))
-        hits.object[at] = self._owner[face]
-        hits.lost[at] = chance < self._lost[face]
+        hits = Hits.none(len(pattern.direction), reach)
+        own = (pattern.direction @ T_body_sensor[:3, :3].T).astype(np.float32)
+        mount = np.broadcast_to(T_body_sensor[:3, 3].astype(np.float32), own.shape).copy()
+        self._ego.cast(mount, own, hits, None, chance.copy())
+        beams = Beams.of(pattern, T_site_sensor)
+        self.still.cast(beams.origin, beams.direction, hits, None, chance.copy())
+        for body in self._bodies(*times):
+            rows = _near_rows(beams, body, hits.distance)
+            if len(rows):
+                origin, direction = np.empty((2, len(rows), 3), np.float32)
+                _into_body(beams.origin, beams.direction, pattern.phase, rows, body.start, body.end, origin, direction)
+                self._scene(body.key).cast(origin, direction, hits, rows, chance[rows])
+        return hits
 
-    def _through_panes(self, origin, direction, best, found, face, distance, chance):  # type: ignore[no-untyped-def]
-        """Return face and distance with the beams that pass panes followed to what is behind them."""
-        for _ in range(_MAX_PANES):
-            lost, passed = self._lost[face], self._passed[face]
-            goes_on = np.flatnonzero((face >= 0) & (chance >= lost) & (chance < lost + passed))
-            if len(goes_on) == 0:
-                break
-            chance[goes_on] = (chance[goes_on] - lost[goes_on]) / passed[goes_on]
-            rays = found[goes_on]
-            start = distance[goes_on] + np.float32(_BEHIND_PANE)
-            left = np.maximum(best[rays] - start, 0.0).astype(np.float32)
-            next_face, further = self.first(origin[rays] + start[:, None] * direction[rays], direction[rays], left)
-            face[goes_on] = next_face
-            distance[goes_on] = start + further
-        return face, distance
+    def _bodies(self, start: float, end: float) -> Iterator[_Body]:
+        world = self._world
+        state_a, travelled, present_a = world.motion.at(start)
+        state_b, _, present_b = world.motion.at(end)
+        for k in np.flatnonzero(present_a & present_b):
+            thing = world.movers[k]
+            frame = int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)
+            yield _Body(("mover", int(k), frame), state_a[k], state_b[k], thing.center, thing.radius)
+        for k, sway in enumerate(world.swaying):
+            yield _Body(("sway", k, 0), sway.state(start), sway.state(end), sway.center, sway.radius)
 
-
-def sweep_rays(direction: Array32, column_of: npt.NDArray[np.int32], poses: Array) -> tuple[Array32, Array32]:
-    """Return ((N, 3) origins, (N, 3) directions) in the site frame of beams fired at the (C, 4, 4) `poses` of their column."""
-    origins = np.empty_like(direction)
-    turned = np.empty_like(direction)
-    _sweep_rays(direction, column_of, poses, origins, turned)
-    return origins, turned
+    def _scene(self, key: tuple[str, int, int]) -> Scene:
+        if key not in self._scenes:
+            kind, k, frame = key
+            if kind == "sway":
+                self._scenes[key] = Scene(self._world.swaying[k].mesh, 0)
+            else:
+                self._scenes[key] = Scene(self._world.movers[k].frames[frame], len(self._world.parked) + k + 1)
+        return self._scenes[key]
 
 
 @numba.njit(cache=True, nogil=True)
-def _sweep_rays(direction, column_of, poses, origins, turned):  # type: ignore[no-untyped-def]
+def _carry(direction, column_of, poses, origins, turned):  # type: ignore[no-untyped-def]
     for i in range(len(direction)):
         T = poses[column_of[i]]
         x, y, z = direction[i]
@@ -143,51 +141,47 @@ def _sweep_rays(direction, column_of, poses, origins, turned):  # type: ignore[n
             origins[i, k] = T[k, 3]
 
 
-def rays_at_body(
-    origins: Array32, directions: Array32, phase: Array32, reach: Array32, start: Array, end: Array, center: Array, radius: float
-) -> tuple[npt.NDArray[np.int64], Array32, Array32]:
-    """Return the beams that may hit a body, in the body's frame.
-
-    Parameters
-    ----------
-    origins, directions : (N, 3) site frame.
-    phase : (N,) in [-0.5, 0.5], when in the sweep.
-    reach : (N,) metres, the nearest hit so far.
-    start, end : (6,) states of the body at the sweep's start and end; in between it moves evenly.
-    center : (3,) middle of the body, body frame.
-    radius : metres, of the sphere about `center` that holds the body.
-
-    Returns
-    -------
-    (K,) rows, (K, 3) origins and (K, 3) directions in the body frame.
-    """
-    from automos.simulation.motion import transforms
-
-    middle = transforms(0.5 * (start + end))
-    here = middle[:3, :3] @ center + middle[:3, 3]
-    margin = radius + 0.5 * float(np.linalg.norm(end[:3] - start[:3])) + 0.6 * radius * abs(end[3] - start[3])
-    rows = _near_rays(origins, directions, reach, here, margin)
-    local_origins = np.empty((len(rows), 3), np.float32)
-    local_directions = np.empty((len(rows), 3), np.float32)
-    _into_body(origins, directions, phase, rows, start, end, local_origins, local_directions)
-    return rows, local_origins, local_directions
+def _near_rows(beams: Beams, body: _Body, distance: Array32) -> npt.NDArray[np.int64]:
+    """Return (K,) rows of the beams that may hit `body` nearer than `distance` (N,): first by sector, then by its sphere."""
+    middle = transforms(0.5 * (body.start + body.end))
+    center = middle[:3, :3] @ body.center + middle[:3, 3]
+    own_motion = 0.5 * float(np.linalg.norm(body.end[:3] - body.start[:3]))
+    radius = body.radius * (1.0 + 0.6 * abs(body.end[3] - body.start[3])) + own_motion
+    x, y, _ = inverse(beams.T_middle)[:3] @ [*center, 1.0]
+    away, wide = np.hypot(x, y), radius + beams.drift
+    half = np.pi if wide >= away else np.arcsin(wide / away) + _OWN_TURN
+    first = int(np.floor((np.arctan2(y, x) - half) / (2 * np.pi) * SECTORS))
+    n_sectors = min(int(np.ceil(2 * half / (2 * np.pi) * SECTORS)) + 1, SECTORS)
+    pattern = beams.pattern
+    return _near_in_sectors(
+        pattern.by_sector,
+        pattern.sector_starts,
+        first,
+        n_sectors,
+        beams.origin,
+        beams.direction,
+        distance,
+        center,
+        radius,
+    )
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_rays(origins, directions, reach, center, radius):  # type: ignore[no-untyped-def]
+def _near_in_sectors(by_sector, starts, first, n_sectors, origins, directions, distance, center, radius):  # type: ignore[no-untyped-def]
+    n_all = len(starts) - 1
     rows = np.empty(len(origins), np.int64)
     n = 0
     r2 = radius * radius
-    for i in range(len(origins)):
-        x, y, z = center[0] - origins[i, 0], center[1] - origins[i, 1], center[2] - origins[i, 2]
-        along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
-        off2 = x * x + y * y + z * z - along * along
-        if off2 > r2 or along < -radius:
-            continue
-        if along - np.sqrt(r2 - off2) > reach[i]:
-            continue
-        rows[n] = i
-        n += 1
+    for sector in range(first, first + n_sectors):
+        for j in range(starts[sector % n_all], starts[sector % n_all + 1]):
+            i = by_sector[j]
+            x, y, z = center[0] - origins[i, 0], center[1] - origins[i, 1], center[2] - origins[i, 2]
+            along = x * directions[i, 0] + y * directions[i, 1] + z * directions[i, 2]
+            off2 = x * x + y * y + z * z - along * along
+            if off2 > r2 or along < -radius or along - np.sqrt(r2 - off2) > distance[i]:
+                continue
+            rows[n] = i
+            n += 1
     return rows[:n].copy()
 
 

@@ -46,7 +46,9 @@ def make_bollard() -> Mesh:
 
 def make_bin() -> Mesh:
     """Return a litter bin on a post."""
-    return join([rod((0, 0, -0.2), (0, 0, 1.1), 0.04, METAL), box((0.35, 0.35, 0.55), (0, -0.2, 0.8), Material.PLASTIC)])
+    return join(
+        [rod((0, 0, -0.2), (0, 0, 1.1), 0.04, METAL), box((0.35, 0.35, 0.55), (0, -0.2, 0.8), Material.PLASTIC)]
+    )
 
 
 def make_bench() -> Mesh:
@@ -77,7 +79,9 @@ def make_cabinet(rng: np.random.Generator) -> Mesh:
     """Return a distribution cabinet or litter container."""
     if rng.random() < 0.5:
         return box((1.1, 0.4, 1.2), (0, 0, 0.55), Material.PLASTIC, 1.4)
-    return join([box((0.7, 0.75, 0.95), (0, 0, 0.62), Material.PLASTIC), box((0.6, 0.6, 0.15), (0, 0, 0.08), Material.RUBBER)])
+    return join(
+        [box((0.7, 0.75, 0.95), (0, 0, 0.62), Material.PLASTIC), box((0.6, 0.6, 0.15), (0, 0, 0.08), Material.RUBBER)]
+    )
 
 
 def make_guard_rail(length: float) -> Mesh:
@@ -116,16 +120,23 @@ def make_gantry(width: float) -> Mesh:
     return join(parts)
 
 
-def make_bridge(span: float, width: float, clearance: float) -> Mesh:
-    """Return a flat bridge along x over `span` metres, centred on the origin, with parapets and piers."""
+DECK_THICKNESS = 1.1
+"""Metres."""
+
+
+def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -> Mesh:
+    """Return a flat bridge along x over `span` metres, centred on the origin, its piers `clear_of` metres off the middle."""
     half = 0.5 * width
-    parts = [box((span, width, 1.1), (0, 0, clearance + 0.55), Material.STONE)]
+    parts = [box((span, width, DECK_THICKNESS), (0, 0, clearance + 0.5 * DECK_THICKNESS), Material.STONE)]
     for side in (-1.0, 1.0):
-        parts.append(box((span, 0.25, 1.0), (0, side * (half - 0.12), clearance + 1.6), Material.STONE, 1.1))
-    for x in (-0.27 * span, 0.27 * span):
-        parts += [rod((x, y, -1.0), (x, y, clearance), 0.45, Material.STONE, sections=12) for y in (-0.3 * width, 0.3 * width)]
-    for x in (-0.5 * span, 0.5 * span):
-        parts.append(box((1.2, width, clearance + 2.0), (x, 0, 0.5 * clearance - 0.5), Material.STONE))
+        parts.append(
+            box((span, 0.25, 1.0), (0, side * (half - 0.12), clearance + DECK_THICKNESS + 0.5), Material.STONE, 1.1)
+        )
+    for x in np.arange(clear_of + 2.0, 0.5 * span, 18.0):
+        for y in (-0.3 * width, 0.3 * width):
+            parts += [
+                rod((s * x, y, -8.0), (s * x, y, clearance), 0.45, Material.STONE, sections=12) for s in (-1.0, 1.0)
+            ]
     return join(parts)
 
 

@@ -6,6 +6,7 @@ from `trimesh`. Units are metres; x is forward, y left, z up, and z = 0 is the g
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -96,7 +97,9 @@ def quads(corners: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh
     return from_faces(corners.reshape(-1, 3), faces, material, tint)
 
 
-_BOX_CORNERS = np.array([[x, y, z] for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))])
+_BOX_CORNERS = np.array(
+    [[x, y, z] for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
+)
 _BOX_RIMS = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
@@ -124,13 +127,14 @@ def rod(
     sections: int = 8,
 ) -> Mesh:
     """Return a cylinder from `start` to `end`, tapered where `end_radius` is given."""
-    from automos.geometry import rotation_between
-
     vertices, faces = _unit_cylinder(sections)
-    axis = np.asarray(end, np.float64) - start
-    width = radius + ((radius if end_radius is None else end_radius) - radius) * vertices[:, 2]
-    shaped = np.column_stack([vertices[:, 0] * width, vertices[:, 1] * width, vertices[:, 2] * np.linalg.norm(axis)])
-    return from_faces(shaped @ rotation_between([0.0, 0.0, 1.0], axis).T + start, faces, material, tint)
+    x, y, z = (float(b) - float(a) for a, b in zip(start, end, strict=True))
+    length, level = math.sqrt(x * x + y * y + z * z), math.hypot(x, y)
+    across = (-y / level, x / level, 0.0) if level > 1e-9 else (0.0, 1.0, 0.0)
+    up = (across[1] * z, -across[0] * z, across[0] * y - across[1] * x)  # across x axis, times length
+    axes = np.array([[up[0] / length, up[1] / length, up[2] / length], across, [x, y, z]])
+    width = radius + ((radius if end_radius is None else end_radius) - radius) * vertices[:, 2:]
+    return from_faces(vertices * np.hstack([width, width, np.ones_like(width)]) @ axes + start, faces, material, tint)
 
 
 @lru_cache(maxsize=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ class Path:
         """Metres."""
         return STEP * (len(self.xy) - 1)
 
-    @property
+    @cached_property
     def heading(self) -> Array:
         """(K,) radians, continuous."""
         d = np.gradient(self.xy, axis=0)
@@ -73,6 +74,21 @@ class Path:
         """Return the piece between two arc lengths."""
         i, j = int(max(start, 0.0) / STEP), int(min(end, self.length) / STEP) + 1
         return Path(self.xy[i:j].copy(), self.z[i:j].copy())
+
+
+def connect(a0: npt.ArrayLike, a1: npt.ArrayLike, b0: npt.ArrayLike, b1: npt.ArrayLike, radius: float) -> Path:
+    """Return the path from `a0` along the line a0-a1, turning by `radius` metres into the line b0-b1, to `b1`.
+
+    Lines that (nearly) continue each other are joined by a straight piece.
+    """
+    a0, a1, b0, b1 = (np.asarray(p, np.float64) for p in (a0, a1, b0, b1))
+    u, v = a1 - a0, b1 - b0
+    cross = u[0] * v[1] - u[1] * v[0]
+    if abs(cross) < 0.05 * np.linalg.norm(u) * np.linalg.norm(v):
+        return through([a0, a1, b0, b1], radius)
+    w = b0 - a0
+    corner = a0 + u * (w[0] * v[1] - w[1] * v[0]) / cross
+    return through([a0, corner, b1], radius)
 
 
 def resample(xy: npt.ArrayLike, z: npt.ArrayLike | None = None) -> Path:

@@ -119,7 +119,9 @@ def _bicycle() -> Mesh:
     )
 
 
-def _seated(phase: float, tint: float, hip: tuple[float, float], hands: tuple[float, float], feet: npt.NDArray, lean: float) -> Mesh:
+def _seated(
+    phase: float, tint: float, hip: tuple[float, float], hands: tuple[float, float], feet: npt.NDArray, lean: float
+) -> Mesh:
     """Return a rider: `hip` and `hands` are (x, z); `feet` is (2, 3)."""
     height = 1.75
     trunk = _torso(height, tint, lean, hip=0.0).moved(x=hip[0], z=hip[1])
@@ -132,7 +134,9 @@ def _seated(phase: float, tint: float, hip: tuple[float, float], hands: tuple[fl
         bend = np.sqrt(max(0.44**2 - (0.5 * min(span, 0.87)) ** 2, 0.0))
         across = np.array([-reach[2], 0.0, reach[0]]) / max(span, 1e-6)
         knee = a + 0.5 * reach + bend * across * np.sign(across[0] if across[0] else 1.0)
-        limbs.append(_limb([a, knee, foot, foot + (0.15, 0, 0)], (0.075, 0.055, 0.045, 0.035), Material.CLOTH, 0.6 * tint))
+        limbs.append(
+            _limb([a, knee, foot, foot + (0.15, 0, 0)], (0.075, 0.055, 0.045, 0.035), Material.CLOTH, 0.6 * tint)
+        )
         top = shoulder + (0.0, side * 0.20, 0.0)
         grip = np.array([hands[0], side * 0.25, hands[1]])
         limbs.append(_limb([top, 0.5 * (top + grip) + (0, 0, -0.06), grip], (0.05, 0.04, 0.035), Material.CLOTH, tint))
@@ -197,7 +201,9 @@ def make_motorcyclist(rng: np.random.Generator, passenger: bool = False) -> Thin
     parts = [machine, _seated(0.0, tint, seat, hands, feet, lean)]
     if passenger:
         back = feet - (0.45, 0.0, 0.0)
-        parts.append(_seated(0.0, rng.uniform(0.3, 1.6), (seat[0] - 0.38, seat[1] + 0.03), (seat[0], seat[1] + 0.3), back, lean))
+        parts.append(
+            _seated(0.0, rng.uniform(0.3, 1.6), (seat[0] - 0.38, seat[1] + 0.03), (seat[0], seat[1] + 0.3), back, lean)
+        )
     return Thing("motorcyclist", (join(parts),), axles=(-0.68, 0.68))
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.cast import Hits
+from automos.simulation.scene import Hits
 from automos.simulation.materials import column
 from automos.simulation.sensors import Pattern, Sensor
 

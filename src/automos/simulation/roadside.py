@@ -13,7 +13,7 @@ import numpy as np
 
 from automos.simulation import buildings, furniture, people, vegetation, vehicles
 from automos.simulation.mesh import Mesh
-from automos.simulation.paths import Path
+from automos.simulation.paths import Path, through
 from automos.simulation.things import Thing
 from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, is_clear
@@ -55,7 +55,9 @@ def place_buildings(
         back = setback + (0.0 if smooth else rng.uniform(0.0, 1.0))
         corners, headings = path.at([s, s + width, s + 0.5 * width], side * back)
         (rear_x, rear_y), _ = path.at(s + 0.5 * width, side * (back + depth))
-        probes = np.array([*corners, (rear_x, rear_y), 0.5 * (corners[0] + (rear_x, rear_y)), 0.5 * (corners[1] + (rear_x, rear_y))])
+        probes = np.array(
+            [*corners, (rear_x, rear_y), 0.5 * (corners[0] + (rear_x, rear_y)), 0.5 * (corners[1] + (rear_x, rear_y))]
+        )
         if site.terrain.road_distance(probes).min() > 2.5:
             building = buildings.make_building(rng, width, depth, int(rng.integers(storeys[0], storeys[1] + 1)), smooth)
             heading = np.arctan2(*(corners[1] - corners[0])[::-1])
@@ -80,7 +82,13 @@ def a_tree(site: Site, seed: int = 0, size: float = 1.0) -> Mesh:
 
 
 def place_trees(
-    site: Site, path: Path, offset: float, spacing: tuple[float, float], clearance: float = 0.7, size: float = 1.0, sway: float = 0.0
+    site: Site,
+    path: Path,
+    offset: float,
+    spacing: tuple[float, float],
+    clearance: float = 0.7,
+    size: float = 1.0,
+    sway: float = 0.0,
 ) -> None:
     """Plant trees along a path; with `sway` (radians) they rock in the wind."""
     for x, y, _ in along(site, path, offset, spacing, clearance):
@@ -90,10 +98,12 @@ def place_trees(
             site.add(a_tree(site, size=size), x, y)
 
 
-def scatter_bushes(site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float], sway: float = 0.0) -> None:
+def scatter_bushes(
+    site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float], sway: float = 0.0
+) -> None:
     """Scatter bushes between two offsets (metres left of the path)."""
     for x, y, heading in along(site, path, 0.0, spacing, -np.inf):
-        off = site.rng.uniform(*offsets)
+        off = site.rng.uniform(min(offsets), max(offsets))
         x, y = x - off * np.sin(heading), y + off * np.cos(heading)
         radius = site.rng.uniform(0.4, 1.3)
         if site.terrain.road_distance(np.array([[x, y]]))[0] < radius + 0.5:
@@ -110,7 +120,7 @@ def scatter_tufts(site: Site, path: Path, offsets: tuple[float, float], per_metr
     rng = site.rng
     templates = [vegetation.make_tuft(rng, rng.uniform(0.3, 0.9), rng.uniform(0.15, 0.6)) for _ in range(12)]
     n = int(per_metre * path.length)
-    xy, _ = path.at(rng.uniform(0, path.length, n), rng.uniform(*offsets, n))
+    xy, _ = path.at(rng.uniform(0, path.length, n), rng.uniform(min(offsets), max(offsets), n))
     free = site.terrain.road_distance(xy) > 1.0
     for (x, y), z in zip(xy[free], site.terrain.height(xy[free]), strict=True):
         site.add(templates[int(rng.integers(len(templates)))], x, y, rng.uniform(0, 2 * np.pi), z=z)
@@ -122,7 +132,9 @@ def place_lamps(site: Site, path: Path, side: float, offset: float, spacing: flo
         site.add(furniture.make_lamp(site.rng), x, y, heading if side > 0 else heading + np.pi)
 
 
-def place_clutter(site: Site, path: Path, side: float, offset: float, spacing: tuple[float, float] = (8.0, 25.0)) -> None:
+def place_clutter(
+    site: Site, path: Path, side: float, offset: float, spacing: tuple[float, float] = (8.0, 25.0)
+) -> None:
     """Set up signs, bollards, bins, benches, cabinets, parked bicycles and scooters on a pavement."""
     rng = site.rng
     makers = [
@@ -140,7 +152,9 @@ def place_clutter(site: Site, path: Path, side: float, offset: float, spacing: t
             site.add(makers[int(rng.integers(len(makers)))](), x, y, heading if side > 0 else heading + np.pi)
 
 
-def park_row(site: Site, path: Path, offset: float, fill: float, crosswise: bool = False, start: float = 0.0, end: float = np.inf) -> None:
+def park_row(
+    site: Site, path: Path, offset: float, fill: float, crosswise: bool = False, start: float = 0.0, end: float = np.inf
+) -> None:
     """Park cars along a path, `offset` metres to its left, taking the share `fill` of the places."""
     rng = site.rng
     pitch = 2.6 if crosswise else 6.2
@@ -201,7 +215,9 @@ def fill_lane(
         s += agent.front + agent.rear + rng.uniform(*spacing)
 
 
-def feed_lane(site: Site, path: Path, speed: float, interval: tuple[float, float], duration: float, heavy: float = 0.12) -> None:
+def feed_lane(
+    site: Site, path: Path, speed: float, interval: tuple[float, float], duration: float, heavy: float = 0.12
+) -> None:
     """Let vehicles enter at the start of a lane at random intervals (seconds)."""
     rng = site.rng
     t = rng.uniform(*interval)
@@ -217,14 +233,20 @@ def _walker_templates(seed: int) -> tuple[Thing, ...]:
     return tuple(people.make_walker(rng, child=k == 0) for k in range(10))
 
 
-def add_walkers(site: Site, path: Path, n: int, spread: float, speed: tuple[float, float] = (0.9, 1.6), both_ways: bool = True) -> None:
+def add_walkers(
+    site: Site, path: Path, n: int, spread: float, speed: tuple[float, float] = (0.9, 1.6), both_ways: bool = True
+) -> None:
     """Let `n` people walk along a path, up to `spread` metres to either side of it; some in pairs."""
     rng = site.rng
     templates = _walker_templates(0)
     back = path.reversed()
     for _ in range(n):
         line = back if both_ways and rng.random() < 0.5 else path
-        s, offset, pace = rng.uniform(1.0, max(path.length - 5.0, 2.0)), rng.uniform(-spread, spread), rng.uniform(*speed)
+        s, offset, pace = (
+            rng.uniform(1.0, max(path.length - 5.0, 2.0)),
+            rng.uniform(-spread, spread),
+            rng.uniform(*speed),
+        )
         company = 2 if rng.random() < 0.25 else 1
         for k in range(company):
             thing = templates[int(rng.integers(len(templates)))]
@@ -248,4 +270,86 @@ def add_cyclists(site: Site, path: Path, n: int, speed: tuple[float, float] = (3
     for _ in range(n):
         rider = people.make_cyclist(rng)
         s = rng.uniform(5.0, path.length - 10.0)
-        add_agent(site, Agent((rider,), path, s, rng.uniform(*speed), offset=offset + rng.normal(0, 0.15), wander=0.2, headway=1.0))
+        add_agent(
+            site,
+            Agent((rider,), path, s, rng.uniform(*speed), offset=offset + rng.normal(0, 0.15), wander=0.2, headway=1.0),
+        )
+
+
+def pull_out(
+    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float, duration: float
+) -> None:
+    """Let cars stand `aside` metres right of a lane and pull out at some time, every `spacing` metres of a stretch."""
+    rng = site.rng
+    kerb = lane.beside(-aside)
+    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+        path = kerb.shifted(s + 2.0, 14.0, aside)
+        go = rng.uniform(1.0, max(0.5 * duration, 2.0))
+        add_agent(site, Agent((vehicles.make_car(rng),), path, s, speed, initial=0.0, go=go, wander=0.0), clearance=0.3)
+
+
+def drive_and_park(
+    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float
+) -> None:
+    """Let cars drive along a lane and park `aside` metres to its right, every `spacing` metres of a stretch."""
+    rng = site.rng
+    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+        path = lane.shifted(s - 18.0, 15.0, -aside)
+        start = s - rng.uniform(30.0, 80.0)
+        agent = Agent((vehicles.make_car(rng),), path, start, speed, stop=s, wander=0.0)
+        add_agent(site, agent)
+        site.reserve(*path.at(s)[0])
+
+
+def a_walker(rng: np.random.Generator) -> Thing:
+    """Return a person on foot, one of a few."""
+    templates = _walker_templates(0)
+    return templates[int(rng.integers(len(templates)))]
+
+
+def add_viaduct(
+    site: Site, path: Path, at: float, clearance: float, span: float, clear_of: float, busy: bool = False
+) -> None:
+    """Bridge the road at arc length `at`; with `busy`, cars drive over it."""
+    (x, y), heading = path.at(at)
+    across = float(heading) + 0.5 * np.pi + site.rng.uniform(-0.3, 0.3)
+    deck = float(site.terrain.base(np.array([[x, y]]))[0])
+    site.add(furniture.make_viaduct(span, 9.0, clearance, clear_of), float(x), float(y), across, z=deck)
+    if not busy:
+        return
+    along_deck = 0.5 * span * np.array([np.cos(across), np.sin(across)])
+    line = through([(x, y) - along_deck, (x, y) + along_deck])
+    for lane in (line.beside(-1.9), line.reversed().beside(-1.9)):
+        level = deck + clearance + furniture.DECK_THICKNESS - site.terrain.base(lane.xy)
+        fill_lane(site, Path(lane.xy, level), 11.0, (10.0, 40.0), start=10.0, heavy=0.1)
+
+
+def place_hedges(site: Site, path: Path, offset: float, share: float) -> None:
+    """Plant clipped hedges along a `share` of a path."""
+    rng = site.rng
+    s = rng.uniform(0.0, 20.0)
+    while s < path.length - 8.0:
+        length = rng.uniform(5.0, 8.0)
+        if rng.random() < share:
+            (ends, _), height = path.at([s, s + 0.5 * length, s + length], offset), rng.uniform(0.8, 2.0)
+            if site.terrain.road_distance(ends).min() > 0.8:
+                turn = float(np.arctan2(*(ends[2] - ends[0])[::-1]))
+                site.add(vegetation.make_hedge(rng, length, height), *map(float, ends[0]), turn)
+        s += length
+
+
+def place_houses(site: Site, path: Path, offset: float, spacing: tuple[float, float]) -> None:
+    """Set up detached houses with a fence or wall before them."""
+    rng = site.rng
+    side = np.sign(offset)
+    for x, y, heading in along(site, path, offset, spacing, 8.0):
+        turn = heading if side > 0 else heading + np.pi
+        site.add(buildings.make_house(rng), x, y, turn)
+        front = np.array([x, y]) + 7.0 * np.array([np.sin(turn), -np.cos(turn)])
+        if site.terrain.road_distance(front[None])[0] > 1.0:
+            fence = (
+                buildings.make_fence(rng, 14.0)
+                if rng.random() < 0.5
+                else buildings.make_wall(rng, 14.0, rng.uniform(0.6, 1.4))
+            )
+            site.add(fence, float(front[0]), float(front[1]), turn)

@@ -7,12 +7,16 @@ six lines), its rosette drawn by two prisms that turn at 7294 and -4664 rpm.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 Array32 = npt.NDArray[np.float32]
+
+SECTORS = 256
+"""Into how many sectors of azimuth the beams of a sweep are sorted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,22 @@ class Pattern:
     direction: Array32
     phase: Array32
     ring: npt.NDArray[np.uint16]
-    column: npt.NDArray[np.int32] = field(repr=False)
+    column: npt.NDArray[np.int32]
+
+    @cached_property
+    def _sectors(self) -> npt.NDArray[np.int64]:
+        azimuth = np.arctan2(self.direction[:, 1], self.direction[:, 0])
+        return np.floor(azimuth / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS
+
+    @cached_property
+    def by_sector(self) -> npt.NDArray[np.int64]:
+        """(N,) rows sorted by the sector of azimuth they point into, 0 from azimuth 0 on, counter-clockwise."""
+        return np.argsort(self._sectors, kind="stable")
+
+    @cached_property
+    def sector_starts(self) -> npt.NDArray[np.int64]:
+        """(SECTORS + 1,) where each sector's rows start in `by_sector`."""
+        return np.concatenate([[0], np.cumsum(np.bincount(self._sectors, minlength=SECTORS))])
 
 
 def _directions(azimuth: npt.NDArray, elevation: npt.NDArray) -> Array32:
@@ -88,6 +107,7 @@ def _directions(azimuth: npt.NDArray, elevation: npt.NDArray) -> Array32:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1).astype(np.float32)
 
 
+@lru_cache(maxsize=4)
 def _spinning_pattern(sensor: Sensor) -> Pattern:
     column = np.repeat(np.arange(sensor.columns, dtype=np.int32), sensor.beams)
     ring = np.tile(np.arange(sensor.beams, dtype=np.uint16), sensor.columns)

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from automos.geometry import Boxes, inverse, make_transform, rotation_between, transform, wrap_angle
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan, Sequence
-from automos.simulation.cast import EGO, Hits, Scene, rays_at_body, sweep_rays
-from automos.simulation.ego import ego_body
+from automos.simulation.cast import Caster
 from automos.simulation.motion import transforms
 from automos.simulation.returns import measure
 from automos.simulation.scenarios import build_world
+from automos.simulation.scene import EGO
 from automos.simulation.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.truth import Verdicts, judge
 from automos.simulation.world import World
@@ -198,28 +198,12 @@ def _restore(scenario: str, sensor: str, n_scans: int, seed: int, compensated: b
 def _verdicts(scenario: str, sensor: str, n_scans: int, seed: int) -> Verdicts:
     sequence = SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, False)
     T = sequence._T_site_sensor(sequence.stamps)
-    return judge(sequence.world, static_scene(sequence.world), sequence.sensor, T, sequence.stamps)
+    return judge(sequence.world, _caster(sequence.world).still, sequence.sensor, T, sequence.stamps)
 
 
 @lru_cache(maxsize=2)
-def static_scene(world: World) -> Scene:
-    """Return the ray-tracing scene of what stands still in `world`."""
-    return Scene(world.static, world.static_object)
-
-
-@lru_cache(maxsize=4096)
-def _body_scene(world: World, mover: int, frame: int) -> Scene:
-    return Scene(world.movers[mover].frames[frame], len(world.parked) + mover + 1)
-
-
-@lru_cache(maxsize=1024)
-def _sway_scene(world: World, k: int) -> Scene:
-    return Scene(world.swaying[k].mesh, 0)
-
-
-@lru_cache(maxsize=1)
-def _ego_scene() -> Scene:
-    return Scene(ego_body(), EGO)
+def _caster(world: World) -> Caster:
+    return Caster(world)
 
 
 @lru_cache(maxsize=CASTS_KEPT)
@@ -230,7 +214,9 @@ def _cast(sequence: SimulatedSequence, index: int) -> _Cast:
     middle = float(sequence.stamps[index])
     column_times = middle + ((np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5) * sensor.period
     T_site_sensor = sequence._T_site_sensor(column_times)
-    hits = _hit(sequence, pattern, T_site_sensor, middle, rng)
+    times = (middle - 0.5 * sensor.period, middle + 0.5 * sensor.period)
+    chance = rng.random(len(pattern.direction), np.float32)
+    hits = _caster(world).sweep(pattern, T_site_sensor, sequence._T_body_sensor, times, sensor.max_range, chance)
     returns = measure(sensor, pattern, hits, rng)
     points = returns.distance[:, None] * pattern.direction
     if sequence.is_compensated:
@@ -252,43 +238,6 @@ def _cast(sequence: SimulatedSequence, index: int) -> _Cast:
         name=sequence.names[index],
     )
     return _Cast(scan, object_[rows], is_clear[rows])
-
-
-def _hit(sequence: SimulatedSequence, pattern: Pattern, T_site_sensor: Array, middle: float, rng) -> Hits:  # type: ignore[no-untyped-def]
-    """Return what each beam of the sweep hits first: the ego itself, the still world, or a body on the move."""
-    sensor, world = sequence.sensor, sequence.world
-    n = len(pattern.direction)
-    hits = Hits.none(n, sensor.max_range)
-    chance = rng.random(n, np.float32)
-    T = sequence._T_body_sensor
-    own_direction = (pattern.direction @ T[:3, :3].T).astype(np.float32)
-    own_origin = np.broadcast_to(T[:3, 3].astype(np.float32), own_direction.shape).copy()
-    _ego_scene().cast(own_origin, own_direction, hits, None, chance.copy())
-    origin, direction = sweep_rays(pattern.direction, pattern.column, T_site_sensor)
-    static_scene(world).cast(origin, direction, hits, None, chance.copy())
-    start, end = middle - 0.5 * sensor.period, middle + 0.5 * sensor.period
-    here = T_site_sensor[len(T_site_sensor) // 2, :3, 3]
-    for scene, a, b, center, radius in _bodies(world, start, end):
-        if np.linalg.norm(a[:3] - here) > sensor.max_range + 20.0:
-            continue
-        rows, o, d = rays_at_body(origin, direction, pattern.phase, hits.distance, a, b, center, radius)
-        if len(rows):
-            scene().cast(o, d, hits, rows, chance[rows])
-    return hits
-
-
-def _bodies(world: World, start: float, end: float):  # type: ignore[no-untyped-def]
-    """Yield (scene maker, state at start, state at end, centre, radius) of all that moves or sways."""
-    state_a, travelled, present_a = world.motion.at(start)
-    state_b, _, present_b = world.motion.at(end)
-    for k, thing in enumerate(world.movers):
-        if present_a[k] and present_b[k]:
-            frame = int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)
-            yield lambda k=k, frame=frame: _body_scene(world, k, frame), state_a[k], state_b[k], thing.center, thing.radius
-    for k, sway in enumerate(world.swaying):
-        low, high = sway.mesh.bounds
-        center, radius = 0.5 * (low + high), float(0.5 * np.linalg.norm(high - low))
-        yield lambda k=k: _sway_scene(world, k), sway.state(start), sway.state(end), center, radius
 
 
 def _compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_site_middle: Array) -> npt.NDArray:

@@ -6,6 +6,7 @@ corners. The mesh has pairs of vertices along the kerb lines, so that a kerb is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
@@ -31,6 +32,16 @@ class Road:
     center: Path
     half_width: float
     sidewalk: float = 0.0
+
+
+def make_hills(rng: np.random.Generator, waves: Sequence[tuple[float, float]]) -> Array:
+    """Return (H, 4) hills for `Terrain`: waves of (amplitude, length) in metres, in random directions."""
+    rows = []
+    for amplitude, length in waves:
+        angle = rng.uniform(0.0, 2 * np.pi)
+        k = 2 * np.pi / length
+        rows.append((amplitude, k * np.cos(angle), k * np.sin(angle), rng.uniform(0.0, 2 * np.pi)))
+    return np.array(rows).reshape(-1, 4)
 
 
 @dataclass(frozen=True, eq=False)

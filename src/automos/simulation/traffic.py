@@ -192,22 +192,22 @@ def _gap_ahead(a, agents, line, heading, starts, s, v, present, horizon, follows
         if (bx - ax) ** 2 + (by - ay) ** 2 > (horizon + length) ** 2:
             continue
         half = 0.5 * agents[b, 10]
-        reach2 = (0.5 * width + half + 0.25) ** 2
+        reach = 0.5 * width + half + 0.25
         n_discs = max(1, int(length / 1.5))
         for d in range(n_discs):
             back = agents[b, 9] - half - (d + 0.5) / n_discs * (length - 2 * half) if n_discs > 1 else 0.0
             dx, dy, dh = _place(line, heading, starts, q, s[b] - back, agents[b, 7])
-            for k in range(first, last):
-                gap = (k - first) * STEP
-                if gap >= best:
-                    break
+            k = first
+            while k < last and (k - first) * STEP < best:
                 j = starts[p] + k
                 x = line[j, 0] - offset * np.sin(heading[j])
                 y = line[j, 1] + offset * np.cos(heading[j])
-                if (x - dx) ** 2 + (y - dy) ** 2 < reach2:
-                    best, who = gap, b
+                apart = np.hypot(x - dx, y - dy)
+                if apart < reach:
+                    best, who = (k - first) * STEP, b
                     speed = max(v[b] * np.cos(dh - heading[j]), 0.0)
                     break
+                k += max(1, int((apart - reach) / STEP))  # nothing can be nearer along the path
     return best, speed, who
 
 
@@ -229,7 +229,9 @@ def _drive(line, heading, starts, limit, agents, lights, s, v, present):  # type
                 if left[a] or now < agents[a, 4]:
                     continue
                 horizon = 8.0 + 1.5 * v[t, a]
-                gap, _, _ = _gap_ahead(a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows)
+                gap, _, _ = _gap_ahead(
+                    a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows
+                )
                 present[t, a] = gap == np.inf  # enters once the road before it is free
                 continue
             if now < agents[a, 5]:
@@ -238,32 +240,29 @@ def _drive(line, heading, starts, limit, agents, lights, s, v, present):  # type
             speed = v[t - 1, a]
             k = min(max(int(s[t - 1, a] / STEP), 0), starts[p + 1] - starts[p] - 1)
             wish = max(min(agents[a, 2], limit[starts[p] + k]), 0.5)
-            if agents[a, 12] > 0.0 and agents[a, 6] == np.inf:
-                new = wish
-            else:
-                horizon = 12.0 + 1.5 * speed + speed**2 / (2.0 * BRAKE)
-                gap, lead, who = np.inf, 0.0, -1
-                if agents[a, 12] == 0.0:
-                    gap, lead, who = _gap_ahead(
-                        a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows
-                    )
-                follows[a] = who
-                nose = s[t - 1, a] + agents[a, 8]
-                for g in range(len(lights)):
-                    if int(lights[g, 0]) != p:
-                        continue
-                    is_red = (now + lights[g, 4]) % lights[g, 2] >= lights[g, 3]
-                    ahead = lights[g, 1] - nose
-                    if is_red and ahead > -0.5 and ahead + 1.0 < gap and speed**2 / (2.0 * max(ahead, 0.1)) < 4.5:
-                        gap, lead = ahead + 1.0, 0.0
-                ahead = agents[a, 6] - s[t - 1, a]
-                if ahead + 1.5 < gap:
-                    gap, lead = ahead + 1.5, 0.0
-                desired = 1.5 + speed * agents[a, 11] + speed * (speed - lead) / (2.0 * np.sqrt(1.5 * BRAKE))
-                pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
-                new = max(speed + DT * min(max(1.5 * pull, -6.0), 1.8), 0.0)
-                if new < 0.02 and pull < 0.05:
-                    new = 0.0
+            horizon = 12.0 + 1.5 * speed + speed**2 / (2.0 * BRAKE)
+            gap, lead, who = np.inf, 0.0, -1
+            if agents[a, 12] == 0.0:
+                gap, lead, who = _gap_ahead(
+                    a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows
+                )
+            follows[a] = who
+            nose = s[t - 1, a] + agents[a, 8]
+            for g in range(len(lights)):
+                if int(lights[g, 0]) != p:
+                    continue
+                is_red = (now + lights[g, 4]) % lights[g, 2] >= lights[g, 3]
+                ahead = lights[g, 1] - nose
+                if is_red and ahead > -0.5 and ahead + 1.0 < gap and speed**2 / (2.0 * max(ahead, 0.1)) < 4.5:
+                    gap, lead = ahead + 1.0, 0.0
+            ahead = agents[a, 6] - s[t - 1, a]
+            if ahead + 1.5 < gap:
+                gap, lead = ahead + 1.5, 0.0
+            desired = 1.5 + speed * agents[a, 11] + speed * (speed - lead) / (2.0 * np.sqrt(1.5 * BRAKE))
+            pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
+            new = max(speed + DT * min(max(1.5 * pull, -6.0), 1.8), 0.0)
+            if new < 0.02 and pull < 0.05:
+                new = 0.0
             v[t, a] = new
             s[t, a] = s[t - 1, a] + 0.5 * DT * (speed + new)
             if s[t, a] > (starts[p + 1] - starts[p] - 1) * STEP - agents[a, 8] - 2.0:

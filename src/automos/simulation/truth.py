@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.cast import Scene
+from automos.simulation.scene import Scene
 from automos.simulation.motion import transforms
 from automos.simulation.sensors import Sensor
 from automos.simulation.world import World
@@ -59,11 +59,15 @@ def judge(world: World, still: Scene, sensor: Sensor, T_site_sensor: Array, stam
     return Verdicts(is_moving, is_static)
 
 
-def _in_sight(world: World, still: Scene, sensor: Sensor, T: Array, state: Array, rows: npt.NDArray) -> npt.NDArray[np.bool_]:
+def _in_sight(
+    world: World, still: Scene, sensor: Sensor, T: Array, state: Array, rows: npt.NDArray
+) -> npt.NDArray[np.bool_]:
     """Return (len(rows),) bool: whether any looked-at point of each mover is within reach and not hidden."""
     if len(rows) == 0:
         return np.zeros(0, bool)
-    local = np.array([[(*(world.movers[k].center[:2]), h * world.movers[k].size[2]) for h in _SIGHT_HEIGHTS] for k in rows])
+    local = np.array(
+        [[(*(world.movers[k].center[:2]), h * world.movers[k].size[2]) for h in _SIGHT_HEIGHTS] for k in rows]
+    )
     pose = transforms(state[rows])
     targets = np.einsum("mij,mhj->mhi", pose[:, :3, :3], local) + pose[:, None, :3, 3]
     line = targets - T[:3, 3]

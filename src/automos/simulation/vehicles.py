@@ -23,7 +23,9 @@ def _paint(rng: np.random.Generator) -> float:
 def _wheels(front: float, rear: float, half_width: float, radius: float, extra: tuple[float, ...] = ()) -> Mesh:
     width = 0.62 * radius
     inset = half_width - 0.5 * width
-    return join([wheel((x, side * inset, radius), radius, width) for x in (front, rear, *extra) for side in (-1.0, 1.0)])
+    return join(
+        [wheel((x, side * inset, radius), radius, width) for x in (front, rear, *extra) for side in (-1.0, 1.0)]
+    )
 
 
 def _plates_and_lamps(front: float, rear: float, half_width: float, height: float) -> Mesh:
@@ -60,7 +62,11 @@ def make_car(rng: np.random.Generator, shape: str | None = None) -> Thing:
     """Return a passenger car: a sedan, hatchback, estate or SUV."""
     shape = shape or str(rng.choice(list(_CAR_SHAPES), p=[0.25, 0.35, 0.2, 0.2]))
     length, width, height, nose, foot, roof_front, roof_rear, tail = _CAR_SHAPES[shape]
-    length, width, height = length * rng.uniform(0.93, 1.06), width * rng.uniform(0.97, 1.04), height * rng.uniform(0.97, 1.05)
+    length, width, height = (
+        length * rng.uniform(0.93, 1.06),
+        width * rng.uniform(0.97, 1.04),
+        height * rng.uniform(0.97, 1.05),
+    )
     front, half, clearance = 0.5 * length, 0.5 * width, 0.20
     belt = 0.62 * height
     deck = 0.66 * height if shape == "sedan" else belt + 0.02
@@ -147,7 +153,12 @@ def make_lorry(rng: np.random.Generator) -> Thing:
     mesh = join(
         [
             _cab(front, half * 0.95, 2.7, 2.0, _paint(rng)),
-            box((body, 2 * half, height - 1.0), (-front + 0.5 * body, 0.0, 0.5 * (height + 1.0)), Material.PAINT, rng.uniform(0.6, 1.4)),
+            box(
+                (body, 2 * half, height - 1.0),
+                (-front + 0.5 * body, 0.0, 0.5 * (height + 1.0)),
+                Material.PAINT,
+                rng.uniform(0.6, 1.4),
+            ),
             box((length - 0.4, 0.9, 0.3), (0.0, 0.0, 0.82), Material.METAL, 0.4),
             _wheels(axles[1], axles[0], half, 0.45),
             _plates_and_lamps(front, -front, half, 0.9),
@@ -174,7 +185,12 @@ def make_tractor_and_trailer(rng: np.random.Generator) -> tuple[Thing, Thing]:
     length, height = 13.6, rng.uniform(3.7, 4.0)
     trailer = join(
         [
-            box((length, 2 * half, height - 1.15), (0.0, 0.0, 0.5 * (height + 1.15)), Material.PAINT, rng.uniform(0.5, 1.4)),
+            box(
+                (length, 2 * half, height - 1.15),
+                (0.0, 0.0, 0.5 * (height + 1.15)),
+                Material.PAINT,
+                rng.uniform(0.5, 1.4),
+            ),
             box((length - 1.0, 1.0, 0.3), (0.0, 0.0, 1.0), Material.METAL, 0.4),
             _wheels(-2.6, -5.2, half, 0.5, extra=(-3.9,)),
             box((2.6, 2 * half - 0.1, 0.5), (0.6, 0.0, 0.75), Material.PLASTIC),
@@ -217,5 +233,7 @@ def make_tram_car(rng: np.random.Generator, length: float = 9.5) -> Thing:
         for side in (-1.0, 1.0)
     ]
     bogie = box((3.0, 2.0, 0.5), (0.0, 0.0, 0.3), Material.METAL, 0.4)
-    mesh = join([loft(sections, caps=Material.PLASTIC), *pillars, bogie]).tinted(float(rng.uniform(0.5, 1.2)), Material.PAINT)
+    mesh = join([loft(sections, caps=Material.PLASTIC), *pillars, bogie]).tinted(
+        float(rng.uniform(0.5, 1.2)), Material.PAINT
+    )
     return Thing("tram", (mesh,), axles=(-0.35 * length, 0.35 * length))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,17 @@ class Sway:
     amplitude: float
     period: float
     phase: float
+
+    @cached_property
+    def center(self) -> Array:
+        """(3,) middle of its box, body frame."""
+        return self.mesh.bounds.mean(axis=0)
+
+    @cached_property
+    def radius(self) -> float:
+        """Metres, of the sphere about `center` that holds it."""
+        low, high = self.mesh.bounds
+        return float(0.5 * np.linalg.norm(high - low))
 
     def state(self, time: float) -> Array:
         """Return the (6,) state at `time` seconds; two periods that do not divide each other keep it from repeating."""
@@ -84,6 +96,7 @@ class Site:
         self._scenery: list[Mesh] = []
         self._parked: list[tuple[Thing, Array]] = []
         self._swaying: list[Sway] = []
+        self._reserved: list[tuple[float, float]] = []
 
     def height(self, x: float, y: float) -> float:
         """Return the ground's height at a place, metres."""
@@ -108,9 +121,15 @@ class Site:
         z = z_rear - rear / (front - rear) * (z_front - z_rear)
         self._parked.append((thing, np.array([x, y, z, yaw, pitch, 0.0])))
 
+    def reserve(self, x: float, y: float) -> None:
+        """Keep a place free for somebody who will stop there."""
+        self._reserved.append((float(x), float(y)))
+
     def is_free(self, x: float, y: float, radius: float) -> bool:
-        """Whether no standing object and no agent that waits to start lies within `radius` metres of a place."""
-        if any(np.hypot(s[0] - x, s[1] - y) < radius for _, s in self._parked):
+        """Whether nothing stands, waits to start or is to stop within `radius` metres of a place."""
+        if any(np.hypot(a - x, b - y) < radius + 2.5 for a, b in self._reserved) or any(
+            np.hypot(s[0] - x, s[1] - y) < radius for _, s in self._parked
+        ):
             return False
         waiting = (a.outline for a in self.agents if a.enter <= 0.0)
         return all(np.hypot(*(outline - (x, y)).T).min() > radius for outline in waiting)

@@ -1,11 +1,11 @@
 """A simulated sequence on disk, in SemanticKITTI's layout, with its truth.
 
-    OUT/velodyne/000000.bin     float32 x, y, z, intensity
-    OUT/labels/000000.label     uint32: 9, 251 or 0 below, instance ids above; moving = moves at some time while observed
-    OUT/labels_now/000000.label the same, moving = moves during this sweep
-    OUT/boxes/000000.json       objects with points in this scan, in the level frame, and T_level_sensor
-    OUT/poses.txt, calib.txt (Tr is the identity: poses are the sensor's), times.txt (mid-sweep)
-    OUT/simulation.json         what was asked for; marks the folder as ours
+OUT/velodyne/000000.bin     float32 x, y, z, intensity
+OUT/labels/000000.label     uint32: 9, 251 or 0 below, instance ids above; moving = moves at some time while observed
+OUT/labels_now/000000.label the same, moving = moves during this sweep
+OUT/boxes/000000.json       objects with points in this scan, in the level frame, and T_level_sensor
+OUT/poses.txt, calib.txt (Tr is the identity: poses are the sensor's), times.txt (mid-sweep)
+OUT/simulation.json         what was asked for; marks the folder as ours
 """
 
 from __future__ import annotations

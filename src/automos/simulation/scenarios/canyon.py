@@ -1,0 +1,42 @@
+"""A street canyon: long smooth façades, hardly a corner, dense traffic at the ego's own speed. Odometry may slip here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automos.simulation import roadside as rs
+from automos.simulation import vehicles
+from automos.simulation.materials import Material
+from automos.simulation.paths import through
+from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic import Agent
+from automos.simulation.world import Site, World
+
+SPEED = 11.0
+LEAD_IN = 140.0
+LANE = 3.3
+
+
+def canyon(rng: np.random.Generator, duration: float) -> World:
+    """Return a straight four-lane street between smooth walls of buildings."""
+    length = SPEED * duration + 2 * LEAD_IN
+    main = through([(0.0, 0.0), (length, 0.0)])
+    terrain = Terrain(
+        (Road(main, 7.2, 3.0),),
+        make_hills(rng, ((0.3, 400.0),)),
+        verge=Material.PAVEMENT,
+        seed=int(rng.integers(1 << 30)),
+    )
+    site = Site(terrain, rng)
+    back = main.reversed()
+    inner, outer = main.beside(-0.5 * LANE), main.beside(-1.5 * LANE)
+    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, wander=0.08))
+    for lane in (inner, outer):
+        rs.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02)
+    for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):
+        rs.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
+    for side in (-1.0, 1.0):
+        rs.place_buildings(site, main, side, 10.4, (6, 9), widths=(60.0, 120.0), gap_chance=0.0, smooth=True)
+        rs.add_walkers(site, main.beside(side * 8.8), int(length / 18.0), 0.8)
+        rs.place_lamps(site, main, side, 7.7, spacing=45.0)
+    return site.finish(duration)

@@ -1,0 +1,115 @@
+"""A signalled junction with stop-and-go: cars that wait and then drive, cars that drive and then park, people crossing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automos.simulation import furniture, vehicles
+from automos.simulation import roadside as rs
+from automos.simulation.crossing import Crossing
+from automos.simulation.materials import Material
+from automos.simulation.paths import Path
+from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic import Agent
+from automos.simulation.world import Site, World
+
+SPEED = 10.0
+EGO_ARM = 0
+"""The arm by which the ego comes in; it leaves by a left turn, on an arm long enough for the duration."""
+
+
+def junction(rng: np.random.Generator, duration: float) -> World:
+    """Return a junction the ego drives up to, waits at, and leaves by a left turn."""
+    crossing = make_crossing(rng, long_arm=3, length=SPEED * duration + 130.0, shift=36.0)
+    site = make_site(rng, crossing)
+    way = crossing.way(EGO_ARM, 3)
+    start = crossing.reaches[EGO_ARM] - crossing.stop - 55.0
+    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), way, start, SPEED, wander=0.05))
+    site.signals.append(crossing.light(EGO_ARM, way))
+    populate(site, crossing, duration)
+    furnish(site, crossing)
+    return site.finish(duration)
+
+
+def make_crossing(rng: np.random.Generator, long_arm: int = -1, length: float = 150.0, shift: float = 0.0) -> Crossing:
+    """Return a four-armed crossing that is not quite square."""
+    headings = tuple(float(h) for h in np.pi + 0.5 * np.pi * np.arange(4) + np.radians(rng.uniform(-8.0, 8.0, 4)))
+    reaches = tuple(length if k == long_arm else 150.0 for k in range(4))
+    return Crossing(np.zeros(2), headings, reaches, shift=shift)
+
+
+def make_site(rng: np.random.Generator, crossing: Crossing) -> Site:
+    """Return the ground with the crossing's roads."""
+    roads = tuple(Road(crossing.arm(k), 5.8, 3.2) for k in range(len(crossing.headings)))
+    terrain = Terrain(
+        roads,
+        make_hills(rng, ((0.3, 220.0),)),
+        verge=Material.PAVEMENT,
+        roughness=0.02,
+        corner=9.0,
+        seed=int(rng.integers(1 << 30)),
+    )
+    return Site(terrain, rng)
+
+
+def populate(site: Site, crossing: Crossing, duration: float) -> None:
+    """Bring in traffic on all arms in all directions, people who cross, cars that park and that leave."""
+    rng = site.rng
+    arms = range(len(crossing.headings))
+    ways = {(i, j): crossing.way(i, j) for i in arms for j in arms if i != j}
+    site.signals += [crossing.light(i, way) for (i, _), way in ways.items()]
+    for i in arms:
+        s = crossing.reaches[i] - crossing.stop - rng.uniform(2.0, 12.0)
+        while s > 20.0:
+            j = int(rng.choice([j for j in arms if j != i]))
+            parts, gaps = rs.a_vehicle(rng, 0.1)
+            near = s > crossing.reaches[i] - crossing.stop - 40.0
+            agent = Agent(parts, ways[i, j], s, SPEED * rng.uniform(0.9, 1.2), 0.0 if near else None, gaps=gaps)
+            rs.add_agent(site, agent)
+            s -= agent.front + agent.rear + (rng.uniform(2.0, 5.0) if near else rng.uniform(12.0, 40.0))
+        for t in np.arange(rng.uniform(0.0, 5.0), duration, 6.0):
+            j = int(rng.choice([j for j in arms if j != i]))
+            parts, gaps = rs.a_vehicle(rng, 0.1)
+            site.agents.append(Agent(parts, ways[i, j], 22.0, SPEED, enter=float(t) + 0.1, gaps=gaps))
+        out = crossing.arm(i).beside(-crossing.lane)
+        rs.drive_and_park(site, out, SPEED, 2.9, (35.0, min(out.length, 140.0) - 15.0), 45.0)
+        rs.pull_out(site, out, SPEED, 2.9, (28.0, out.length - 40.0), 60.0, duration)
+        rs.add_cyclists(site, ways[i, (i + 2) % len(arms)], 2, offset=-1.2)
+        _add_people(site, crossing, i)
+
+
+def _add_people(site: Site, crossing: Crossing, k: int) -> None:
+    rng = site.rng
+    for path in (crossing.walk(k), crossing.walk(k).reversed()):
+        kerb = 14.0 - 6.3
+        site.signals.append(crossing.walk_light(path, kerb))
+        for _ in range(int(rng.integers(2, 5))):
+            walker = rs.a_walker(rng)
+            start, offset = rng.uniform(0.5, kerb - 0.6), rng.uniform(-1.3, 1.3)
+            rs.add_agent(
+                site, Agent((walker,), path, start, rng.uniform(1.0, 1.6), offset=offset, wander=0.05, pushy=True), 0.1
+            )
+    for side in (-1.0, 1.0):
+        rs.add_walkers(site, crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0)), 0.8)
+        rs.add_standers(site, crossing.arm(k, inner=15.0), side * 8.3, 1)
+
+
+def furnish(site: Site, crossing: Crossing) -> None:
+    """Set up houses, parked cars, trees, lamps and lights along all arms."""
+    for k in range(len(crossing.headings)):
+        arm = crossing.arm(k, inner=14.0)
+        for side in (-1.0, 1.0):
+            rs.place_buildings(site, arm, side, 10.5, (3, 6), gap_chance=0.3)
+            rs.place_buildings(site, arm, side, 36.0, (3, 7), widths=(15.0, 30.0), gap_chance=0.7, gaps=(5.0, 20.0))
+            rs.park_row(site, arm, side * 4.7, 0.65, start=12.0)
+            rs.place_trees(site, arm, side * 7.0, (12.0, 26.0))
+            rs.place_lamps(site, arm, side, 6.3)
+            rs.place_clutter(site, arm, side, 9.0)
+        _put_light(site, crossing, k)
+
+
+def _put_light(site: Site, crossing: Crossing, k: int) -> None:
+    arm: Path = crossing.arm(k)
+    for side, turn in ((1.0, np.pi), (-1.0, np.pi)):
+        (x, y), heading = arm.at(crossing.stop + 0.5, side * 6.4)
+        site.add(furniture.make_signal(), float(x), float(y), float(heading) + turn)

@@ -1,0 +1,85 @@
+"""A motorway: nearly everything moves, and fast; little stands still to hold on to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automos.simulation import furniture, vehicles
+from automos.simulation import roadside as rs
+from automos.simulation.paths import Path, through
+from automos.simulation.scenarios.city import winding
+from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic import Agent
+from automos.simulation.world import Site, World
+
+EGO_SPEED = 28.0
+LANES = (24.0, 29.0, 34.0)
+"""m/s on the right, middle and left lane."""
+LANE_WIDTH = 3.7
+MEDIAN = 2.0
+"""Metres from the axis to the edge of the left lane."""
+LEAD_IN = 260.0
+
+
+def motorway(rng: np.random.Generator, duration: float) -> World:
+    """Return three lanes each way with a barrier between, rails, gantries, a bridge now and then."""
+    main = through(winding(rng, EGO_SPEED * duration + 2 * LEAD_IN, (300.0, 500.0), (2.0, 9.0)), radius=900.0)
+    half = MEDIAN + 3 * LANE_WIDTH + 2.5  # with hard shoulder
+    terrain = Terrain(
+        (Road(main, half),),
+        make_hills(rng, ((2.0, 700.0), (0.4, 250.0))),
+        kerb=0.0,
+        roughness=0.06,
+        seed=int(rng.integers(1 << 30)),
+    )
+    site = Site(terrain, rng)
+    _populate(site, main, duration)
+    _furnish(site, main, half)
+    return site.finish(duration, reach=110.0)
+
+
+def _lane(main: Path, k: int) -> Path:
+    return main.beside(-(MEDIAN + (2.5 - k) * LANE_WIDTH))
+
+
+def _populate(site: Site, main: Path, duration: float) -> None:
+    rng = site.rng
+    lanes = [_lane(main, k) for k in range(3)]
+    opposite = [_lane(main.reversed(), k) for k in range(3)]
+    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, wander=0.15))
+    for k, speed in enumerate(LANES):
+        for side in (lanes, opposite):
+            heavy = (0.55, 0.05, 0.0)[k]
+            _change_lanes(site, side, k, speed)
+            rs.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05)
+            rs.feed_lane(site, side[k], speed, (2.0, 6.0), duration, heavy=heavy)
+
+
+def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float) -> None:
+    """Put in some cars that move over to the next lane on the left."""
+    if k == 2:
+        return
+    for s in np.arange(60.0, lanes[k].length - 250.0, 220.0):
+        s += site.rng.uniform(0.0, 100.0)
+        path = lanes[k].shifted(s + site.rng.uniform(60.0, 200.0), 110.0, LANE_WIDTH)
+        car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=speed)
+        rs.add_agent(site, car, clearance=6.0)
+
+
+def _furnish(site: Site, main: Path, half: float) -> None:
+    rng = site.rng
+    for x, y, heading in rs.along(site, main, 0.0, (12.0, 12.0), -np.inf):
+        site.add(furniture.make_barrier(12.05), x, y, heading)
+    for side in (-1.0, 1.0):
+        for x, y, heading in rs.along(site, main, side * (half + 0.8), (16.0, 16.0), -np.inf):
+            site.add(furniture.make_guard_rail(16.1), x, y, heading)
+        for x, y, heading in rs.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
+            site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
+        rs.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
+        rs.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
+        rs.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
+    for s in np.arange(LEAD_IN + rng.uniform(40.0, 150.0), main.length, 420.0):
+        (x, y), heading = main.at(s)
+        site.add(furniture.make_gantry(2 * half + 3.0), x, y, float(heading))
+    for s in np.arange(LEAD_IN + rng.uniform(150.0, 320.0), main.length, 700.0):
+        rs.add_viaduct(site, main, s, clearance=6.0, span=2 * half + 60.0, clear_of=half)

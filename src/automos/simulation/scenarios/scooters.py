@@ -1,0 +1,92 @@
+"""A market street full of motorcycles and scooters that ride abreast, between stalls, cars and people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automos.simulation import people, vehicles
+from automos.simulation import roadside as rs
+from automos.simulation.materials import Material
+from automos.simulation.mesh import box, join, rod
+from automos.simulation.paths import Path, through
+from automos.simulation.scenarios.city import side_streets, winding
+from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic import Agent
+from automos.simulation.world import Site, World
+
+SPEED = 7.0
+LEAD_IN = 120.0
+
+
+def scooters(rng: np.random.Generator, duration: float) -> World:
+    """Return a busy street of two-wheelers."""
+    main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (90.0, 160.0), (5.0, 30.0)), radius=40.0)
+    sides = side_streets(rng, main, (45.0, 80.0), 60.0)
+    roads = (Road(main, 5.5, 2.5), *(Road(path, 2.6, 1.0) for path in sides))
+    terrain = Terrain(
+        roads, make_hills(rng, ((0.3, 200.0),)), verge=Material.SOIL, kerb=0.1, seed=int(rng.integers(1 << 30))
+    )
+    site = Site(terrain, rng)
+    _populate(site, main)
+    _furnish(site, main, sides)
+    return site.finish(duration)
+
+
+def _populate(site: Site, main: Path) -> None:
+    rng = site.rng
+    for lane, carries_ego in ((main.beside(-2.7), True), (main.reversed().beside(-2.7), False)):
+        if carries_ego:
+            site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lane, LEAD_IN, SPEED, wander=0.1))
+        rs.fill_lane(site, lane, SPEED * 0.95, (35.0, 90.0), heavy=0.08)
+        for offset in (-1.9, -0.6, 0.6, 1.9):
+            s = rng.uniform(22.0, 30.0)
+            while s < lane.length - 15.0:
+                rider = people.make_motorcyclist(rng, passenger=bool(rng.random() < 0.3))
+                pace = SPEED * rng.uniform(0.75, 1.35)
+                path_offset = offset + rng.normal(0.0, 0.15)
+                agent = Agent((rider,), lane, s, pace, offset=path_offset, wander=0.25, headway=0.7)
+                rs.add_agent(site, agent, clearance=0.35)
+                s += rng.uniform(5.0, 20.0)
+    for side in (-1.0, 1.0):
+        rs.add_walkers(site, main.beside(side * 6.7), int(main.length / 9.0), 0.6)
+        rs.add_standers(site, main, side * 7.2, int(main.length / 30.0))
+    for s in np.arange(LEAD_IN + 20.0, main.length - LEAD_IN, 45.0):
+        at, heading = main.at(s + rng.uniform(0.0, 20.0))
+        left = np.array([-np.sin(heading), np.cos(heading)])
+        across = through([at + 7.5 * left, at - 7.5 * left])
+        rs.add_agent(
+            site, Agent((rs.a_walker(rng),), across, 1.0, rng.uniform(0.9, 1.4), go=rng.uniform(0.0, 10.0)), 0.2
+        )
+
+
+def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
+    rng = site.rng
+    for side in (-1.0, 1.0):
+        for x, y, heading in rs.along(site, main, side * 6.0, (0.8, 6.0), 0.25):
+            if site.is_free(x, y, 0.6):
+                site.park(people.make_parked_scooter(rng), x, y, heading + side * rng.uniform(1.0, 1.6))
+        for x, y, heading in rs.along(site, main, side * 7.6, (4.0, 14.0), 1.2):
+            site.add(_stall(rng), x, y, heading if side > 0 else heading + np.pi)
+        rs.place_buildings(site, main, side, 8.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
+        rs.place_trees(site, main, side * 6.3, (18.0, 45.0))
+        rs.place_lamps(site, main, side, 6.0)
+        rs.park_row(site, main, side * 4.9, 0.12)
+    for street in sides:
+        for side in (-1.0, 1.0):
+            rs.place_buildings(site, street, side, 4.6, (2, 4), widths=(4.0, 9.0), gap_chance=0.15)
+
+
+def _stall(rng: np.random.Generator):  # type: ignore[no-untyped-def]
+    """Return a market stall: a table of goods under an awning."""
+    width = rng.uniform(1.6, 3.0)
+    posts = [
+        rod((x, y, 0), (x, y, 2.2), 0.03, Material.METAL, sections=5)
+        for x in (-width / 2, width / 2)
+        for y in (-0.6, 0.6)
+    ]
+    goods = [
+        box(rng.uniform(0.2, 0.5, 3), (x, rng.uniform(-0.4, 0.3), 1.0), Material.CLOTH, rng.uniform(0.3, 2.0))
+        for x in np.arange(-width / 2, width / 2, 0.4)
+    ]
+    awning = box((width + 0.4, 1.7, 0.05), (0, -0.1, 2.2), Material.CLOTH, rng.uniform(0.5, 1.8))
+    return join([*posts, *goods, awning, box((width, 1.0, 0.8), (0, 0, 0.45), Material.BARK)])
