@@ -149,12 +149,17 @@ class ArraySequence(Sequence):
         return self._is_compensated
 
     def fingerprint(self) -> str:
-        """Return a text that changes when any point does."""
+        """Return a text that changes when any point, time or stamp does."""
         import hashlib
 
-        digest = hashlib.sha256()
+        digest = hashlib.sha256(repr(self._is_compensated).encode())
         for scan in self._scans:
-            digest.update(np.ascontiguousarray(scan.points).tobytes())
+            for column in (scan.points, scan.time):
+                if column is not None:
+                    digest.update(f"{column.dtype}{column.shape}".encode())
+                    digest.update(np.ascontiguousarray(column).tobytes())
+        if self._stamps is not None:
+            digest.update(self._stamps.tobytes())
         return f"{super().fingerprint()}:{digest.hexdigest()}"
 
 

@@ -8,17 +8,62 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from automos.errors import SettingsError
 
 
 class _Group(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+
+class RefineSettings(_Group):
+    """Refinement of the poses over longer baselines."""
+
+    surfel: float = Field(0.4, gt=0, description="m, edge of the voxels scans are thinned to; doubles with distance")
+    voxel: float = Field(0.8, gt=0, description="m, edge of a submap's voxels; doubles with distance")
+    near: float = Field(20.0, gt=0, description="m up to which voxels have their least size")
+    max_range: float = Field(80.0, gt=0, description="m, points used")
+    min_points: int = Field(3, ge=1, description="points that make a surfel")
+    submap_every: float = Field(0.5, gt=0, description="s between the middles of submaps")
+    submap_length: float = Field(0.5, ge=0, description="s of scans in a submap")
+    lags: tuple[float, ...] = Field((0.5, 1.0, 2.0, 3.0), description="s between a scan and the submaps it is laid on")
+    max_distance: float = Field(40.0, gt=0, description="m between a scan and the submaps it is laid on")
+    kernels: tuple[float, ...] = Field(
+        (0.5, 0.3, 0.2, 0.2), min_length=1, description="m, one round each: residuals much longer count little"
+    )
+    converged: float = Field(0.003, ge=0, description="m, a round that moves no scan further is the last")
+    noise: float = Field(0.05, gt=0, description="m, deviation of a surfel on a perfect surface")
+    close: float = Field(0.1, gt=0, description="m, surfels nearer to a surface than this lie on it")
+    min_matched: int = Field(50, ge=6, description="surfels on surfaces a scan and a submap need in common")
+    information: float = Field(0.05, gt=0, le=1, description="share of a surfel's weight that is not its neighbours'")
+    max_acceleration: float = Field(3.0, gt=0, description="m/s^2, usual change of speed")
+    max_turn_acceleration_deg: float = Field(60.0, gt=0, description="deg/s^2, usual change of turn rate")
+    window: float = Field(20.0, gt=0, description="s of recording refined at once")
+    overlap: float = Field(6.0, gt=0, description="s of it that are refined again with the next")
+    speed_lags: tuple[float, ...] = Field((0.3, 0.8), min_length=1, description="s over which speed is searched")
+    speed_step: float = Field(0.125, gt=0, description="m/s between speeds tried")
+    max_speed: float = Field(45.0, gt=0, description="m/s tried at most")
+    max_reverse: float = Field(10.0, ge=0, description="m/s tried backwards")
+    speed_close: float = Field(0.15, gt=0, description="m, surfels nearer to a surface than this have found it again")
+    speed_evidence: float = Field(5.0, gt=0, description="surfels found again that count for half of full certainty")
+    speed_gain: float = Field(0.2, gt=0, lt=1, description="share by which another speed must explain more")
+    acceleration_cost: float = Field(
+        0.1, ge=0, description="share that an acceleration of max_acceleration must explain"
+    )
+    min_step: float = Field(0.1, gt=0, description="m, shorter steps have no direction")
+    min_straightness: float = Field(
+        0.8, gt=0, lt=1, description="how much steps agree on their direction in the sensor's frame"
+    )
+    body_range: float = Field(6.0, ge=0, description="m within which the vehicle's own body is looked for")
+    body_voxel: float = Field(0.4, gt=0, description="m")
+    body_share: float = Field(0.8, gt=0, le=1, description="share of scans that must see it at the same place")
+    body_spread: float = Field(0.04, gt=0, description="m, deviation of that place")
 
 
 class OdometrySettings(_Group):
@@ -48,6 +93,8 @@ class OdometrySettings(_Group):
     max_tilt_deg: float = Field(45.0, gt=0, le=90, description="deg between the sensor's z axis and the vertical")
     min_height: float = Field(0.1, ge=0, description="m, sensor over ground")
     max_height: float = Field(5.0, gt=0, description="m, sensor over ground")
+    refine: bool = Field(True, description="lay scans on submaps seconds away, too")
+    refinement: RefineSettings = Field(default_factory=RefineSettings)
     loop_closure: bool = Field(False, description="recognise revisited places and close the loop (bends poses locally)")
     threads: int = Field(0, ge=0, description="0: all cores")
 
@@ -86,7 +133,9 @@ class GroundSettings(_Group):
     start_range: float = Field(10.0, gt=0, description="m, the ground's height is first taken from within this")
     step: float = Field(0.12, gt=0, description="m, ground may rise or fall by this at once (a kerb)")
     max_bend: float = Field(0.06, gt=0, description="m per m, how fast the ground's slope may change")
-    max_step: float = Field(0.3, gt=0, description="m, most that ground may differ from what is expected, however far on")
+    max_step: float = Field(
+        0.3, gt=0, description="m, most that ground may differ from what is expected, however far on"
+    )
     max_slope: float = Field(0.35, gt=0, description="steepest ground, rise over run")
     ghost_depth: float = Field(0.15, gt=0, description="m, a sight this far under nearer ground is a mirror image")
     tolerance: float = Field(0.12, gt=0, description="m, points at most this far above the surface are ground")
@@ -107,12 +156,22 @@ class EgoBodySettings(_Group):
 class HdbscanSettings(_Group):
     """III-C: class-agnostic segments by HDBSCAN, and the boxes kept."""
 
-    epsilons: tuple[float, ...] = Field((2.0, 1.0, 0.5, 0.25), description="m, density thresholds, decreasing (III-F)")
+    epsilons: tuple[float, ...] = Field(
+        (2.0, 1.0, 0.5, 0.25), min_length=1, description="m, density thresholds, decreasing (III-F)"
+    )
     min_samples: int = Field(5, ge=1, description="neighbours that make a point dense")
     min_points: int = Field(5, ge=1, description="N_min: smaller segments are dropped (III-F)")
     max_side: float = Field(20.0, gt=0, description="m, T_size: larger segments are dropped (III-F)")
     min_score: float = Field(0.5, ge=0, le=1, description="share of candidates from which on a segment is an instance")
     voxel: float = Field(0.1, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+
+    @field_validator("epsilons")
+    @classmethod
+    def _check_epsilons(cls, epsilons: tuple[float, ...]) -> tuple[float, ...]:
+        # Segments are nested, and their tree is one, only where each eps is smaller than the one before.
+        if not all(a > b for a, b in pairwise([*epsilons, 0.0])):
+            raise ValueError("they must be greater than 0 and decrease")
+        return epsilons
 
 
 class FilterSettings(_Group):
@@ -234,8 +293,9 @@ def _read_yaml(file: Path) -> dict[str, Any]:
         tree = yaml.safe_load(file.read_text())
     except OSError as error:
         raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
-    except yaml.YAMLError as error:
-        raise SettingsError(f"settings file {file} is not YAML ({error}): `automos settings` prints one") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        why = " ".join(str(error).split())  # YAML's messages draw the place on lines of their own
+        raise SettingsError(f"settings file {file} is not YAML ({why}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):
         raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
     return tree or {}

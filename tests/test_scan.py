@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from automos.geometry import make_transform
+from automos.scan import MIN_RANGE, ArraySequence, Frame, Scan
+
+
+def points(n: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(n, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("shape", [(5, 4), (5,), (3, 5)])
+def test_points_of_another_shape_are_refused(shape):
+    with pytest.raises(ValueError, match=r"points must be \(N, 3\)"):
+        Scan(np.zeros(shape, np.float32))
+
+
+@pytest.mark.parametrize("column", ["intensity", "time", "ring"])
+def test_columns_of_another_length_are_refused(column):
+    with pytest.raises(ValueError, match=rf"{column} must be \(5,\), got shape \(4,\)"):
+        Scan(points(5), **{column: np.zeros(4)})
+
+
+def test_points_that_are_no_measurement_are_not_valid():
+    rows = [[1, 0, 0], [0, 0, 0], [np.nan, 1, 1], [1, np.inf, 1], [-np.inf, 0, 0], [0, 0, MIN_RANGE / 2], [0, -2, 0]]
+    np.testing.assert_array_equal(Scan(np.array(rows, np.float32)).is_valid, [True, *[False] * 5, True])
+
+
+def test_a_scan_without_points_is_a_scan():
+    assert len(Scan(np.zeros((0, 3), np.float32))) == 0
+    assert Scan(np.zeros((0, 3), np.float32)).is_valid.shape == (0,)
+
+
+def test_plain_arrays_become_scans_with_or_without_intensity():
+    sequence = ArraySequence([np.arange(6).reshape(2, 3), np.arange(8).reshape(2, 4)])
+    assert sequence[0].points.dtype == np.float32
+    assert sequence[0].intensity is None
+    np.testing.assert_array_equal(sequence[1].points, [[0, 1, 2], [4, 5, 6]])
+    np.testing.assert_array_equal(sequence[1].intensity, [3, 7])
+    assert sequence.names == ["000000", "000001"]
+    assert [len(scan) for scan in sequence] == [2, 2]
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (4,), (2, 3, 3)])
+def test_an_array_that_is_no_scan_is_named_by_its_place(shape):
+    with pytest.raises(ValueError, match="scan 1 must be"):
+        ArraySequence([np.zeros((2, 3)), np.zeros(shape)])
+
+
+def test_stamps_are_those_given_or_those_of_all_scans_or_none():
+    scans = [Scan(points(4), stamp=0.5), Scan(points(4), stamp=0.7)]
+    np.testing.assert_array_equal(ArraySequence(scans).stamps, [0.5, 0.7])
+    np.testing.assert_array_equal(ArraySequence(scans, stamps=[1, 2]).stamps, [1.0, 2.0])
+    assert ArraySequence([*scans, Scan(points(4))]).stamps is None
+    assert ArraySequence([]).stamps is None
+    with pytest.raises(ValueError, match=r"stamps must be \(2,\)"):
+        ArraySequence(scans, stamps=[1, 2, 3])
+
+
+def changed(column: str) -> ArraySequence:
+    """Return the recording below with one number of `column` changed."""
+    columns = {"points": points(9), "time": np.linspace(0, 0.1, 9, dtype=np.float32)}
+    stamps, is_compensated, cut = np.array([0.0, 0.1]), False, 4
+    match column:
+        case "points":
+            columns["points"][7, 1] += 1e-3
+        case "time":
+            columns["time"][7] -= 1e-3
+        case "stamps":
+            stamps[1] = 0.2
+        case "is_compensated":
+            is_compensated = True
+        case "cut":
+            cut = 5
+    parts = (slice(0, cut), slice(cut, 9))
+    scans = [Scan(columns["points"][part], time=columns["time"][part]) for part in parts]
+    return ArraySequence(scans, stamps, is_compensated=is_compensated)
+
+
+@pytest.mark.parametrize("column", ["points", "time", "stamps", "is_compensated", "cut"])
+def test_the_fingerprint_changes_with_everything_that_shapes_labels(column):
+    assert changed("nothing").fingerprint() == changed("nothing").fingerprint()
+    assert changed(column).fingerprint() != changed("nothing").fingerprint()
+
+
+def test_a_frames_values_return_to_their_places_in_the_users_scan():
+    frame = Frame(points(3), np.array([0, 2, 5]), 6, np.eye(4), 0.0)
+    np.testing.assert_array_equal(frame.scatter(np.array([7, 8, 9])), [7, 0, 8, 0, 0, 9])
+    np.testing.assert_array_equal(frame.scatter(np.array([7, 8, 9]), fill=-1), [7, -1, 8, -1, -1, 9])
+    assert frame.scatter(np.ones((3, 2), np.float32)).shape == (6, 2)
+    assert frame.scatter(np.array([7, 8, 9], np.int16)).dtype == np.int16
+
+
+def test_a_frames_points_in_the_level_frame_by_hand():
+    T_level_sensor = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [10.0, 0.0, 2.0])
+    frame = Frame(np.array([[1, 2, 3]], np.float32), np.array([0]), 1, T_level_sensor, 0.0)
+    np.testing.assert_allclose(frame.points_level, [[8, 1, 5]])
+    np.testing.assert_array_equal(frame.origin_level, [10, 0, 2])
