@@ -1,7 +1,7 @@
 """Tiny worlds with exact truth for fast tests: upright blocks on a plane, ray-cast by one slab test for all rays.
 
-Scans are instantaneous (nothing to compensate), with a centimetre of range noise so that no coordinate lies exactly on a
-voxel's border. `street` is the world most tests use.
+Scans are instantaneous (nothing to compensate), with a centimetre of range noise so that no coordinate lies exactly on
+a voxel's border. `street` is the world most tests use.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SENSOR_HEIGHT = 1.8  # m
 
 @dataclass(frozen=True)
 class Block:
-    """An upright box at constant velocity: centre (m) at time 0, length, width, height (m), yaw (rad), velocity (m/s)."""
+    """An upright box at constant velocity: centre (m) at time 0; length, width, height (m); yaw (rad); m/s."""
 
     center: tuple[float, float, float]
     size: tuple[float, float, float]

@@ -1,7 +1,7 @@
 """Every number that shapes a result, with its unit, range and, where it comes from the paper, its section.
 
-Lengths are metres, angles degrees, times seconds. `preset("paper")` is the seed paper to the letter; `preset("default")`
-is whatever measures best. Order of precedence: preset < settings file < command line.
+Lengths are metres, angles degrees, times seconds. The preset "paper" is the seed paper to the letter; "default" is
+whatever measures best. Order of precedence: preset < settings file < command line.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ class OdometrySettings(_Group):
     start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
     time: Literal["auto", "file", "azimuth", "none"] = Field(
         "auto",
-        description="where the points' times come from for motion compensation: the file, the azimuth, or none (already "
-        "compensated); auto takes the file's, else finds out which of the others folds the scans best",
+        description="where the points' times come from for motion compensation: the file, the azimuth, or none "
+        "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
@@ -151,6 +151,18 @@ class EgoBodySettings(_Group):
     min_distance: float = Field(1.0, gt=0, description="m, how far apart the sensor must be in scans looked at")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
     tolerance: float = Field(0.15, gt=0, description="m, ranges nearer to each other than this are the same")
+
+
+class SegmentSettings(_Group):
+    """Segments of the whole non-ground scan."""
+
+    cell: float = Field(0.25, gt=0, description="m, side of a cell seen from above")
+    max_range: float = Field(120.0, gt=0, description="m, half the side of the area looked at")
+    height_bin: float = Field(0.1, gt=0, description="m, resolution in height; 64 bins from the ground up")
+    gap: float = Field(0.5, gt=0, description="m, things nearer to each other than this are one, seen from above")
+    gap_columns: float = Field(2.5, ge=0, description="the same in distances between neighbouring rays, if that is more")
+    height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
+    height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
 
 
 class HdbscanSettings(_Group):
@@ -257,7 +269,7 @@ def load_settings(
 
     Raises
     ------
-    SettingsError : an unknown preset or key (the nearest known one is named), a value of the wrong type or out of range.
+    SettingsError : an unknown preset or key (the nearest is named), a value of the wrong type or out of range.
     """
     if preset not in PRESETS:
         raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
