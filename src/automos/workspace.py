@@ -13,11 +13,12 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path
+from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
 
 Arrays = Mapping[str, npt.NDArray]
@@ -80,8 +81,14 @@ class _FolderStage(Stage):
             np.savez(file, **arrays)
 
     def load(self, name: str) -> dict[str, npt.NDArray]:
-        with np.load(self._folder / f"{name}.npz", allow_pickle=False) as archive:
-            return dict(archive)
+        path = self._folder / f"{name}.npz"
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return dict(archive)
+        except (OSError, ValueError, EOFError, BadZipFile) as error:
+            raise InputError(
+                f"{path} is damaged ({error}): delete {self._folder} and run the same command again"
+            ) from error
 
 
 class Workspace:
@@ -99,19 +106,22 @@ class Workspace:
         return _FolderStage(self.root / "stages" / f"{name}-{key}")
 
     def keep_only(self, keys: Mapping[str, str]) -> None:
-        """Remove stages made under other fingerprints than `keys` (stage name: fingerprint)."""
+        """Remove stages made under other fingerprints than `keys` (stage name: fingerprint), and halves of files."""
         if self.root is None:
             return
         wanted = {f"{name}-{key}" for name, key in keys.items()}
         for folder in (self.root / "stages").glob("*"):
             if folder.name not in wanted:
                 shutil.rmtree(folder, ignore_errors=True)
+            else:
+                remove_parts(folder)
 
     def read_run(self) -> dict[str, Any]:
         """Return what run.json says of the run in this folder, {} where there is none."""
         if self.root is None or not (self.root / RUN_FILE).exists():
             return {}
         try:
-            return dict(json.loads((self.root / RUN_FILE).read_text()))
+            run = json.loads((self.root / RUN_FILE).read_text())
         except (ValueError, OSError):
-            return {}  # damaged from outside: the run is made again
+            run = None
+        return run if isinstance(run, dict) else {}  # damaged from outside: the run is made again

@@ -1,11 +1,11 @@
 """The results folder of a run: labels, poses, tracks, and what they were made from and with.
 
-    predictions/*.label   one uint32 per point, in the scan's order, named after the scan
-    poses.txt  poses.tum  sensor poses, KITTI and TUM
-    tracks.json           every object: verdict, confidence, a box per scan
-    settings.yaml         the settings that were used, all of them
-    run.json              versions, fingerprints, counts, timings, warnings
-    stages/               what each stage found; deleting it costs only time
+predictions/*.label   one uint32 per point, in the scan's order, named after the scan
+poses.txt  poses.tum  sensor poses, KITTI and TUM
+tracks.json           every object: verdict, confidence, a box per scan
+settings.yaml         the settings that were used, all of them
+run.json              versions, fingerprints, counts, timings, warnings
+stages/               what each stage found; deleting it costs only time
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import atomic_path, write_text
+from automos.atomic import atomic_path, remove_parts, write_text
 from automos.geometry import inverse
 from automos.labels import Label, pack
 from automos.pipeline import Result
@@ -54,6 +54,8 @@ def write_results(
         for stale in predictions.glob("*.label"):
             stale.unlink()
     predictions.mkdir(parents=True, exist_ok=True)
+    for place in (folder, predictions):
+        remove_parts(place)
     counts = dict.fromkeys((name.name.lower() for name in Label), 0)
     for i, name in enumerate(result.names):
         labels = result.labels(i)

@@ -1,0 +1,85 @@
+import errno
+import os
+
+import pytest
+
+from automos.atomic import atomic_path, remove_parts, write_text
+from automos.errors import InputError
+
+
+def full_disk(*_args, **_kwargs):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def write_half(file, then):
+    """Write a part of `file`, then do `then`."""
+    with atomic_path(file) as temporary:
+        temporary.write_text("half")
+        then()
+
+
+def raiser(error):
+    def fail():
+        raise error
+
+    return fail
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Return a file that was there before."""
+    (tmp_path / "a.txt").write_text("old")
+    return tmp_path / "a.txt"
+
+
+def test_a_file_is_replaced_only_when_it_is_whole(file):
+    with atomic_path(file) as temporary:
+        temporary.write_text("ne")
+        assert file.read_text() == "old"
+        temporary.write_text("new")
+    assert file.read_text() == "new"
+    assert [path.name for path in file.parent.iterdir()] == ["a.txt"]
+
+
+def test_the_temporary_file_lies_beside_the_file_and_is_hidden(file):
+    with atomic_path(file) as temporary:
+        assert temporary.parent == file.parent  # a rename is atomic within a file system only
+        assert temporary.name.startswith(".")
+        temporary.write_text("")
+
+
+@pytest.mark.parametrize("error", [ValueError("a bug"), KeyboardInterrupt()], ids=["bug", "Ctrl-C"])
+def test_whatever_ends_the_block_early_leaves_the_old_file_and_nothing_else(file, error):
+    with pytest.raises(type(error)):
+        write_half(file, raiser(error))
+    assert file.read_text() == "old"
+    assert [path.name for path in file.parent.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("where", ["writing", "moving"])
+def test_a_full_disk_is_one_sentence_and_leaves_the_old_file_and_nothing_else(file, monkeypatch, where):
+    if where == "moving":
+        monkeypatch.setattr(os, "replace", full_disk)
+    with pytest.raises(InputError, match=r"a\.txt could not be written \(No space left on device\)") as caught:
+        write_half(file, full_disk if where == "writing" else int)
+    assert "\n" not in str(caught.value)
+    assert file.read_text() == "old"
+    assert [path.name for path in file.parent.iterdir()] == ["a.txt"]
+
+
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path):
+    with pytest.raises(InputError, match="could not be written"):
+        write_text(tmp_path / "nowhere" / "a.txt", "text")
+
+
+def test_text_is_written_whole(file):
+    write_text(file, "grün\n")
+    assert file.read_text(encoding="utf-8") == "grün\n"
+
+
+def test_halves_of_files_that_a_killed_process_left_are_removed_and_nothing_else(file):
+    with atomic_path(file) as temporary:
+        temporary.write_text("new")
+    temporary.write_text("half")  # as SIGKILL leaves it
+    remove_parts(file.parent)
+    assert [path.name for path in file.parent.iterdir()] == ["a.txt"]
