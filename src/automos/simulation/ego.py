@@ -79,13 +79,16 @@ def _settle(values: Array) -> Array:
 
 
 def ego_body(roof: float = 1.42) -> Mesh:
-    """Return what the sensor may see of its own vehicle, body frame with the sensor above the origin: roof, rack, bonnet."""
+    """Return what the sensor may see of its own vehicle, body frame with the sensor above the origin."""
+    roof_z, bonnet_z = roof - 0.03, 0.75
     return join(
         [
-            box((1.85, 1.24, 0.06), (-0.10, 0.0, roof - 0.03), Material.PAINT, 0.8),
-            box((1.0, 1.50, 0.05), (2.1, 0.0, 0.90), Material.PAINT, 0.8),
-            *(rod((x, -0.60, roof + 0.05), (x, 0.60, roof + 0.05), 0.025, Material.METAL) for x in (0.40, -0.75)),
-            *(box((0.10, 0.08, 0.10), (0.55, y, roof + 0.06), Material.PLASTIC) for y in (-0.50, 0.50)),
-            *(rod((x, y, roof), (x, y, roof + 0.13), 0.04, Material.METAL) for x, y in ((-0.8, 0.5), (-0.8, -0.5))),
+            box((1.20, 1.00, 0.06), (-0.10, 0.0, roof_z), Material.PAINT, 0.8),
+            box((0.40, 0.54, 0.06), (0.62, 0.0, roof_z), Material.PAINT, 0.8),
+            box((0.40, 1.20, 0.06), (-0.77, 0.0, roof_z), Material.PAINT, 0.8),
+            box((0.65, 1.40, 0.05), (1.55, 0.0, bonnet_z), Material.PAINT, 0.8),
+            *(box((0.10, 0.08, 0.10), (0.55, y, roof + 0.04), Material.PLASTIC) for y in (-0.42, 0.42)),
+            *(rod((-0.85, y, roof), (-0.85, y, roof + 0.13), 0.04, Material.METAL) for y in (-0.42, 0.42)),
+            rod((-0.30, -0.62, roof), (-0.30, 0.62, roof), 0.03, Material.METAL),
         ]
     )

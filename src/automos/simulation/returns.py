@@ -19,7 +19,7 @@ PULSE = 1.2
 """Metres: two echoes nearer to each other than this merge into one."""
 FADE = 0.06
 """Width, as a share of the range, over which returns die out at a surface's limit of visibility."""
-MISFIRE = 0.004
+MISFIRE = 0.002
 """Share of beams that fail for no reason."""
 FULL_SCALE = 1.1
 """Reflectivity that saturates the intensity scale."""

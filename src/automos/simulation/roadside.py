@@ -58,7 +58,8 @@ def place_buildings(
         probes = np.array(
             [*corners, (rear_x, rear_y), 0.5 * (corners[0] + (rear_x, rear_y)), 0.5 * (corners[1] + (rear_x, rear_y))]
         )
-        if site.terrain.road_distance(probes).min() > 2.5:
+        front = float(site.terrain.road_distance(path.at([s + 0.5 * width], side * back)[0])[0])
+        if site.terrain.road_distance(probes).min() > min(2.5, 0.85 * front):
             building = buildings.make_building(rng, width, depth, int(rng.integers(storeys[0], storeys[1] + 1)), smooth)
             heading = np.arctan2(*(corners[1] - corners[0])[::-1])
             x, y = corners[0] if side > 0 else corners[1]
@@ -113,6 +114,19 @@ def scatter_bushes(
             site.sway(bush, x, y, sway)
         else:
             site.add(bush, x, y)
+
+
+def place_thickets(
+    site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float], heights: tuple[float, float]
+) -> None:
+    """Grow tall shrubs between two offsets: the edge of a wood."""
+    rng = site.rng
+    templates = [vegetation.make_thicket(rng, 0.35 * h + 0.3, h) for h in rng.uniform(*heights, 8)]
+    for x, y, heading in along(site, path, 0.0, spacing, -np.inf):
+        off = rng.uniform(min(offsets), max(offsets))
+        x, y = x - off * np.sin(heading), y + off * np.cos(heading)
+        if site.terrain.road_distance(np.array([[x, y]]))[0] > 2.5:
+            site.add(templates[int(rng.integers(8))].scaled(rng.uniform(0.8, 1.2)), x, y, rng.uniform(0, 2 * np.pi))
 
 
 def scatter_tufts(site: Site, path: Path, offsets: tuple[float, float], per_metre: float) -> None:

@@ -19,6 +19,8 @@ Array32 = npt.NDArray[np.float32]
 
 EGO = -1
 """Object id of the ego vehicle's own body."""
+WHOLE_PANE = 0.8
+"""How far a pane behaves as a whole (1) or beam by beam (0)."""
 _BEHIND_PANE = 0.02
 """Metres behind a pane where a beam that passed it starts again."""
 _MAX_PANES = 4
@@ -86,6 +88,9 @@ class Scene:
         self._owner = np.broadcast_to(np.asarray(owner, np.int32), len(mesh.faces))
         lost, passed = column("lost"), column("passed")
         self._lost = lost[mesh.material]
+        # A pane behaves as a whole: curtained or not, tinted or not. Both triangles of a quad share its luck.
+        seed = int(1e4 * np.abs(mesh.tint).sum()) + len(mesh)
+        self._luck = np.random.default_rng(seed).random(len(mesh) // 2 + 1, np.float32)[np.arange(len(mesh)) // 2]
         self._passed = passed[mesh.material]
 
     def first(self, origin: Array32, direction: Array32, reach: Array32) -> tuple[npt.NDArray[np.int32], Array32]:
@@ -105,7 +110,10 @@ class Scene:
         found = np.flatnonzero(face >= 0)
         if len(found) == 0:
             return
-        face, distance, chance = face[found], distance[found], chance[found]
+        face, distance = face[found], distance[found]
+        is_pane = self._passed[face] > 0
+        own = 1.0 - WHOLE_PANE * is_pane
+        chance = own * chance[found] + (1.0 - own) * self._luck[face]
         face, distance = self._through_panes(origin, direction, best, found, face, distance, chance)
         kept = face >= 0
         found, face, distance, chance = found[kept], face[kept], distance[kept], chance[kept]

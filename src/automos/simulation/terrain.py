@@ -97,7 +97,7 @@ class Terrain:
         xy = self._vertices(reach, keep, rng)
         distance = self.road_distance(xy)
         wild = np.clip((distance - self._walk) / 2.0, 0.0, 1.0)
-        z = self.height(xy, distance) + rng.normal(0.0, 1.0, len(xy)) * (0.003 + self.roughness * wild)
+        z = self.height(xy, distance) + rng.normal(0.0, 1.0, len(xy)) * (0.005 + self.roughness * wild)
         faces = Delaunay(xy).simplices.astype(np.int32)
         edges = np.linalg.norm(xy[faces] - xy[np.roll(faces, 1, axis=1)], axis=2)
         faces = faces[edges.max(axis=1) < 25.0]

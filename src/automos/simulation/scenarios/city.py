@@ -63,7 +63,7 @@ def side_streets(rng: np.random.Generator, main: Path, spacing: tuple[float, flo
 
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     for side in (-1.0, 1.0):
-        rs.place_buildings(site, main, side, 9.4, (3, 5), gap_chance=0.4)
+        rs.place_buildings(site, main, side, 9.4, (3, 5), gap_chance=0.55, gaps=(6.0, 20.0))
         rs.place_buildings(site, main, side, 38.0, (2, 6), widths=(14.0, 30.0), gap_chance=0.7, gaps=(5.0, 25.0))
         rs.place_trees(site, main, side * 6.7, (11.0, 24.0))
         rs.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
@@ -71,6 +71,8 @@ def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
         rs.place_clutter(site, main, side, 8.3)
         rs.park_row(site, main, side * 4.6, 0.7)
         rs.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
+        rs.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
+        rs.place_hedges(site, main, side * 9.6, 0.5)
     for street in sides:
         for side in (-1.0, 1.0):
             rs.place_buildings(site, street, side, 7.0, (2, 5), gap_chance=0.5)

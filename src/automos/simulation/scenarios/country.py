@@ -34,13 +34,13 @@ def _furnish(site: Site, main: Path, tracks: list[Path]) -> None:
         rs.scatter_tufts(site, main, (side * 4.2, side * 9.0), 2.5)
         rs.scatter_tufts(site, main, (side * 8.0, side * 22.0), 1.2)
         rs.scatter_bushes(site, main, (side * 5.5, side * 14.0), (3.0, 8.0))
-        rs.scatter_bushes(site, main, (side * 12.0, side * 35.0), (3.0, 8.0))
+        rs.place_thickets(site, main, (side * 8.0, side * 12.0), (2.5, 9.0), (1.8, 4.0))
+        rs.place_thickets(site, main, (side * 13.0, side * 19.0), (1.5, 5.0), (2.5, 6.0))
+        rs.place_thickets(site, main, (side * 22.0, side * 40.0), (1.5, 5.0), (3.0, 7.0))
         for offset, spacing in (
-            (7.0, (9.0, 30.0)),
-            (12.0, (6.0, 14.0)),
-            (19.0, (6.0, 14.0)),
+            (8.0, (9.0, 30.0)),
+            (15.0, (6.0, 14.0)),
             (30.0, (7.0, 16.0)),
-            (48.0, (8.0, 20.0)),
         ):
             rs.place_trees(site, main, side * offset, spacing, clearance=2.0)
         rs.place_hedges(site, main, side * 7.5, 0.15)
