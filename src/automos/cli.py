@@ -27,7 +27,9 @@ Recording = Annotated[Path, typer.Argument(help="a folder of scans, a KITTI-styl
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
 Preset = Annotated[str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
+]
 
 
 @app.command()
@@ -86,6 +88,56 @@ def evaluate(
         write_text(json_file, report.to_json())
 
 
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="folder for the picture and the report")] = Path("automos_demo"),
+    preset: Preset = "default",
+) -> None:
+    """Simulate a street, label it, score it and draw it: the first minute."""
+    from automos.demo import run_demo
+    from automos.progress import StageProgress
+
+    with StageProgress(console, "street") as progress:
+        made = run_demo(out, _settings(preset, None, None), progress)
+    output.print(
+        f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "
+        f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}",
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def simulate(
+    out: Annotated[Path, typer.Argument(help="folder to write the recording into")],
+    scenario: Annotated[str, typer.Option(help="the world; an unknown name lists all")] = "city",
+    sensor: Annotated[str, typer.Option(help="the LiDAR; an unknown name lists all")] = "HDL-64E",
+    scans: Annotated[int, typer.Option(help="length")] = 100,
+    seed: Annotated[int, typer.Option(help="another seed, another world")] = 0,
+    compensated: Annotated[bool, typer.Option(help="take the sensor's motion out of every sweep")] = False,
+    workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
+) -> None:
+    """Write a simulated recording with exact truth, in SemanticKITTI's layout."""
+    from automos import simulation
+    from automos.progress import StageProgress
+
+    sequence = simulation.simulate(scenario, sensor, scans, seed, compensated)
+    with StageProgress(console, sequence.name) as progress:
+        simulation.write(sequence, out, workers, progress)
+    output.print(f"{len(sequence)} scans in {out}", soft_wrap=True)
+
+
+@app.command()
+def drift(
+    estimate: Annotated[Path, typer.Argument(help="poses.txt or poses.tum of a run")],
+    reference: Annotated[Path, typer.Argument(help="reference poses of the same scans: KITTI or TUM")],
+    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the reference is the camera's")] = None,
+) -> None:
+    """Score poses against a reference: absolute and relative errors, KITTI's t_err and r_err."""
+    from automos.evaluation.drift_report import compare_trajectories
+
+    output.print(compare_trajectories(estimate, reference, calib))
+
+
 @app.command("settings")
 def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
     """Print all settings as YAML; the output is a settings file."""
@@ -117,7 +169,9 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     debug: Annotated[bool, typer.Option(help="show tracebacks and log messages")] = False,
-    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")
+    ] = False,
 ) -> None:
     logging.basicConfig(level=logging.DEBUG if debug else logging.ERROR, format="%(name)s: %(message)s")
     _Debug.on = debug

@@ -115,6 +115,11 @@ def _read_numbers(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.i
     return np.array(rows), np.array(line_numbers)
 
 
+def count_poses(path: str | Path) -> int:
+    """Return how many poses a KITTI or TUM file holds."""
+    return len(_read_numbers(Path(path))[0])
+
+
 # ------------------------------------------------------------------------------------------------ numbers to poses
 def _from_matrices(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.int64], path: Path) -> Pose:
     """Return (L, 4, 4) from (L, 12 or 16) row-major numbers, rotations made exactly orthonormal."""

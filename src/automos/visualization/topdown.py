@@ -1,0 +1,84 @@
+"""Labels seen from above, against the truth where there is one, as in Fig. 4 of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import atomic_path
+from automos.labels import Label
+
+COLORS = {
+    "true static": "#9aa0a6",
+    "true moving": "#0a9d3c",
+    "false moving": "#e0262b",
+    "missed": "#1f5fff",
+}
+"""What a point's label and its truth make of it: the paper's true static, true dynamic, false dynamic, false static."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One picture: points (N, 3) in metres, labels (N,), truth (N,) or None, both uint8 of `Label`."""
+
+    title: str
+    points: npt.NDArray
+    labels: npt.NDArray[np.uint8]
+    truth: npt.NDArray[np.uint8] | None = None
+
+    def kinds(self) -> dict[str, npt.NDArray[np.bool_]]:
+        """Return for each key of `COLORS` which points are drawn in its colour, in drawing order."""
+        says_moving = self.labels == Label.MOVING
+        # Where the truth is unknown nothing can be wrong; the point is drawn as what it was labelled.
+        is_moving = says_moving if self.truth is None else self.truth == Label.MOVING
+        is_known = np.ones(len(self.labels), bool) if self.truth is None else self.truth != Label.UNLABELED
+        return {
+            "true static": ~says_moving & ~(is_moving & is_known),
+            "true moving": says_moving & (is_moving | ~is_known),
+            "false moving": says_moving & ~is_moving & is_known,
+            "missed": ~says_moving & is_moving & is_known,
+        }
+
+
+def draw_views(
+    views: list[View],
+    path: Path,
+    center: npt.ArrayLike,
+    radius: float,
+    tracks: list[npt.NDArray] | None = None,
+    columns: int = 3,
+) -> None:
+    """Write the views side by side, all of the same square of ground, to a PNG file.
+
+    Parameters
+    ----------
+    center : (2,) metres, the middle of the square.   radius : metres, half its side.
+    tracks : paths (T, 2 or 3) of moving objects, drawn as lines into every view.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    columns = min(columns, len(views))
+    rows = -(-len(views) // columns)
+    figure = Figure(figsize=(7.0 * columns, 7.3 * rows + 0.5), dpi=110, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(views) :]:
+        axis.set_axis_off()
+    for axis, view in zip(axes, views, strict=False):
+        for kind, is_kind in view.kinds().items():
+            size = 0.15 if kind == "true static" else 1.6
+            axis.scatter(*view.points[is_kind, :2].T, s=size, c=COLORS[kind], linewidths=0, rasterized=True)
+        for track in tracks or []:
+            axis.plot(track[:, 0], track[:, 1], color="black", linewidth=0.7)
+        axis.set(xlim=(center[0] - radius, center[0] + radius), ylim=(center[1] - radius, center[1] + radius))
+        axis.set_aspect("equal")
+        axis.set_title(view.title)
+        axis.set(xticks=[], yticks=[])
+    handles = [Line2D([], [], marker="o", linestyle="", color=color, label=kind) for kind, color in COLORS.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(COLORS), frameon=False)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        FigureCanvasAgg(figure).print_png(file)
