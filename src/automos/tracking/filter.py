@@ -1,9 +1,9 @@
 """Extended Kalman filters of many boxes at once, constant velocity (paper III-D).
 
-State (10): x, y, z, yaw, length, width, height, vx, vy, vz. Measurement (7): the box. Motion and measurement are linear
 State (10): x, y, z, yaw, length, width, height, vx, vy, vz. Measurement (7): the box. Motion and measurement are
-same with length and width swapped, so a measurement is brought to the nearest of these before it is compared. The noise
-is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds rather than in frames.
+linear but for the yaw, which lives on a circle: a box turned by half a turn is the same box, and one turned by a
+quarter is the same with length and width swapped, so a measurement is brought to the nearest of these before it is
+compared. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds rather than in frames.
 """
 
 from __future__ import annotations
