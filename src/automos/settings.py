@@ -35,11 +35,12 @@ class RefineSettings(_Group):
     lags: tuple[float, ...] = Field((0.5, 1.0, 2.0, 3.0), description="s between a scan and the submaps it is laid on")
     max_distance: float = Field(40.0, gt=0, description="m between a scan and the submaps it is laid on")
     kernels: tuple[float, ...] = Field(
-        (0.5, 0.3, 0.2, 0.2), min_length=1, description="m, one round each: residuals much longer count little"
+        (0.5, 0.2, 0.2, 0.2), min_length=1, description="m, one round each: residuals much longer count little"
     )
     converged: float = Field(0.003, ge=0, description="m, a round that moves no scan further is the last")
     noise: float = Field(0.05, gt=0, description="m, deviation of a surfel on a perfect surface")
     close: float = Field(0.1, gt=0, description="m, surfels nearer to a surface than this lie on it")
+    max_surfels: int = Field(2500, ge=100, description="surfels of a scan laid on one submap, at most")
     min_matched: int = Field(50, ge=6, description="surfels on surfaces a scan and a submap need in common")
     information: float = Field(0.05, gt=0, le=1, description="share of a surfel's weight that is not its neighbours'")
     max_acceleration: float = Field(3.0, gt=0, description="m/s^2, usual change of speed")
@@ -56,6 +57,8 @@ class RefineSettings(_Group):
     acceleration_cost: float = Field(
         0.1, ge=0, description="share that an acceleration of max_acceleration must explain"
     )
+    min_speed_ratio: float = Field(0.8, gt=0, le=1, description="of true speed to first estimate, at least")
+    min_clear_speed: float = Field(2.0, gt=0, description="m/s, slower first estimates may be a mistaken standstill")
     min_step: float = Field(0.1, gt=0, description="m, shorter steps have no direction")
     min_straightness: float = Field(
         0.8, gt=0, lt=1, description="how much steps agree on their direction in the sensor's frame"
@@ -75,7 +78,9 @@ class OdometrySettings(_Group):
     min_points: int = Field(50, ge=3, description="a scan with fewer usable points is not registered")
     points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")
     max_iterations: int = Field(500, ge=1, description="of one registration")
-    convergence: float = Field(1e-3, gt=0, description="a registration ends with a step (m and rad) shorter than this")
+    convergence: float = Field(
+        1e-2, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
+    )
     initial_threshold: float = Field(2.0, gt=0, description="m, deviation from constant motion expected at the start")
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
     start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
@@ -84,6 +89,7 @@ class OdometrySettings(_Group):
         description="where the points' times come from for motion compensation: the file, the azimuth, or none "
         "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
+    max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
     ground_voxel: float = Field(0.5, gt=0, description="m, one point per voxel is used to find the ground")

@@ -1,27 +1,33 @@
-"""The odometry, step by step: sweep timing, poses, refinement, loops, ground (paper III-A)."""
+"""The odometry, step by step: sweep timing, poses, refinement, ground (paper III-A)."""
 
 from __future__ import annotations
 
 import logging
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import inverse, se3_log
-from automos.odometry.kiss import Progress, register_scans
+from automos.geometry import inverse
+from automos.odometry.clock import Clock, read_clock
+from automos.odometry.consistency import measure_consistency, summarize
+from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
-from automos.odometry.motion import SweepTiming, compensate, sweep_times
+from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.speed import chain
+from automos.odometry.sweeps import surfels_of, usable_points
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
+from automos.odometry.windows import RollingRefinement
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
 
-USUAL_GAP = 0.1
-"""Seconds between scans where the recording has no clock."""
+Progress = Callable[[int, int], None]
 
 
 def estimate_trajectory(
@@ -45,52 +51,68 @@ def estimate_trajectory(
     InputError
         When the sequence is empty, or the poses are not one rigid transform per scan.
     """
-    n = len(sequence)
-    if n == 0:
+    if len(sequence) == 0:
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
-    stamps = sequence.stamps if sequence.stamps is not None else USUAL_GAP * np.arange(n)
-    gaps = usual_gaps(stamps)
-    warnings: list[str] = []
-    timing = choose_timing(sequence, settings, poses, gaps)
+    clock = read_clock(sequence)
+    if poses is not None:
+        poses = _checked_poses(poses, len(sequence))
+    timing = choose_timing(sequence, settings, poses, clock)
+    diagnostics: dict[str, Any] = {"warnings": []}
     if poses is None:
-        T_world_sensor, is_registered = register_scans(sequence, settings, timing, gaps, progress)
-        if not is_registered.all():
-            held = [sequence.names[i] for i in np.flatnonzero(~is_registered)]
-            warnings.append(
+        poses = _register(sequence, settings, timing, clock, progress, diagnostics)
+    if "wall_thickness_m" not in diagnostics:
+        links = measure_consistency(sequence, poses, timing, clock, settings)
+        diagnostics.update(summarize(links, settings.refinement))
+    _judge(diagnostics, settings)
+    T_level_world = _find_level(sequence, poses, timing, clock, settings, diagnostics)
+    for warning in diagnostics["warnings"]:
+        _log.warning("%s: %s", sequence.name, warning)
+    motion = timing.share * step_twists(poses, clock.gaps)
+    return Trajectory(poses, clock.stamps, motion, timing, T_level_world, diagnostics)
+
+
+def _register(
+    sequence: Sequence,
+    settings: OdometrySettings,
+    timing: SweepTiming,
+    clock: Clock,
+    progress: Progress | None,
+    diagnostics: dict[str, Any],
+) -> Pose:
+    """Return the (N, 4, 4) poses from the scans alone; figures and warnings go to `diagnostics`."""
+    held, steps = [], []
+    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
+        refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
+        for i, scan in enumerate(register_scans(sequence, settings, timing, clock.gaps)):
+            steps.append(scan.T_last_this)
+            if not scan.is_registered:
+                held.append(sequence.names[i])
+            if settings.refine:
+                surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
+                refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
+            if progress is not None:
+                progress(i + 1, len(sequence))
+        if held:
+            diagnostics["warnings"].append(
                 f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
             )
-    else:
-        T_world_sensor = _checked_poses(poses, n)
-    motion = timing.share * step_twists(T_world_sensor, gaps)
-    T_level_world, has_ground = _find_level(sequence, T_world_sensor, motion, timing, settings)
-    if not has_ground:
-        warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")
-    for warning in warnings:
-        _log.warning("%s: %s", sequence.name, warning)
-    diagnostics: dict[str, Any] = {"warnings": warnings}
-    return Trajectory(T_world_sensor, stamps, motion, timing, T_level_world, diagnostics)
+        if not settings.refine:
+            return chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
+        poses, before, after = refinement.finish()
+    diagnostics.update(summarize(after, settings.refinement))
+    diagnostics["before_refinement"] = summarize(before, settings.refinement)
+    diagnostics["lengthened_m"] = refinement.lengthened
+    return poses
 
 
-def usual_gaps(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return (N - 1,) time between neighbouring scans in units of the usual one, 1 unless a scan is clearly missing.
-
-    Clocks written with two decimals would otherwise turn into 10 % of speed.
-    """
-    steps = np.diff(stamps)
-    if len(steps) == 0:
-        return steps
-    relative = steps / np.median(steps)
-    return np.where(relative > 1.5, relative, 1.0)
-
-
-def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return (N, 6) twists per usual gap at each scan: the mean of the steps before and after it."""
-    n = len(poses)
-    if n < 2:
-        return np.zeros((n, 6))
-    steps = se3_log(inverse(poses[:-1]) @ poses[1:]) / gaps[:, None]
-    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
-    return 0.5 * (before + after)
+def _judge(diagnostics: dict[str, Any], settings: OdometrySettings) -> None:
+    """Add a warning where the scans do not lie on each other."""
+    thickness = diagnostics["wall_thickness_m"]
+    if thickness is not None and thickness > settings.max_wall_thickness:
+        diagnostics["warnings"].append(
+            f"walls seen a second apart are {100 * thickness:.0f} cm thick; the poses or the points' times are poor, "
+            "and labels will be, too."
+        )
 
 
 def _checked_poses(poses: Pose, n: int) -> Pose:
@@ -101,11 +123,12 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
     error = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
     is_rigid = (error < 1e-2) & (np.linalg.det(R) > 0) & np.isfinite(poses).all(axis=(1, 2))
     if not is_rigid.all():
+        row = int(np.argmin(is_rigid))
         raise InputError(
-            f"pose {int(np.argmin(is_rigid))} is no rigid transform (rotation times its transpose is off by "
-            f"{error[np.argmin(is_rigid)]:.3g}); check the pose file's format."
+            f"pose {row} is no rigid transform (rotation times its transpose is off by {error[row]:.3g}); check "
+            "the pose file's format."
         )
-    u, _, vt = np.linalg.svd(R)  # text files round; products of thousands of poses should not
+    u, _, vt = np.linalg.svd(R)  # files round
     poses = poses.copy()
     poses[:, :3, :3] = u @ vt
     return inverse(poses[0]) @ poses
@@ -114,20 +137,22 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
 def _find_level(
     sequence: Sequence,
     poses: Pose,
-    motion: npt.NDArray[np.float64],
     timing: SweepTiming,
+    clock: Clock,
     settings: OdometrySettings,
-) -> tuple[Pose, bool]:
-    ids = np.unique(np.linspace(0, len(sequence) - 1, settings.ground_scans).round().astype(int))
+    diagnostics: dict[str, Any],
+) -> Pose:
+    twists = timing.share * step_twists(poses, clock.gaps)
     clouds: list[Points] = []
     used: list[int] = []
-    for i in ids:
-        scan = sequence[int(i)]
-        keep = scan.is_valid
-        if keep.sum() < settings.min_points:
-            continue
-        points = scan.points[keep]
-        times = sweep_times(scan, timing)
-        clouds.append(points if times is None else compensate(points, times[keep], motion[i]))
-        used.append(int(i))
-    return level_frame(clouds, poses[used], settings)
+    for i in np.unique(np.linspace(0, len(sequence) - 1, settings.ground_scans).round().astype(int)):
+        points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
+        if len(points) >= settings.min_points:
+            clouds.append(points)
+            used.append(int(i))
+    T_level_world, has_ground = level_frame(clouds, poses[used], settings)
+    if not has_ground:
+        diagnostics["warnings"].append(
+            "no ground found near the sensor; its own z axis is taken for up and its height for zero."
+        )
+    return T_level_world

@@ -8,28 +8,44 @@ since it reads environment variables. And a scan too poor to register holds the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
-from automos.odometry.motion import SweepTiming, compensate, sweep_times
-from automos.scan import Pose, Scan, Sequence
+from automos.odometry.motion import SweepTiming
+from automos.odometry.sweeps import usable_points
+from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
-Progress = Callable[[int, int], None]
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """One scan and where it was put.
+
+    Attributes
+    ----------
+    T_last_this : (4, 4) from this scan's sensor frame to the one before (identity for the first).
+    is_registered : False where the motion is only held.
+    points : (M, 3) float32 the usable points, compensated.
+    times : (M,) float32 in [-0.5, 0.5], or None where unknown.
+    twist : (6,) motion during the sweep they were compensated with.
+    """
+
+    T_last_this: Pose
+    is_registered: bool
+    points: Points
+    times: npt.NDArray[np.float32] | None
+    twist: npt.NDArray[np.float64]
 
 
 def register_scans(
-    sequence: Sequence,
-    settings: OdometrySettings,
-    timing: SweepTiming,
-    gaps: npt.NDArray[np.float64],
-    progress: Progress | None = None,
-) -> tuple[Pose, npt.NDArray[np.bool_]]:
-    """Return the poses of all scans and which of them were registered.
+    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: npt.NDArray[np.float64]
+) -> Iterator[Registered]:
+    """Yield every scan of `sequence` registered to the ones before.
 
     Parameters
     ----------
@@ -37,23 +53,10 @@ def register_scans(
     settings : the odometry's.
     timing : when in the sweep each point was measured.
     gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
-    progress : called with the number of scans done and their total.
-
-    Returns
-    -------
-    T_world_sensor : (N, 4, 4) float64 at mid-sweep; world is the first scan's sensor frame.
-    is_registered : (N,) bool, False where the pose is only extrapolated.
     """
-    n = len(sequence)
-    twist = _first_twist(sequence, settings, timing, gaps)
-    odometry = _Odometry(settings, timing, twist)
-    T_world_sensor = np.empty((n, 4, 4))
-    is_registered = np.zeros(n, bool)
-    for i in range(n):
-        T_world_sensor[i], is_registered[i] = odometry.register(sequence[i], gaps[i - 1] if i else 0.0)
-        if progress is not None:
-            progress(i + 1, n)
-    return inverse(T_world_sensor[0]) @ T_world_sensor, is_registered
+    odometry = _Odometry(settings, timing, _first_twist(sequence, settings, timing, gaps))
+    for i, scan in enumerate(sequence):
+        yield odometry.register(scan, gaps[i - 1] if i else 0.0)
 
 
 def _first_twist(
@@ -88,32 +91,23 @@ class _Odometry:
         self._sign = -1.0 if reverse else 1.0
         self.twist = twist  # forwards in time, whichever way the scans come
 
-    def register(self, scan: Scan, gap: float) -> tuple[Pose, bool]:
+    def register(self, scan: Scan, gap: float) -> Registered:
         icp, sign = self._icp, self._sign
-        last_pose = icp.last_pose.copy()
+        last_pose = np.array(icp.last_pose)
         predicted = last_pose @ se3_exp(sign * gap * self.twist)
-        points = self._usable_points(scan)
-        if len(points) < self._settings.min_points:
+        during = self._timing.share * self.twist
+        points, times = usable_points(scan, self._timing, during, self._settings)
+        is_registered = len(points) >= self._settings.min_points
+        if is_registered:
+            icp.last_delta = inverse(last_pose) @ predicted
+            icp.register_frame(points.astype(np.float64), np.empty(0))
+            is_registered = bool(np.isfinite(icp.last_pose).all())
+        if not is_registered:
             icp.last_pose = predicted
-            return predicted, False
-        icp.last_delta = inverse(last_pose) @ predicted
-        icp.register_frame(points, np.empty(0))
-        pose = np.array(icp.last_pose)
-        if not np.isfinite(pose).all():
-            icp.last_pose = predicted
-            return predicted, False
-        if gap > 0.0:
-            self.twist = sign / gap * se3_log(inverse(last_pose) @ pose)
-        return pose, True
-
-    def _usable_points(self, scan: Scan) -> npt.NDArray[np.float64]:
-        """Return (M, 3) float64 valid points, compensated for the motion expected."""
-        times = sweep_times(scan, self._timing)
-        keep = scan.is_valid
-        points = scan.points[keep]
-        if times is not None:
-            points = compensate(points, times[keep], self._timing.share * self.twist)
-        return points.astype(np.float64)
+        step = inverse(last_pose) @ icp.last_pose
+        if is_registered and gap > 0.0:
+            self.twist = sign / gap * se3_log(step)
+        return Registered(step, is_registered, points, times, during)
 
 
 def _make_kiss_icp(settings: OdometrySettings) -> Any:

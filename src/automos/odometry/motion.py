@@ -14,7 +14,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.scan import Points, Scan
+from automos.geometry import inverse, se3_log
+from automos.scan import Points, Pose, Scan
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,16 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     out = np.empty_like(points)
     _compensate(points, times, twist[:3], twist[3:], out)
     return out
+
+
+def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (N, 6) twists per usual gap at each scan: the mean of the steps before and after it."""
+    n = len(poses)
+    if n < 2:
+        return np.zeros((n, 6))
+    steps = se3_log(inverse(poses[:-1]) @ poses[1:]) / gaps[:, None]
+    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
+    return 0.5 * (before + after)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)

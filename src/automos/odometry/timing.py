@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.odometry.clock import Clock
 from automos.odometry.motion import SweepTiming
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
 
 
-def choose_timing(
-    sequence: Sequence, settings: OdometrySettings, poses: Pose | None, gaps: npt.NDArray[np.float64]
-) -> SweepTiming:
+def choose_timing(sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock) -> SweepTiming:
     """Return how the time of each point within its sweep is known, as `settings.time` asks."""
     if settings.time == "none" or (settings.time == "auto" and sequence.is_compensated) or len(sequence) < 2:
         return SweepTiming()

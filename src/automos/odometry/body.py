@@ -1,0 +1,40 @@
+"""The vehicle's own body in its scans: what looks the same from the sensor all along says nothing about its motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.odometry.surfels import Surfels
+from automos.settings import RefineSettings
+
+
+def without_body(surfels: list[Surfels], settings: RefineSettings) -> list[Surfels]:
+    """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
+
+    Near the sensor, what nearly every scan has at the same place to within centimetres belongs to the vehicle (or is
+    ground so even that nothing is lost with it). While the vehicle stands, everything does.
+    """
+    if not surfels:
+        return []
+    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < settings.body_range**2 for s in surfels]
+    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
+    _, voxel, count = np.unique(_voxel_keys(means, settings.body_voxel), return_inverse=True, return_counts=True)
+    spread = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(voxel, means[:, axis], len(count)) / count
+        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
+    is_body = ((count > settings.body_share * len(surfels)) & (spread < settings.body_spread**2))[voxel]
+    out = []
+    for scan, near in zip(surfels, is_near, strict=True):
+        keep = np.ones(len(scan), bool)
+        n = int(near.sum())
+        keep[near] = ~is_body[:n]
+        is_body = is_body[n:]
+        out.append(scan[keep])
+    return out
+
+
+def _voxel_keys(points: npt.NDArray[np.float64], voxel: float) -> npt.NDArray[np.int64]:
+    k = np.floor(points / voxel).astype(np.int64) + (1 << 20)
+    return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]

@@ -1,0 +1,123 @@
+"""Scans laid on submaps half a second to some seconds before and after them, and how well they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import inverse
+from automos.odometry.stretch import Stretch
+from automos.odometry.submap import Fit, Submap, fit_surfels, make_submap
+from automos.settings import RefineSettings
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """How well scans lie on what other scans saw, one row per link of a scan with a submap.
+
+    Attributes
+    ----------
+    lag : (L,) seconds between scan and submap, absolute.
+    distance : (L,) metres between them.
+    thickness : (L,) metres, how far surfels lie off the surfaces they meet (root of the robust mean square).
+    disagreement : (L,) metres by which the link alone would move the scan.
+    share : (L,) of the surfels that met a surface, those nearer than `close`.
+    """
+
+    lag: Array
+    distance: Array
+    thickness: Array
+    disagreement: Array
+    share: Array
+
+    @staticmethod
+    def concatenate(parts: list[Consistency]) -> Consistency:
+        """Return the links of all `parts`."""
+        names = ("lag", "distance", "thickness", "disagreement", "share")
+        return Consistency(*(np.concatenate([getattr(p, name) for p in parts] or [np.zeros(0)]) for name in names))
+
+
+def choose_links(stretch: Stretch, settings: RefineSettings) -> Iterator[tuple[int, int]]:
+    """Yield (scan, middle scan of a submap): for each lag the submaps nearest to it, before and after."""
+    half, every = _half_width(stretch, settings), max(round(settings.submap_every / stretch.period), 1)
+    n = len(stretch)
+    centers = np.arange(min(half, n - 1), max(n - half, min(half, n - 1) + 1), every)
+    position = stretch.T_world_sensor[:, :3, 3]
+    for i in range(n):
+        chosen = set()
+        for lag in settings.lags:
+            for sign in (-1, 1):
+                wanted = i + sign * max(round(lag / stretch.period), 1)
+                center = int(centers[np.argmin(np.abs(centers - wanted))])
+                is_apart = abs(center - i) > half
+                is_near = np.linalg.norm(position[center] - position[i]) < settings.max_distance
+                if is_apart and is_near and abs(center - wanted) <= every:
+                    chosen.add(center)
+        yield from ((i, center) for center in sorted(chosen))
+
+
+def _half_width(stretch: Stretch, settings: RefineSettings) -> int:
+    """Return the number of scans on either side of a submap's middle one; few scans make narrow submaps."""
+    return min(int(settings.submap_length / stretch.period / 2.0), max(len(stretch) - 2, 0) // 3)
+
+
+def _make_submaps(
+    stretch: Stretch, centers: Iterable[int], settings: RefineSettings, pool: ThreadPoolExecutor | None
+) -> dict[int, Submap]:
+    """Return the submaps around the scans `centers`."""
+    half = _half_width(stretch, settings)
+    T = stretch.T_world_sensor
+
+    def make(center: int) -> tuple[int, Submap]:
+        first, last = max(center - half, 0), min(center + half + 1, len(stretch))
+        T_center_parts = inverse(T[center]) @ T[first:last]
+        return center, make_submap(stretch.surfels[first:last], T_center_parts, settings.voxel, settings.near)
+
+    return dict(_map(pool, make, list(centers)))
+
+
+def fit_links(
+    stretch: Stretch,
+    links: list[tuple[int, int]],
+    kernel: float,
+    settings: RefineSettings,
+    pool: ThreadPoolExecutor | None,
+) -> tuple[list[Fit], Consistency]:
+    """Return how the scans lie on the submaps, one fit for each of `links` (from `choose_links`), and the figures."""
+    T = stretch.T_world_sensor
+    submaps = _make_submaps(stretch, sorted({center for _, center in links}), settings, pool)
+
+    T_center_scan = inverse(T[[center for _, center in links]]) @ T[[i for i, _ in links]]
+
+    def fit(k: int) -> Fit:
+        i, center = links[k]
+        surfels = stretch.surfels[i]
+        every = -(-len(surfels) // settings.max_surfels)  # another part of them for each link, so that all have a say
+        return fit_surfels(
+            submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, settings.noise, settings.close
+        )  # fmt: skip
+
+    fits = _map(pool, fit, list(range(len(links))))
+    clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * stretch.period
+    kept = [(link, f) for link, f in zip(links, fits, strict=True) if f.n_matched >= settings.min_matched]
+    if not kept:
+        return fits, Consistency.concatenate([])
+    ids = np.array([link for link, _ in kept])
+    solved = np.array([np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for _, f in kept])
+    return fits, Consistency(
+        lag=np.abs(clock[ids[:, 0]] - clock[ids[:, 1]]),
+        distance=np.linalg.norm(T[ids[:, 0], :3, 3] - T[ids[:, 1], :3, 3], axis=1),
+        thickness=np.array([f.thickness for _, f in kept]),
+        disagreement=np.linalg.norm(solved, axis=1),
+        share=np.array([f.n_close / f.n_matched for _, f in kept]),
+    )
+
+
+def _map(pool: ThreadPoolExecutor | None, function: Callable, items: list) -> list:
+    return list(pool.map(function, items)) if pool is not None else [function(item) for item in items]

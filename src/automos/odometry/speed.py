@@ -1,0 +1,207 @@
+"""The sensor's speed along its way, from how far things that face along the way have come.
+
+In a street canyon whose traffic keeps pace with the sensor, façades and ground fit anywhere along the street, and the
+cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
+standing still. Only the few surfaces that face along the street (poles, recesses, corners) tell, and they do so sharply
+once only they are asked: how much of them finds a surface again, over two baselines at once, as a function of speed,
+has its peak where the world stands still. Traffic has no common peak. The path of speeds over time with the greatest
+sum and possible accelerations is followed (Viterbi).
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import inverse
+from automos.odometry.body import without_body
+from automos.odometry.stretch import Stretch
+from automos.odometry.submap import Submap, make_submap
+from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.scan import Pose
+from automos.settings import RefineSettings
+
+Array = npt.NDArray[np.float64]
+
+
+def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> Array:
+    """Return the (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says.
+
+    Zero wherever no other speed explains clearly more than the present one.
+    """
+    T, period = stretch.T_world_sensor, stretch.period
+    steps = inverse(T[:-1]) @ T[1:]
+    forward = _forward(steps, settings)
+    lags = [max(round(lag / period), 1) for lag in settings.speed_lags]
+    starts = np.arange(0, len(stretch) - max(lags), max(round(settings.submap_every / period), 1))
+    if forward is None or len(starts) < 2:
+        return np.zeros((len(steps), 3))
+    surfels = without_body(stretch.surfels, settings)
+    clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * period
+    speeds = np.arange(-settings.max_reverse, settings.max_speed, settings.speed_step)
+
+    def score(start: int) -> Array:
+        submap = make_submap([surfels[start]], np.eye(4)[None], settings.voxel, settings.near)
+        total = np.zeros(len(speeds))
+        for end in start + np.array(lags):
+            T_start_end = inverse(T[start]) @ T[end]
+            seconds = clock[end] - clock[start]
+            per_sweep = stretch.share * period / seconds
+            total += _score_distances(submap, surfels[end], T_start_end, forward, speeds * seconds, per_sweep, settings)
+        return total / (total.max() + settings.speed_evidence)
+
+    todo = starts.tolist()
+    scores = np.array(list(map(score, todo) if pool is None else pool.map(score, todo)))
+    ends = starts + max(lags)
+    present = _signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
+    # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
+    is_slower = speeds * np.sign(present)[:, None] < settings.min_speed_ratio * np.abs(present)[:, None]
+    scores[is_slower & (np.abs(present) > settings.min_clear_speed)[:, None]] -= 1.0
+    middle = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
+    path = _best_path(scores, speeds, middle, settings)
+    rows = np.arange(len(starts))
+    nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
+    gain = scores[rows, path] - scores[rows, nearest]
+    is_better = gain > settings.speed_gain
+    is_right = ~is_better & (scores[rows, nearest] > settings.speed_gain)
+    if not is_better.any():
+        return np.zeros((len(steps), 3))
+    change = np.where(is_better, speeds[path] - present, 0.0)
+    is_told = is_better | is_right  # where nothing tells, the error is taken to be that of the places around
+    change = np.interp(middle, middle[is_told], change[is_told])
+    growth = np.interp(0.5 * (clock[1:] + clock[:-1]), middle, change) * np.diff(clock)
+    return growth[:, None] * forward
+
+
+def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
+    """Return the poses with `missing` (N - 1, 3) added to each step, in the frame of the scan it starts from."""
+    steps = inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]
+    steps[:, :3, 3] += missing
+    return chain(T_world_sensor[0], steps)
+
+
+def chain(T_first: Pose, steps: Pose) -> Pose:
+    """Return the (N, 4, 4) poses that start at `T_first` and go on by (N - 1, 4, 4) `steps`."""
+    poses = np.empty((len(steps) + 1, 4, 4))
+    poses[0] = T_first
+    for i, step in enumerate(steps):
+        poses[i + 1] = poses[i] @ step
+    return poses
+
+
+def _forward(steps: Pose, settings: RefineSettings) -> Array | None:
+    """Return the (3,) direction, in the sensor frame, in which the sensor usually moves; None where it has none."""
+    length = np.linalg.norm(steps[:, :3, 3], axis=1)
+    if len(length) == 0 or length.max() < settings.min_step:
+        return None
+    is_moving = length >= 0.5 * np.percentile(length, 90)
+    mean = np.mean(steps[is_moving, :3, 3] / np.maximum(length[is_moving, None], 1e-9), axis=0)
+    norm = float(np.linalg.norm(mean))
+    return mean / norm if norm > settings.min_straightness else None
+
+
+def _signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
+    """Return (...,) metres come, negative backwards, and the (..., 3) direction that is forwards."""
+    come = T_start_end[..., :3, 3]
+    length = np.linalg.norm(come, axis=-1)
+    sign = np.where(come @ forward < 0.0, -1.0, 1.0)
+    direction = sign[..., None] * come / np.maximum(length, 1e-9)[..., None]
+    return sign * length, np.where((length > 0.5)[..., None], direction, forward)
+
+
+def _score_distances(
+    submap: Submap,
+    surfels: Surfels,
+    T_submap_surfels: Pose,
+    forward: Array,
+    distances: Array,
+    per_sweep: float,
+    settings: RefineSettings,
+) -> Array:
+    """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
+
+    The surfels' own compensation follows: `per_sweep` is the share of the distance that is driven during a sweep.
+    """
+    scores = np.zeros(len(distances))
+    present, direction = _signed_distance(T_submap_surfels, forward)
+    sideways = T_submap_surfels[:3, 3] - present * direction
+    R = np.ascontiguousarray(T_submap_surfels[:3, :3])
+    stretch = per_sweep * (distances - present)
+    _score(
+        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
+        settings.speed_close, scores,
+    )  # fmt: skip
+    return scores
+
+
+@numba.njit(cache=True, nogil=True)
+def _score(submap, points, covariance, times, R, offset, direction, distances, stretch, close, scores):  # type: ignore[no-untyped-def]
+    keys, rows, mean, axes, variance, voxel, near = submap
+    inverse_voxel = 1.0 / voxel
+    told = np.zeros(len(mean))  # how much each voxel says about the way
+    for row in range(len(mean)):
+        for k in range(2):
+            if variance[row, k] < 0.0:
+                break
+            told[row] += (
+                axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
+            ) ** 2
+    n_telling = 0
+    for slot in range(len(keys)):
+        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+            n_telling += 1
+    size = 16
+    while size < 4 * n_telling:
+        size *= 2
+    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough to stay in cache
+    for slot in range(len(keys)):
+        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+            few = find_slot(few_keys, keys[slot])
+            few_keys[few] = keys[slot]
+            few_rows[few] = rows[slot]
+    a = np.empty(3)
+    for k in range(3):  # the way in the surfels' frame
+        a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
+    for i in range(len(points)):
+        c = covariance[i]
+        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the way
+            continue
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
+        y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
+        z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
+        for d in range(len(distances)):
+            e = distances[d] + times[i] * stretch[d]
+            x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
+            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+            if few_keys[slot] == -1:
+                continue
+            row = few_rows[slot]
+            worst = 0.0
+            for k in range(2):
+                if variance[row, k] < 0.0:
+                    break
+                off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
+                worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
+            if worst < close:
+                scores[d] += told[row]
+
+
+def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:
+    """Return (M,) columns of `scores` (M, S) with the greatest sum, less the cost of the accelerations between them."""
+    best = scores[0].copy()
+    came_from = []
+    for row in range(1, len(scores)):
+        seconds = clock[row] - clock[row - 1]
+        acceleration = (speeds[:, None] - speeds[None, :]) / seconds  # (to, from)
+        cost = settings.acceleration_cost * (acceleration / settings.max_acceleration) ** 2
+        total = best[None, :] - cost
+        came_from.append(np.argmax(total, axis=1))
+        best = total.max(axis=1) + scores[row]
+    path = [int(np.argmax(best))]
+    for source in reversed(came_from):
+        path.append(int(source[path[-1]]))
+    return np.array(path[::-1])

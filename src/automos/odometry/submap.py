@@ -1,0 +1,282 @@
+"""A short stretch of the recording as a field of small planes and edges, and how well a scan lies on it.
+
+Surfels of a few neighbouring scans are merged in voxels. Where a voxel holds a plane, it says how far a surfel is off
+along the normal; where it holds an upright edge or pole, along both directions across it. A single ring of a spinning
+sensor looks like a line lying down: it says nothing, since the ring moves along with the sensor and would pull every
+registration towards standing still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.scan import Points, Pose
+
+MAX_WEIGHT = 8.0
+"""Points a surfel counts for at most when surfels are merged: near surfaces have hundreds, far ones a few."""
+
+
+@dataclass(frozen=True, eq=False)
+class Submap:
+    """Voxels in the frame of the submap's middle scan; `keys` is an open hash table of rows.
+
+    Attributes
+    ----------
+    keys : (K,) int64, voxel names, -1 where empty.
+    rows : (K,) int32.
+    mean : (M, 3) float32, metres.
+    axes : (M, 2, 3) float32, unit directions across the surface: a plane has one (the second is zero), an edge two.
+    variance : (M, 2) float32, square metres along these; negative where a direction says nothing.
+    voxel, near : metres, voxel edge and up to which distance it holds.
+    """
+
+    keys: npt.NDArray[np.int64]
+    rows: npt.NDArray[np.int32]
+    mean: Points
+    axes: npt.NDArray[np.float32]
+    variance: npt.NDArray[np.float32]
+    voxel: float
+    near: float
+
+    @property
+    def arrays(self) -> tuple[npt.NDArray, ...]:
+        """Everything, in order, as the compiled loops take it."""
+        return (self.keys, self.rows, self.mean, self.axes, self.variance, self.voxel, self.near)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How surfels lie on a submap, to second order in a small motion (6: translation, rotation) of the submap's frame.
+
+    Attributes
+    ----------
+    H : (6, 6), g : (6,) float64, such that moving the surfels by `-inv(H) @ g` in the submap's frame fits them best.
+    n_matched : surfels that met a surface.
+    n_close : those nearer to it than the distance asked for.
+    thickness : metres, root of the mean square distance from the surfaces, outliers counting little.
+    """
+
+    H: npt.NDArray[np.float64]
+    g: npt.NDArray[np.float64]
+    n_matched: int
+    n_close: int
+    thickness: float
+
+
+def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: float) -> Submap:
+    """Return the surfels of several scans merged.
+
+    Parameters
+    ----------
+    parts : surfels of P scans, each in its own frame.
+    T_center_parts : (P, 4, 4) to the frame of the submap.
+    voxel : metres, edge of a voxel nearer than `near`; doubles with distance.
+    near : metres.
+    """
+    n = sum(len(part) for part in parts)
+    size = 1 << max(int(np.ceil(np.log2(max(n, 16)))), 4)
+    keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+    sums = np.zeros((n, 11))
+    m = 0
+    for part, T in zip(parts, T_center_parts, strict=True):
+        m = _add_surfels(
+            part.mean, part.covariance, part.count, np.ascontiguousarray(T), voxel, near, keys, rows, sums, m
+        )
+    mean, axes, variance = _shape_voxels(sums[:m], voxel, near)
+    return Submap(keys, rows, mean, axes, variance, voxel, near)
+
+
+def fit_surfels(
+    submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel: float, noise: float, close: float
+) -> Fit:
+    """Return how `surfels`, moved by `T_submap_surfels` (4, 4), lie on `submap`.
+
+    Parameters
+    ----------
+    submap : what they should lie on.
+    surfels : in their own frame.
+    T_submap_surfels : (4, 4).
+    kernel : metres, residuals much longer than this count little (Geman and McClure).
+    noise : metres, deviation of a surfel on a perfect surface.
+    close : metres, residuals shorter than this are counted in `n_close`.
+    """
+    H, g = np.zeros((6, 6)), np.zeros(6)
+    T = np.ascontiguousarray(T_submap_surfels, np.float64)
+    n_matched, n_close, thickness = _fit(
+        submap.arrays, surfels.mean, surfels.covariance, T, (kernel, noise, close), H, g
+    )
+    return Fit(H, g, n_matched, n_close, thickness)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rotate_covariance(R, c, out):  # type: ignore[no-untyped-def]
+    """Write R C R^T (as xx, xy, xz, yy, yz, zz) to `out`."""
+    k = 0
+    for i in range(3):
+        x = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2]
+        y = R[i, 0] * c[1] + R[i, 1] * c[3] + R[i, 2] * c[4]
+        z = R[i, 0] * c[2] + R[i, 1] * c[4] + R[i, 2] * c[5]
+        for j in range(i, 3):
+            out[k] = x * R[j, 0] + y * R[j, 1] + z * R[j, 2]
+            k += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m):  # type: ignore[no-untyped-def]
+    inverse_voxel = 1.0 / voxel
+    R = T[:3, :3]
+    c = np.empty(6)
+    for i in range(len(mean)):
+        mx, my, mz = float(mean[i, 0]), float(mean[i, 1]), float(mean[i, 2])
+        x = R[0, 0] * mx + R[0, 1] * my + R[0, 2] * mz + T[0, 3]
+        y = R[1, 0] * mx + R[1, 1] * my + R[1, 2] * mz + T[1, 3]
+        z = R[2, 0] * mx + R[2, 1] * my + R[2, 2] * mz + T[2, 3]
+        key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot] = key
+            rows[slot] = m
+            m += 1
+        row = sums[rows[slot]]
+        w = min(float(count[i]), MAX_WEIGHT)
+        _rotate_covariance(R, covariance[i], c)
+        row[0] += w
+        row[1] += w * x
+        row[2] += w * y
+        row[3] += w * z
+        row[4] += w * (x * x + c[0])
+        row[5] += w * (x * y + c[1])
+        row[6] += w * (x * z + c[2])
+        row[7] += w * (y * y + c[3])
+        row[8] += w * (y * z + c[4])
+        row[9] += w * (z * z + c[5])
+    return m
+
+
+@numba.njit(cache=True, nogil=True)
+def _eigen(c, values, vectors):  # type: ignore[no-untyped-def]
+    """Eigenvalues (ascending) and eigenvectors (rows) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
+    a00, a01, a02, a11, a12, a22 = c[0], c[1], c[2], c[3], c[4], c[5]
+    A = np.array([[a00, a01, a02], [a01, a11, a12], [a02, a12, a22]])
+    V = np.eye(3)
+    for _ in range(12):
+        off = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
+        if off < 1e-20:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if abs(A[p, q]) < 1e-30:
+                    continue
+                theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
+                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                cos = 1.0 / np.sqrt(t * t + 1.0)
+                sin = t * cos
+                for k in range(3):
+                    akp, akq = A[k, p], A[k, q]
+                    A[k, p], A[k, q] = cos * akp - sin * akq, sin * akp + cos * akq
+                for k in range(3):
+                    apk, aqk = A[p, k], A[q, k]
+                    A[p, k], A[q, k] = cos * apk - sin * aqk, sin * apk + cos * aqk
+                for k in range(3):
+                    vkp, vkq = V[k, p], V[k, q]
+                    V[k, p], V[k, q] = cos * vkp - sin * vkq, sin * vkp + cos * vkq
+    i0, i2 = 0, 0
+    for k in range(1, 3):
+        if A[k, k] < A[i0, i0]:
+            i0 = k
+        if A[k, k] >= A[i2, i2]:
+            i2 = k
+    if i0 == i2:
+        i0, i2 = 0, 2
+    i1 = 3 - i0 - i2
+    for row, col in ((0, i0), (1, i1), (2, i2)):
+        values[row] = max(A[col, col], 0.0)
+        for k in range(3):
+            vectors[row, k] = V[k, col]
+
+
+@numba.njit(cache=True, nogil=True)
+def _shape_voxels(sums, voxel, near):  # type: ignore[no-untyped-def]
+    n = len(sums)
+    mean = np.empty((n, 3), np.float32)
+    axes = np.zeros((n, 2, 3), np.float32)
+    variance = np.full((n, 2), -1.0, np.float32)
+    c, values, vectors = np.empty(6), np.empty(3), np.empty((3, 3))
+    for i in range(n):
+        row = sums[i]
+        w = 1.0 / row[0]
+        x, y, z = row[1] * w, row[2] * w, row[3] * w
+        mean[i, 0], mean[i, 1], mean[i, 2] = x, y, z
+        if row[0] < 6.0:
+            continue
+        c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
+        c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
+        _eigen(c, values, vectors)
+        edge = voxel * (1 << level_of(x, y, z, near))
+        wide = (0.12 * edge) ** 2
+        if values[1] > wide:
+            if values[0] < 0.1 * values[1]:  # a plane
+                axes[i, 0] = vectors[0]
+                variance[i, 0] = values[0]
+        elif values[2] > wide and values[1] < 0.1 * values[2] and abs(vectors[2, 2]) > 0.8:  # an upright edge
+            axes[i, 0], axes[i, 1] = vectors[0], vectors[1]
+            variance[i, 0], variance[i, 1] = values[0], values[1]
+    return mean, axes, variance
+
+
+@numba.njit(cache=True, nogil=True)
+def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
+    keys, rows, mean, axes, variance, voxel, near = submap
+    kernel, noise, close = limits
+    n_matched = n_close = 0
+    squares = weights = 0.0
+    inverse_voxel = 1.0 / voxel
+    R = T[:3, :3]
+    J, a = np.empty(6), np.empty(3)
+    for i in range(len(points)):
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + T[0, 3]
+        y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + T[1, 3]
+        z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + T[2, 3]
+        slot = find_slot(keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+        if keys[slot] == -1:
+            continue
+        row = rows[slot]
+        if variance[row, 0] < 0.0:
+            continue
+        dx, dy, dz = x - mean[row, 0], y - mean[row, 1], z - mean[row, 2]
+        worst = 0.0
+        for k in range(2):
+            if variance[row, k] < 0.0:
+                break
+            nx, ny, nz = float(axes[row, k, 0]), float(axes[row, k, 1]), float(axes[row, k, 2])
+            r = nx * dx + ny * dy + nz * dz
+            for j in range(3):  # the direction in the surfel's frame
+                a[j] = R[0, j] * nx + R[1, j] * ny + R[2, j] * nz
+            own = variance_along(covariance[i], a)
+            robust = kernel * kernel / (kernel * kernel + r * r)
+            w = robust * robust / (variance[row, k] + own + noise * noise)
+            J[0], J[1], J[2] = nx, ny, nz
+            J[3], J[4], J[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            for p in range(6):
+                g[p] += w * r * J[p]
+                for q in range(p + 1):
+                    H[p, q] += w * J[p] * J[q]
+            worst = max(worst, abs(r))
+            trust = 4.0 * close * close / (4.0 * close * close + r * r)  # whatever the kernel
+            squares += trust * trust * r * r
+            weights += trust * trust
+        n_matched += 1
+        if worst < close:
+            n_close += 1
+    for p in range(6):
+        for q in range(p):
+            H[q, p] = H[p, q]
+    return n_matched, n_close, np.sqrt(squares / max(weights, 1e-12))

@@ -1,0 +1,159 @@
+"""Small pieces of surface: the points of a scan, gathered in voxels, as mean and covariance.
+
+Voxels double in size with distance, as the beams spread. A scan shrinks to a few thousand surfels that can be moved,
+merged and matched at a thousandth of the cost of its points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.scan import Points
+
+N_LEVELS = 4
+"""Voxel sizes: each covers twice the distance of the one before."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """Pieces of surface in one frame.
+
+    Attributes
+    ----------
+    mean : (M, 3) float32, metres.
+    covariance : (M, 6) float32, square metres: xx, xy, xz, yy, yz, zz of the points about their mean.
+    count : (M,) float32, points.
+    time : (M,) float32 in [-0.5, 0.5], mean time in the sweep (zero where unknown).
+    """
+
+    mean: Points
+    covariance: npt.NDArray[np.float32]
+    count: npt.NDArray[np.float32]
+    time: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.mean)
+
+    def __getitem__(self, rows: npt.NDArray | slice) -> Surfels:
+        return Surfels(self.mean[rows], self.covariance[rows], self.count[rows], self.time[rows])
+
+
+def make_surfels(
+    points: Points, times: npt.NDArray[np.float32] | None, voxel: float, near: float, max_range: float
+) -> Surfels:
+    """Return the surfels of one scan.
+
+    Parameters
+    ----------
+    points : (N, 3) float32, metres, sensor frame.
+    times : (N,) float32 in [-0.5, 0.5], or None.
+    voxel : metres, edge of a voxel nearer than `near`; twice that up to twice as far, and so on.
+    near : metres.
+    max_range : metres, points beyond it are left out.
+    """
+    if times is None:
+        times = np.zeros(len(points), np.float32)
+    size = 1 << max(int(np.ceil(np.log2(max(len(points), 16)))), 4)
+    sums = _sum_moments(np.ascontiguousarray(points), times, voxel, near, max_range, size)
+    return Surfels(*_finish_moments(sums))
+
+
+@numba.njit(cache=True, nogil=True)
+def level_of(x, y, z, near):  # type: ignore[no-untyped-def]
+    """Return the voxel level at a place in the frame of the sensor that sees it."""
+    squared = x * x + y * y + z * z
+    limit = near * near
+    level = 0
+    while squared > limit and level < N_LEVELS - 1:
+        limit *= 4.0
+        level += 1
+    return level
+
+
+@numba.njit(cache=True, nogil=True)
+def voxel_key(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
+    """Return the int64 that names a voxel: 18 bits per axis and the level."""
+    scale = inverse_voxel / (1 << level)
+    kx = np.int64(np.floor(x * scale)) + 131072
+    ky = np.int64(np.floor(y * scale)) + 131072
+    kz = np.int64(np.floor(z * scale)) + 131072
+    return (((kx << 18) | ky) << 18 | kz) << 3 | level
+
+
+@numba.njit(cache=True, nogil=True)
+def find_slot(keys, key):  # type: ignore[no-untyped-def]
+    """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
+    mask = len(keys) - 1
+    slot = (key * np.int64(-7046029254386353131) >> 29) & mask
+    while keys[slot] != -1 and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@numba.njit(cache=True, nogil=True)
+def variance_along(c, a):  # type: ignore[no-untyped-def]
+    """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
+    x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
+    y = a[0] * c[1] + a[1] * c[3] + a[2] * c[4]
+    z = a[0] * c[2] + a[1] * c[4] + a[2] * c[5]
+    return a[0] * x + a[1] * y + a[2] * z
+
+
+@numba.njit(cache=True, nogil=True)
+def _sum_moments(points, times, voxel, near, max_range, size):  # type: ignore[no-untyped-def]
+    keys = np.full(size, -1, np.int64)
+    row_of = np.empty(size, np.int32)
+    sums = np.zeros((len(points), 11))  # count, x y z, xx xy xz yy yz zz, time
+    n = 0
+    inverse_voxel = 1.0 / voxel
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if not (x * x + y * y + z * z < max_range * max_range):
+            continue
+        key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot] = key
+            row_of[slot] = n
+            n += 1
+        row = sums[row_of[slot]]
+        row[0] += 1.0
+        row[1] += x
+        row[2] += y
+        row[3] += z
+        row[4] += x * x
+        row[5] += x * y
+        row[6] += x * z
+        row[7] += y * y
+        row[8] += y * z
+        row[9] += z * z
+        row[10] += times[i]
+    return sums[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def _finish_moments(sums):  # type: ignore[no-untyped-def]
+    n = len(sums)
+    mean = np.empty((n, 3), np.float32)
+    covariance = np.empty((n, 6), np.float32)
+    count = np.empty(n, np.float32)
+    time = np.empty(n, np.float32)
+    for i in range(n):
+        row = sums[i]
+        w = 1.0 / row[0]
+        x, y, z = row[1] * w, row[2] * w, row[3] * w
+        mean[i, 0], mean[i, 1], mean[i, 2] = x, y, z
+        covariance[i, 0], covariance[i, 1], covariance[i, 2] = (
+            row[4] * w - x * x,
+            row[5] * w - x * y,
+            row[6] * w - x * z,
+        )
+        covariance[i, 3], covariance[i, 4] = row[7] * w - y * y, row[8] * w - y * z
+        covariance[i, 5] = row[9] * w - z * z
+        count[i] = row[0]
+        time[i] = row[10] * w
+    return mean, covariance, count, time
