@@ -263,7 +263,7 @@ class Settings(_Group):
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {},
+    "paper": {"odometry": {"refine": False, "convergence": 1e-3}},
     "default": {},
 }
 
