@@ -1,0 +1,94 @@
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from automos.geometry import Boxes
+from automos.settings import AssociationSettings
+from automos.tracking.association import assign, association_cost
+
+OPEN = {"max_distance": 100.0, "max_overlap_cost": 1.0, "max_volume_cost": 1.0}
+
+
+def box(x=0.0, size=(1.0, 1.0, 1.0)) -> Boxes:
+    return Boxes(np.array([[x, 0.0, 0.0]]), np.array([size], float), np.zeros(1), np.ones(1))
+
+
+def cost(a: Boxes, b: Boxes, **settings) -> float:
+    return float(association_cost(a, b, AssociationSettings(**settings))[0, 0])
+
+
+# ----------------------------------------------------------------------------------------------------- cost, gates
+def test_the_cost_by_hand():
+    # 0.5 m apart; overlap 0.5 of 1 + 2 - 0.5; volumes 1 and 2
+    a, b = box(), box(0.5, (1.0, 1.0, 2.0))
+    assert cost(a, b) == pytest.approx(0.5 + (1.0 - 0.2) + 0.5)
+    assert cost(a, b, weight_distance=2.0) == pytest.approx(1.0 + 0.8 + 0.5)
+    assert cost(a, b, weight_overlap=2.0) == pytest.approx(0.5 + 1.6 + 0.5)
+    assert cost(a, b, weight_volume=0.0) == pytest.approx(0.5 + 0.8)
+    assert cost(a, a) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "gate"),
+    [
+        (box(size=(10, 2, 2)), box(1.99, (10, 2, 2)), None),
+        (box(size=(10, 2, 2)), box(2.01, (10, 2, 2)), "max_distance"),
+        (box(), box(0.90), None),  # overlap 0.1 / 1.9: cost 0.947
+        (box(), box(0.91), "max_overlap_cost"),  # 0.09 / 1.91: 0.953
+        (box(), box(size=(1, 1, 3.3)), None),  # 1 / 3.3: cost 0.697
+        (box(), box(size=(1, 1, 3.4)), "max_volume_cost"),  # 0.706
+        (box(size=(1, 1, 3.4)), box(), "max_volume_cost"),
+    ],
+    ids=["near", "far", "overlapping", "hardly overlapping", "three times as large", "too large", "too small"],
+)
+def test_each_gate_closes_by_itself(a, b, gate):
+    assert np.isfinite(cost(a, b)) == (gate is None)
+    for name, value in OPEN.items():
+        assert np.isfinite(cost(a, b, **{name: value})) == (gate in (None, name))
+
+
+def test_a_flat_box_fits_nothing():
+    assert cost(box(size=(1, 1, 0)), box(size=(1, 1, 0))) == np.inf
+
+
+@pytest.mark.parametrize(("n_tracked", "n_detected"), [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
+    parts = [Boxes.concatenate([box(float(i)) for i in range(n)]) for n in (n_tracked, n_detected)]
+    assert association_cost(*parts, AssociationSettings()).shape == (n_tracked, n_detected)
+
+
+# ------------------------------------------------------------------------------------------------------ assignment
+def best_by_brute_force(table: np.ndarray) -> tuple[int, float]:
+    """Return the most pairs possible and the least cost of so many, by trying all."""
+    n_rows, n_columns = table.shape
+    for n_pairs in range(min(n_rows, n_columns), 0, -1):
+        costs = [
+            table[list(rows), list(columns)].sum()
+            for rows in combinations(range(n_rows), n_pairs)
+            for columns in permutations(range(n_columns), n_pairs)
+        ]
+        if np.isfinite(min(costs)):
+            return n_pairs, min(costs)
+    return 0, 0.0
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5), st.integers(1, 5), st.sampled_from([0.0, 0.4, 0.8]))
+def test_the_assignment_has_the_most_pairs_and_then_the_least_cost(seed, n_rows, n_columns, forbidden):
+    rng = np.random.default_rng(seed)
+    # a few very dear pairs, which a greedy or a soft assignment would leave out
+    table = np.where(rng.random((n_rows, n_columns)) < 0.2, 50.0, rng.random((n_rows, n_columns)))
+    table[rng.random(table.shape) < forbidden] = np.inf
+    rows, columns = assign(table)
+    n_pairs, least = best_by_brute_force(table)
+    assert len(rows) == len(columns) == n_pairs
+    assert len(set(rows)) == len(set(columns)) == n_pairs
+    assert table[rows, columns].sum() == pytest.approx(least)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_where_no_pair_is_allowed_none_is_made(shape):
+    rows, columns = assign(np.full(shape, np.inf))
+    assert len(rows) == len(columns) == 0
