@@ -89,6 +89,11 @@ class OdometrySettings(_Group):
         description="where the points' times come from for motion compensation: the file, the azimuth, or none "
         "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
+    timing_stretches: int = Field(2, ge=1, description="places of the recording where ways to time points are tried")
+    timing_scans: int = Field(20, ge=3, description="scans at each")
+    timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
+    timing_surfels: int = Field(2500, ge=100, description="surfels kept of each, about")
+    timing_gain: float = Field(0.03, ge=0, lt=1, description="share by which another way must make walls thinner")
     max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
@@ -220,6 +225,27 @@ class VerdictSettings(_Group):
     min_observations: int = Field(6, ge=1, description="a track seen less often is static")
 
 
+class FollowSettings(_Group):
+    """Following objects by their motion and by the evidence, in metres and seconds whatever the sensor's rate."""
+
+    filter: FilterSettings = FilterSettings(
+        initial_variance=0.1,
+        initial_velocity_variance=4.0,
+        process_variance=0.5,
+        process_velocity_variance=6.0,
+        measurement_variance=0.1,
+    )
+    speed: float = Field(15.0, gt=0, description="m/s, usual speed of what the evidence says has moved")
+    gate: float = Field(3.0, gt=0, description="standard deviations between predicted and seen position")
+    max_gap: float = Field(0.8, ge=0, description="s, an object may be out of sight")
+    max_climb: float = Field(1.5, gt=0, description="m, between predicted and seen height")
+    max_size_change: float = Field(0.7, gt=0, le=1, description="of a ground side, as a share of the longer plus 1 m")
+    max_count_ratio: float = Field(5.0, gt=1, description="between the numbers of points")
+    size_weight: float = Field(4.0, ge=0, description="cost of a change of size, in squared standard deviations")
+    count_weight: float = Field(1.0, ge=0, description="cost of e times as many points")
+    evidence_weight: float = Field(2.0, ge=0, description="cost of going from all moving to all static")
+
+
 class TrackingSettings(_Group):
     """III-D: tracking."""
 
@@ -326,9 +352,9 @@ def _sentence(error: ValidationError) -> str:
     key = ".".join(path)
     if problem["type"] == "extra_forbidden":
         known = _keys(Settings)
-        near = difflib.get_close_matches(key, known, 1, 0.0)[0]
         same_name = [k for k in known if k.rsplit(".", 1)[-1] == path[-1]]
-        return f"there is no setting '{key}': did you mean '{(same_name or [near])[0]}'? (`automos settings` lists all)"
+        near = difflib.get_close_matches(key, same_name or known, 1, 0.0)[0]
+        return f"there is no setting '{key}': did you mean '{near}'? (`automos settings` lists all)"
     return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"
 
 

@@ -50,12 +50,19 @@ def measurements(boxes: Boxes) -> Array:
     return np.column_stack([boxes.center, boxes.yaw, boxes.size])
 
 
-def start(boxes: Boxes, settings: FilterSettings) -> Beliefs:
-    """Return beliefs for boxes seen for the first time: where they are seen, at an unknown velocity around zero."""
+def start(boxes: Boxes, settings: FilterSettings, velocity_variance: npt.ArrayLike | None = None) -> Beliefs:
+    """Return beliefs for boxes seen for the first time: where they are seen, at an unknown velocity around zero.
+
+    velocity_variance : (K,) or one for all, (m/s)^2; the settings' where not given.
+    """
     mean = np.zeros((len(boxes), N_STATE))
     mean[:, :N_MEASURED] = measurements(boxes)
     variance = np.r_[np.full(N_MEASURED, settings.initial_variance), np.full(3, settings.initial_velocity_variance)]
-    return Beliefs(mean, np.broadcast_to(np.diag(variance), (len(boxes), N_STATE, N_STATE)).copy())
+    covariance = np.broadcast_to(np.diag(variance), (len(boxes), N_STATE, N_STATE)).copy()
+    if velocity_variance is not None:
+        for axis in range(VELOCITY.start, VELOCITY.stop):
+            covariance[:, axis, axis] = velocity_variance
+    return Beliefs(mean, covariance)
 
 
 def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:

@@ -47,10 +47,10 @@ def track_objects(detections: Iterable[tuple[float, Boxes]], settings: TrackingS
         misses = np.concatenate([misses[keep], np.zeros(len(new), np.int64)])
         next_id += len(new)
         log.append((ids, scan, np.concatenate([segment[keep], new]), alive.mean.copy()))
-    return _as_table(log)
+    return as_table(log)
 
 
-def _as_table(log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]]) -> Tracks:
+def as_table(log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]]) -> Tracks:
     """Return the log as tracks, without the misses after each track's last observation."""
     if not log:
         log = [(np.zeros(0, np.int64), 0, np.zeros(0, np.int64), np.zeros((0, 10)))]
