@@ -191,6 +191,11 @@ def test_the_overlap_with_the_unit_cube_by_hand(other, iou):
     assert iou_3d(other, box())[0, 0] == pytest.approx(iou, abs=1e-12)
 
 
+def test_long_boxes_end_to_end_overlap_though_their_centres_are_far_apart():
+    size = (4.0, 0.2, 1.0)  # 0.1 m of 4 m; their circumscribed circles barely meet
+    assert iou_3d(box(size=size), box((3.9, 0, 0), size))[0, 0] == pytest.approx(0.1 / 7.9)
+
+
 def overlap_by_shapely(a: Boxes, b: Boxes) -> float:
     ground = Polygon(a.corners()[0]).intersection(Polygon(b.corners()[0])).area
     z_a, z_b, h_a, h_b = a.center[0, 2], b.center[0, 2], a.size[0, 2], b.size[0, 2]

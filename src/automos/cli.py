@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 import yaml
 from rich.console import Console
+from rich.text import Text
 
 from automos.errors import AutomosError, SettingsError
 
@@ -21,7 +22,7 @@ app = typer.Typer(
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
 console = Console(stderr=True)
-output = Console(highlight=False)
+output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a KITTI-style sequence, or a root with sequences/")]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
@@ -66,7 +67,7 @@ def label(
             output.print(f"{sequence.name}: {len(sequence)} scans from {sequence.source} -> {folder}")
             continue
         run = label_recording(sequence, folder, chosen, poses, calib, workers, console)
-        output.print(summary(run, folder), soft_wrap=True, markup=False)
+        output.print(summary(run, folder))
 
 
 @app.command()
@@ -101,8 +102,7 @@ def demo(
         made = run_demo(out, _settings(preset, None, None), progress)
     output.print(
         f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "
-        f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}",
-        soft_wrap=True,
+        f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}"
     )
 
 
@@ -123,7 +123,7 @@ def simulate(
     sequence = simulation.simulate(scenario, sensor, scans, seed, compensated)
     with StageProgress(console, sequence.name) as progress:
         simulation.write(sequence, out, workers, progress)
-    output.print(f"{len(sequence)} scans in {out}", soft_wrap=True)
+    output.print(f"{len(sequence)} scans in {out}")
 
 
 @app.command()
@@ -154,7 +154,12 @@ def _settings(preset: str, file: Path | None, overrides: list[str] | None) -> An
         key, sign, text = item.partition("=")
         if not sign:
             raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
-        values[key.strip()] = yaml.safe_load(text)
+        try:
+            values[key.strip()] = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise SettingsError(
+                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
+            ) from None
     return load_settings(preset, file, values)
 
 
@@ -188,7 +193,7 @@ def main() -> None:
     except AutomosError as error:
         if _Debug.on:
             raise
-        console.print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False, markup=True)
+        console.print(Text.assemble(("error: ", "red"), str(error)), soft_wrap=True)
         sys.exit(2)
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on from here", soft_wrap=True)

@@ -31,8 +31,8 @@ class StageProgress:
     def __init__(self, console: Console, title: str):
         """Draw on `console`, under `title`."""
         columns = (BarColumn(), MofNCompleteColumn(), _RateColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        name = TextColumn(f"{title} {{task.description:<10}}", markup=False)
-        self._bars = Progress(name, *columns, console=console)
+        self._title = title
+        self._bars = Progress(TextColumn("{task.description}", markup=False), *columns, console=console)
         self._tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> StageProgress:
@@ -47,5 +47,5 @@ class StageProgress:
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Show that `done` of `total` scans of `stage` are done."""
         if stage not in self._tasks:
-            self._tasks[stage] = self._bars.add_task(stage, total=total)
+            self._tasks[stage] = self._bars.add_task(f"{self._title} {stage:<10}", total=total)
         self._bars.update(self._tasks[stage], completed=done)

@@ -48,8 +48,9 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
 
 def _thin(points: Points, settings: OdometrySettings) -> npt.NDArray[np.float64]:
     """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
-    is_near = np.einsum("ij,ij->i", points, points) < settings.ground_range**2
-    return first_in_voxel(points[is_near], settings.ground_voxel).astype(np.float64)
+    near = points[np.einsum("ij,ij->i", points, points) < settings.ground_range**2]
+    near = near[np.lexsort(near.T)]  # which point is first must not depend on the user's order
+    return first_in_voxel(near, settings.ground_voxel).astype(np.float64)
 
 
 def first_in_voxel(points: Points, voxel: float) -> Points:
