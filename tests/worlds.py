@@ -50,12 +50,17 @@ def rider(x: float, y: float, yaw: float = 0.0, speed: float = 0.0) -> Block:
 
 
 ROADSIDE = (
-    Block((10.0, 16.0, 4.0), (120.0, 2.0, 8.0)),
-    Block((10.0, -16.0, 4.0), (120.0, 2.0, 8.0)),
-    Block((-48.0, 0.0, 4.0), (2.0, 30.0, 8.0)),
+    Block((-20.0, 15.0, 4.0), (18.0, 4.0, 8.0)),
+    Block((0.0, 17.0, 4.0), (16.0, 4.0, 8.0)),
+    Block((20.0, 15.5, 4.0), (17.0, 4.0, 8.0)),
+    Block((-17.0, -16.0, 4.0), (20.0, 4.0, 8.0)),
+    Block((4.0, -14.5, 4.0), (14.0, 4.0, 8.0)),
+    Block((22.0, -16.5, 4.0), (15.0, 4.0, 8.0)),
+    Block((34.0, 0.0, 4.0), (4.0, 30.0, 8.0)),
+    Block((-32.0, 0.0, 4.0), (4.0, 30.0, 8.0)),
     van(-7.0, -7.5),
     van(1.0, -7.6),
-    van(17.0, 8.0, yaw=np.pi),
+    van(17.0, 8.0),
     Block((6.0, 7.5, 2.0), (0.4, 0.4, 4.0)),
     Block((-13.0, 7.0, 1.5), (2.5, 1.5, 3.0)),
 )
@@ -68,7 +73,7 @@ TRAFFIC = (
 
 
 def street(n_scans: int = 20, traffic: Sequence[Block] = TRAFFIC, seed: int = 0) -> World:
-    """Return a street seen from a vehicle at 1 m/s: house fronts, parked vans, a post, and `traffic`."""
+    """Return a street seen from a vehicle at 1 m/s: houses all round, parked vans, a post, and `traffic`."""
     return record((*ROADSIDE, *traffic), drive(n_scans), seed=seed)
 
 

@@ -88,6 +88,11 @@ def test_the_assignment_has_the_most_pairs_and_then_the_least_cost(seed, n_rows,
     assert table[rows, columns].sum() == pytest.approx(least)
 
 
+def test_two_dear_pairs_go_before_one_cheap_pair():
+    rows, columns = assign(np.array([[0.1, 50.0], [50.0, np.inf]]))
+    assert sorted(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 1), (1, 0)]
+
+
 @pytest.mark.parametrize("shape", [(0, 0), (0, 3), (2, 0), (2, 3)])
 def test_where_no_pair_is_allowed_none_is_made(shape):
     rows, columns = assign(np.full(shape, np.inf))

@@ -98,7 +98,7 @@ def fit_links(
     def fit(k: int) -> Fit:
         i, center = links[k]
         surfels = stretch.surfels[i]
-        every = -(-len(surfels) // settings.max_surfels)  # another part of them for each link, so that all have a say
+        every = max(-(-len(surfels) // settings.max_surfels), 1)  # another part for each link: all have a say
         return fit_surfels(
             submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, settings.noise, settings.close
         )  # fmt: skip
