@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.candidates.region_ground import fit_region_ground
 from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse, transform
 from automos.scan import Frames
@@ -281,7 +282,7 @@ def _remove_above_ground(  # type: ignore[no-untyped-def]
         if start[b + 1] == start[b]:
             continue
         members = rows[start[b] : start[b + 1]]
-        is_ground = fit_ground(
+        is_ground = fit_region_ground(
             map_points[members],
             ground_seed_height,
             ground_lowest_skipped,
@@ -293,50 +294,3 @@ def _remove_above_ground(  # type: ignore[no-untyped-def]
             v = near[members[j]]
             if not is_ground[j] and was_scanned[v] != stamp:
                 is_alive[v] = False
-
-
-@numba.njit(cache=True, nogil=True)
-def fit_ground(points, seed_height, n_skipped, n_lowest, n_iterations, distance):  # type: ignore[no-untyped-def]
-    """Return (N,) bool: which of one bin's `points` (N, 3, z up) are ground, by region-wise plane fit (R-GPF).
-
-    The mean height of the `n_lowest` lowest points after the `n_skipped` very lowest starts it: seeds are the points
-    less than `seed_height` above it; then a plane is fitted `n_iterations` times, points nearer than `distance` to it
-    or below it being the next seeds. The normal is turned upwards, which the released code leaves to chance.
-    """
-    n = len(points)
-    is_ground = np.zeros(n, np.bool_)
-    order = np.argsort(points[:, 2])
-    skipped = min(n_skipped, max(n - 1, 0))
-    last = min(skipped + n_lowest, n)
-    lowest = 0.0
-    for k in range(skipped, last):
-        lowest += points[order[k], 2]
-    lowest /= last - skipped
-    for i in range(n):
-        is_ground[i] = points[i, 2] < lowest + seed_height
-    for _ in range(n_iterations):
-        m = 0
-        mean = np.zeros(3)
-        for i in range(n):
-            if is_ground[i]:
-                m += 1
-                for a in range(3):
-                    mean[a] += points[i, a]
-        if m < 3:
-            break
-        mean /= m
-        covariance = np.zeros((3, 3))
-        for i in range(n):
-            if is_ground[i]:
-                for a in range(3):
-                    for c in range(3):
-                        covariance[a, c] += (points[i, a] - mean[a]) * (points[i, c] - mean[c])
-        normal = np.linalg.eigh(covariance)[1][:, 0]
-        if normal[2] < 0.0:
-            normal = -normal
-        for i in range(n):
-            height = 0.0
-            for a in range(3):
-                height += normal[a] * (points[i, a] - mean[a])
-            is_ground[i] = height < distance
-    return is_ground

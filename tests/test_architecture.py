@@ -1,0 +1,106 @@
+"""The rules of the house: who may import whom, names, lengths, and what the core never loads."""
+
+import ast
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import automos
+
+SOURCE = Path(__file__).parents[1] / "src" / "automos"
+FILES = sorted(SOURCE.rglob("*.py"))
+
+BASE = {"labels", "scan", "geometry", "settings", "errors", "atomic"}
+STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
+MAY_IMPORT = {
+    **dict.fromkeys(BASE, BASE),
+    **{stage: {*BASE, stage} for stage in STAGES},
+    "pose_files": BASE,
+    "datasets": {*BASE, "datasets", "pose_files"},
+    "evaluation": {*BASE, "evaluation", "pose_files"},
+}
+"""Rooms, and the rooms they may import; a room not named here may import any other but the command line."""
+
+HEAVY = {"torch", "numba", "scipy", "matplotlib", "hdbscan", "sklearn", "kiss_icp", "small_gicp", "trimesh", "pandas"}
+OPTIONAL = ("torch", "torchvision", "onnx", "onnxruntime", "rerun", "ray", "open3d", "rosbags", "mcap", "plotly")
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(SOURCE).as_posix()
+
+
+def room_of(path: Path) -> str:
+    """Return the first name below automos: a package or a module."""
+    return path.relative_to(SOURCE).with_suffix("").parts[0]
+
+
+def imports_of(path: Path) -> set[str]:
+    """Return the dotted names that a file imports from automos, wherever in the file."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}, line {node.lineno}: imports are absolute"
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= names if node.module == "automos" else {node.module}
+    return {name for name in found if name.split(".")[0] == "automos"}
+
+
+def test_a_module_imports_only_what_its_room_may_and_none_the_command_line():
+    strays = {}
+    for path in FILES:
+        rooms = {name.split(".")[1] for name in imports_of(path) if name.count(".")} - {"__version__"}
+        allowed = MAY_IMPORT.get(room_of(path), rooms - {"cli"})
+        if not rooms <= allowed:
+            strays[name_of(path)] = sorted(rooms - allowed)
+    assert strays == {}
+
+
+def test_the_rule_sees_imports_inside_functions():
+    # the command line imports everything late, so a rule that looked only at the top of files would see nothing there
+    assert {"automos.datasets", "automos.labeling", "automos.settings"} <= imports_of(SOURCE / "cli.py")
+
+
+def test_rooms_named_in_the_rule_are_there():
+    assert set(MAY_IMPORT) - {"network"} <= {room_of(path) for path in FILES}
+
+
+def test_a_module_is_named_after_its_idea():
+    vague = {"util", "utils", "helper", "helpers", "manager", "misc", "common"}
+    assert [name_of(path) for path in FILES if vague & set(re.split(r"\W|_", name_of(path)))] == []
+
+
+def test_a_file_past_300_lines_is_two_ideas():
+    # settings.py is a table of numbers, which is one idea however many they are
+    lengths = {name_of(path): len(path.read_text().splitlines()) for path in FILES if path.name != "settings.py"}
+    assert {name: length for name, length in lengths.items() if length > 300} == {}
+
+
+def test_the_command_line_starts_without_loading_anything_heavy():
+    code = f"import sys, automos.cli; print(*sorted({HEAVY!r} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
+
+
+def test_everything_but_the_network_can_be_imported_without_optional_packages():
+    names = [".".join(["automos", *path.relative_to(SOURCE).with_suffix("").parts]) for path in FILES]
+    names = [name.removesuffix(".__init__") for name in names if not name.startswith("automos.network")]
+    code = (
+        f"import sys, importlib\nsys.modules.update(dict.fromkeys({OPTIONAL!r}))\n"
+        f"for name in {names!r}: importlib.import_module(name)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+
+
+def test_every_public_name_is_there_and_documented():
+    for name in set(automos.__all__) - {"__version__"}:
+        assert getattr(automos, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        automos.nothing  # noqa: B018
+    assert automos.label is importlib.import_module("automos.pipeline").label
