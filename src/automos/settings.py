@@ -90,10 +90,10 @@ class OdometrySettings(_Group):
         "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
     timing_stretches: int = Field(2, ge=1, description="places of the recording where ways to time points are tried")
-    timing_scans: int = Field(20, ge=3, description="scans at each")
+    timing_scans: int = Field(16, ge=3, description="scans at each")
+    timing_surfels: int = Field(1200, ge=100, description="surfels of a scan laid on one submap, at most")
     timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
-    timing_surfels: int = Field(2500, ge=100, description="surfels kept of each, about")
-    timing_gain: float = Field(0.03, ge=0, lt=1, description="share by which another way must make walls thinner")
+    timing_gain: float = Field(0.04, ge=0, lt=1, description="share by which another way must fold scans better")
     max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
@@ -149,19 +149,21 @@ class GroundSettings(_Group):
     )
     max_slope: float = Field(0.35, gt=0, description="steepest ground, rise over run")
     ghost_depth: float = Field(0.15, gt=0, description="m, a sight this far under nearer ground is a mirror image")
-    tolerance: float = Field(0.12, gt=0, description="m, points at most this far above the surface are ground")
-    tolerance_per_metre: float = Field(0.002, ge=0, description="m more for each metre of distance from the sensor")
+    tolerance: float = Field(0.08, gt=0, description="m, points at most this far above the surface are ground")
+    tolerance_per_metre: float = Field(0.0015, ge=0, description="m more for each metre of distance from the sensor")
+    max_depth: float = Field(0.3, gt=0, description="m, points further below the surface than this are not ground")
 
 
 class EgoBodySettings(_Group):
     """The vehicle's own body: what keeps its range in the sensor's frame while the sensor moves."""
 
-    max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
+    max_range: float = Field(8.0, gt=0, description="m, how far the body may reach from the sensor")
     max_scans: int = Field(40, ge=2, description="scans looked at, spread over the recording")
-    min_scans: int = Field(10, ge=2, description="with fewer scans apart from each other nothing is called body")
+    min_scans: int = Field(9, ge=3, description="with fewer scans apart from each other nothing is called body")
     min_distance: float = Field(1.0, gt=0, description="m, how far apart the sensor must be in scans looked at")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
-    tolerance: float = Field(0.15, gt=0, description="m, ranges nearer to each other than this are the same")
+    min_overlap: float = Field(0.8, gt=0, le=1, description="share of a part that must stay put all along the recording")
+    tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
 
 
 class SegmentSettings(_Group):
@@ -195,6 +197,17 @@ class HdbscanSettings(_Group):
         if not all(a > b for a, b in pairwise([*epsilons, 0.0])):
             raise ValueError("they must be greater than 0 and decrease")
         return epsilons
+
+
+class DetectSettings(_Group):
+    """Segments of the whole scan, cut by the evidence of motion."""
+
+    segments: SegmentSettings = SegmentSettings()
+    min_net: float = Field(0.5, ge=0, description="see-throughs minus hits from which on a point has moved (or stayed)")
+    min_points: int = Field(3, ge=1, description="points of the smallest object")
+    max_side: float = Field(20.0, gt=0, description="m, longest object")
+    min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
+    silence: float = Field(0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static")
 
 
 class FilterSettings(_Group):
@@ -255,11 +268,31 @@ class TrackingSettings(_Group):
     max_misses: int = Field(5, ge=0, description="n_old: consecutive scans an object may be missed")
 
 
+class FreeSpaceSettings(_Group):
+    """Evidence of motion: which places were seen to be empty before or after."""
+
+    spans: tuple[float, ...] = Field(
+        (0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0, 4.0, 5.5, 8.0),
+        min_length=1,
+        description="s, how long before and after a scan others are asked",
+    )
+    span_tolerance: float = Field(0.25, gt=0, lt=1, description="of a span, how far off the asked scan may be")
+    margin: float = Field(0.2, gt=0, description="m, how far behind a point rays must go on to have seen through it")
+    margin_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
+    hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")
+    hit_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
+    clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
+    weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
+    ground: GroundSettings = GroundSettings()
+    ego_body: EgoBodySettings = EgoBodySettings()
+
+
 class CandidatesSettings(_Group):
     """III-B: which points may be dynamic."""
 
     method: Literal["erasor", "free_space"] = "erasor"
     erasor: ErasorSettings = ErasorSettings()
+    free_space: FreeSpaceSettings = FreeSpaceSettings()
 
 
 class InstancesSettings(_Group):
@@ -270,6 +303,7 @@ class InstancesSettings(_Group):
     ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are in no instance")
     ground: GroundSettings = GroundSettings()
     hdbscan: HdbscanSettings = HdbscanSettings()
+    components: DetectSettings = DetectSettings()
 
 
 class OutputSettings(_Group):

@@ -56,10 +56,11 @@ def estimate_trajectory(
     clock = read_clock(sequence)
     if poses is not None:
         poses = _checked_poses(poses, len(sequence))
-    timing = choose_timing(sequence, settings, poses, clock)
     diagnostics: dict[str, Any] = {"warnings": []}
-    if poses is None:
-        poses = _register(sequence, settings, timing, clock, progress, diagnostics)
+    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
+        timing = choose_timing(sequence, settings, poses, clock, pool)
+        if poses is None:
+            poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
     if "wall_thickness_m" not in diagnostics:
         links = measure_consistency(sequence, poses, timing, clock, settings)
         diagnostics.update(summarize(links, settings.refinement))
@@ -76,29 +77,29 @@ def _register(
     settings: OdometrySettings,
     timing: SweepTiming,
     clock: Clock,
+    pool: ThreadPoolExecutor,
     progress: Progress | None,
     diagnostics: dict[str, Any],
 ) -> Pose:
     """Return the (N, 4, 4) poses from the scans alone; figures and warnings go to `diagnostics`."""
     held, steps = [], []
-    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
-        refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
-        for i, scan in enumerate(register_scans(sequence, settings, timing, clock.gaps)):
-            steps.append(scan.T_last_this)
-            if not scan.is_registered:
-                held.append(sequence.names[i])
-            if settings.refine:
-                surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
-                refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
-            if progress is not None:
-                progress(i + 1, len(sequence))
-        if held:
-            diagnostics["warnings"].append(
-                f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
-            )
-        if not settings.refine:
-            return chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
-        poses, before, after = refinement.finish()
+    refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
+    for i, scan in enumerate(register_scans(sequence, settings, timing, clock.gaps)):
+        steps.append(scan.T_last_this)
+        if not scan.is_registered:
+            held.append(sequence.names[i])
+        if settings.refine:
+            surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
+            refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
+        if progress is not None:
+            progress(i + 1, len(sequence))
+    if held:
+        diagnostics["warnings"].append(
+            f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
+        )
+    if not settings.refine:
+        return chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
+    poses, before, after = refinement.finish()
     diagnostics.update(summarize(after, settings.refinement))
     diagnostics["before_refinement"] = summarize(before, settings.refinement)
     diagnostics["lengthened_m"] = refinement.lengthened

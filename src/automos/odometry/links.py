@@ -27,7 +27,7 @@ class Consistency:
     distance : (L,) metres between them.
     thickness : (L,) metres, how far surfels lie off the surfaces they meet (root of the robust mean square).
     disagreement : (L,) metres by which the link alone would move the scan.
-    share : (L,) of the surfels that met a surface, those nearer than `close`.
+    share : (L,) of the surfels laid down, those that met a surface and lie on it.
     """
 
     lag: Array
@@ -115,7 +115,7 @@ def fit_links(
         distance=np.linalg.norm(T[ids[:, 0], :3, 3] - T[ids[:, 1], :3, 3], axis=1),
         thickness=np.array([f.thickness for _, f in kept]),
         disagreement=np.linalg.norm(solved, axis=1),
-        share=np.array([f.n_close / f.n_matched for _, f in kept]),
+        share=np.array([f.n_close / f.n_surfels for _, f in kept]),
     )
 
 

@@ -54,11 +54,19 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
     if timing.source == "none":
         return None
     if timing.source == "azimuth":
-        return _azimuth_times(np.ascontiguousarray(scan.points), timing.turn, np.radians(timing.seam_deg))
+        return azimuth_times(scan.points, timing.turn, timing.seam_deg)
     if scan.time is None:
         return np.zeros(len(scan), np.float32)
     fraction = np.nan_to_num(scan.time / np.float32(timing.duration) - np.float32(0.5))
     return np.clip(fraction, -0.5, 0.5).astype(np.float32)
+
+
+def azimuth_times(points: Points, turn: int, seam_deg: float) -> npt.NDArray[np.float32]:
+    """Return (N,) float32 times in [-0.5, 0.5] of `points` (N, 3) seen by a sensor that turns about its z axis.
+
+    `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`.
+    """
+    return _azimuth_times(np.ascontiguousarray(points), turn, np.radians(seam_deg))
 
 
 def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:

@@ -56,13 +56,15 @@ class Fit:
     Attributes
     ----------
     H : (6, 6), g : (6,) float64, such that moving the surfels by `-inv(H) @ g` in the submap's frame fits them best.
-    n_matched : surfels that met a surface.
+    n_surfels : surfels laid down.
+    n_matched : those that met a surface.
     n_close : those nearer to it than the distance asked for.
     thickness : metres, root of the mean square distance from the surfaces, outliers counting little.
     """
 
     H: npt.NDArray[np.float64]
     g: npt.NDArray[np.float64]
+    n_surfels: int
     n_matched: int
     n_close: int
     thickness: float
@@ -110,7 +112,7 @@ def fit_surfels(
     n_matched, n_close, thickness = _fit(
         submap.arrays, surfels.mean, surfels.covariance, T, (kernel, noise, close), H, g
     )
-    return Fit(H, g, n_matched, n_close, thickness)
+    return Fit(H, g, len(surfels), n_matched, n_close, thickness)
 
 
 @numba.njit(cache=True, nogil=True)

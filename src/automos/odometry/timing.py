@@ -1,38 +1,166 @@
-"""Finding out when in the sweep each point was measured."""
+"""Finding out when in the sweep each point was measured, where the recording does not say.
+
+Wrongly timed sweeps are bent, and bent sweeps do not fold onto each other once the sensor has come some way: walls
+half a second to two apart are then thicker than they need be, or not met at all. So each way to time the points is
+tried at a few places at which the sensor moves, and the one that makes walls thinnest and best met is taken.
+"""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
+import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming
-from automos.scan import Pose, Sequence
+from automos.odometry.kiss import register_scans
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
+from automos.odometry.refine import refine_poses
+from automos.odometry.speed import chain
+from automos.odometry.stretch import Stretch
+from automos.odometry.surfels import Surfels
+from automos.odometry.sweeps import surfels_of, usable_points
+from automos.scan import ArraySequence, Pose, Sequence
 from automos.settings import OdometrySettings
 
+_log = logging.getLogger(__name__)
 
-def choose_timing(sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock) -> SweepTiming:
-    """Return how the time of each point within its sweep is known, as `settings.time` asks."""
-    if settings.time == "none" or (settings.time == "auto" and sequence.is_compensated) or len(sequence) < 2:
+SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
+"""Azimuths at which sweeps are tried to start."""
+NEAR = 15.0
+"""Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
+
+
+def choose_timing(
+    sequence: Sequence,
+    settings: OdometrySettings,
+    poses: Pose | None,
+    clock: Clock,
+    pool: ThreadPoolExecutor | None = None,
+) -> SweepTiming:
+    """Return how the time of each point within its sweep is known, as `settings.time` asks.
+
+    Raises
+    ------
+    InputError
+        When the file's times are asked for and there are none.
+    """
+    wanted = settings.time
+    if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
         return SweepTiming()
-    file_timing = _file_timing(sequence)
-    if settings.time in ("auto", "file") and file_timing is not None:
-        return file_timing
-    if settings.time == "file":
-        raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, azimuth or none.")
-    if settings.time == "azimuth":
-        return SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=1.0)
-    return SweepTiming()
+    from_file = _file_timing(sequence, clock)
+    if wanted == "file":
+        if from_file is None:
+            raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, azimuth or none.")
+        return from_file
+    is_raw = sequence.is_compensated is False
+    untimed = [] if is_raw or wanted == "azimuth" else [SweepTiming()]
+    if wanted == "auto" and from_file is not None:
+        # Some keep the times although the points are compensated, and a recording may have been turned round.
+        guesses = [from_file, *untimed, replace(from_file, share=-from_file.share)]
+        stretches = list(_moving_stretches(sequence, settings, poses, clock))
+        return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
+    if wanted == "auto" and not _sees_all_round(sequence):
+        return SweepTiming()
+    stretches = list(_moving_stretches(sequence, settings, poses, clock))
+    # Scans may have been left out, so that a sweep takes half the time between two: start between all and half of it.
+    circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=0.7) for seam in SEAMS_DEG for turn in (-1, 1)]
+    rough = replace(_best_folding(circle, stretches, 0.0, settings, pool), share=1.0)
+    finer = [replace(rough, seam_deg=rough.seam_deg + turn) for turn in (-45.0, 45.0)]
+    guesses = [*untimed, rough, *finer, replace(rough, share=0.5)]
+    return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
 
 
-def _file_timing(sequence: Sequence) -> SweepTiming | None:
+def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
     """Return the timing the scans' own times give, None where they have none."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, 11).round().astype(int))
     scans = [sequence[int(i)] for i in ids]
-    spans = [float(np.nanmax(scan.time)) for scan in scans if scan.time is not None and len(scan)]
+    spans = [float(np.nanmax(scan.time)) for scan in scans if scan.time is not None and scan.is_valid.any()]
     if not spans or np.median(spans) <= 0.0:
         return None
     duration = float(np.median(spans))
-    stamps = sequence.stamps
-    gap = duration if stamps is None else float(np.median(np.diff(stamps)))
-    return SweepTiming("file", duration=duration, share=duration / gap)
+    period = duration if sequence.stamps is None or len(sequence) < 2 else clock.period
+    return SweepTiming("file", duration=duration, share=duration / period)
+
+
+def _sees_all_round(sequence: Sequence) -> bool:
+    """Return whether a scan has points in nearly all directions, as a sensor that spins about its z axis has."""
+    scan = sequence[len(sequence) // 2]
+    x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
+    return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
+
+
+def _moving_stretches(
+    sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock
+) -> Iterator[Stretch]:
+    """Yield stretches of the recording in which the sensor moves, as surfels of the points as they came."""
+    length = min(settings.timing_scans, len(sequence))
+    if length < 3:
+        return
+    starts = dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0))
+    file_timing = _file_timing(sequence, clock) or SweepTiming()
+    n_found = 0
+    for start in starts:
+        scans = [sequence[i] for i in range(start, start + length)]
+        gaps = clock.gaps[start : start + length - 1]
+        if poses is not None:
+            T = poses[start : start + length]
+        else:
+            steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), settings, SweepTiming(), gaps)]
+            T = chain(np.eye(4), np.array(steps[1:]))
+        twists = se3_log(inverse(T[:-1]) @ T[1:])
+        bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
+        if bend.mean() < settings.timing_motion:
+            continue
+        raw = [usable_points(scan, file_timing, np.zeros(6), settings) for scan in scans]
+        surfels = [surfels_of(*part, settings.refinement) for part in raw]
+        yield Stretch(surfels, np.zeros((length, 6)), T, gaps, clock.period, 0.0)
+        n_found += 1
+        if n_found == settings.timing_stretches:
+            return
+
+
+def _best_folding(
+    guesses: list[SweepTiming],
+    stretches: list[Stretch],
+    gain: float,
+    settings: OdometrySettings,
+    pool: ThreadPoolExecutor | None,
+) -> SweepTiming:
+    """Return the guess under which scans fold best; the first one unless another is better by the share `gain`."""
+    if not stretches:
+        return guesses[0]
+
+    def doubt(guess: SweepTiming) -> float:
+        return float(np.mean([_misfit(stretch, guess, settings) for stretch in stretches]))
+
+    scores = np.array(list(map(doubt, guesses) if pool is None else pool.map(doubt, guesses)))
+    scores[0] += np.log1p(-gain)
+    best = guesses[int(np.argmin(scores))]
+    _log.info("sweep timing %s of %s", best, dict(zip(map(str, guesses), np.exp(scores).round(4), strict=True)))
+    return best
+
+
+def _misfit(stretch: Stretch, guess: SweepTiming, settings: OdometrySettings) -> float:
+    """Return the logarithm of how thick walls are over how much finds a wall, once the poses suit the guess."""
+    twists = guess.share * step_twists(stretch.T_world_sensor, stretch.gaps)
+    surfels = [_timed(s, guess, twist) for s, twist in zip(stretch.surfels, twists, strict=True)]
+    timed = Stretch(surfels, twists, stretch.T_world_sensor, stretch.gaps, stretch.period, guess.share)
+    refinement = settings.refinement.model_copy(
+        update={"kernels": settings.refinement.kernels[-2:], "max_surfels": settings.timing_surfels}
+    )
+    links = refine_poses(timed, np.zeros(len(timed), bool), refinement)[2]
+    return float(np.log(np.median(links.thickness) / np.median(links.share))) if len(links.share) else 0.0
+
+
+def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
+    """Return surfels of the points as they came with times as guessed, compensated for `twist` (6,)."""
+    if guess.source == "none":
+        return raw
+    times = raw.time if guess.source == "file" else azimuth_times(raw.mean, guess.turn, guess.seam_deg)
+    return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)
