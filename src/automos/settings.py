@@ -259,6 +259,27 @@ class FollowSettings(_Group):
     evidence_weight: float = Field(2.0, ge=0, description="cost of going from all moving to all static")
 
 
+class JudgeSettings(_Group):
+    """When the evidence and the motion of a track make it moving."""
+
+    min_moved_points: int = Field(10, ge=1, description="points that have moved, over all scans of the track")
+    min_moved_scans: int = Field(2, ge=1, description="scans in which most of its points have moved")
+    min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
+    sure_share: float = Field(0.85, gt=0, lt=1, description="moved, of all points: from here on it need not go straight")
+    min_distance: float = Field(0.5, ge=0, description="m, between first and last observation")
+    min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
+    min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
+    noise: float = Field(0.1, gt=0, description="m, scatter of a box's centre that no track is without")
+
+
+class CompletionSettings(_Group):
+    """Which points beside its segment belong to a moving object."""
+
+    margin: float = Field(0.1, ge=0, description="m, around the segment's box")
+    ring: float = Field(1.5, gt=0, description="m, around it: the ground beside the object")
+    ground_clearance: float = Field(0.1, ge=0, description="m above the ground beside it: what is higher is the object's")
+
+
 class TrackingSettings(_Group):
     """III-D: tracking."""
 
@@ -266,6 +287,10 @@ class TrackingSettings(_Group):
     association: AssociationSettings = AssociationSettings()
     verdict: VerdictSettings = VerdictSettings()
     max_misses: int = Field(5, ge=0, description="n_old: consecutive scans an object may be missed")
+    method: Literal["paper", "evidence"] = Field("paper", description="the paper's tracker and verdict, or ours")
+    follow: FollowSettings = FollowSettings()
+    judge: JudgeSettings = JudgeSettings()
+    completion: CompletionSettings = CompletionSettings()
 
 
 class FreeSpaceSettings(_Group):

@@ -1,8 +1,9 @@
 """The vehicle's own body: what stays put in the sensor's frame while the world goes by.
 
-A ray that meets the body meets it in every scan at the same range. Ground does so too on an even road, so ground points
-do not count; nor does anything in a recording whose sensor stands still, where nothing can be told (and nothing goes
-wrong: what never moves is static).
+A ray that meets the body meets it in every scan at the same range. So may a ray that meets an even road, a vehicle that
+keeps its distance, or the long side of one that drives along; but ground does not count, nor what stands behind ground
+(under the body's parts is more body), and a thing's edges must stay put as well, from the first third of the recording
+to the last. Where the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import segment_ground
 from automos.scan import Frame, Mask
 from automos.settings import EgoBodySettings, GroundSettings
+
+
+_SECTORS = 90
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +57,13 @@ def find_ego_body(
     ranges = np.zeros((len(sample), *reach.shape), np.float32)
     for image, frame in zip(ranges, sample, strict=True):
         on_ground = segment_ground(frame.points_level, frame.origin_level, ground)
-        _nearest_ranges(raw_points(frame), on_ground, pattern.row_of_sine, np.float32(settings.max_range), image)
-    _find_constant(ranges, settings.tolerance, settings.min_share, reach)
-    return EgoBody(_grow(reach), pattern)
+        ground_from = np.full(_SECTORS, np.float32(settings.max_range))
+        _nearest_ground(raw_points(frame), frame.T_level_sensor[2, :3], on_ground, ground_from)
+        _nearest_ranges(raw_points(frame), frame.T_level_sensor[2, :3], ground_from, on_ground, pattern, image)
+    thirds = np.zeros((3, *reach.shape), np.float32)
+    for third, part in zip(thirds, np.array_split(ranges, 3), strict=True):
+        _find_constant(part, settings.tolerance, settings.min_share, third)
+    return EgoBody(_grow(np.where(_stays_put(thirds > 0.0, settings.min_overlap), thirds.max(axis=0), 0.0)), pattern)
 
 
 def _frames_apart(frames: Sequence[Frame], settings: EgoBodySettings) -> list[Frame]:
@@ -65,6 +74,17 @@ def _frames_apart(frames: Sequence[Frame], settings: EgoBodySettings) -> list[Fr
         if not sample or np.linalg.norm(frame.origin_level - sample[-1].origin_level) > settings.min_distance:
             sample.append(frame)
     return sample[: settings.max_scans]
+
+
+def _stays_put(thirds: npt.NDArray[np.bool_], min_overlap: float) -> npt.NDArray[np.bool_]:
+    """Return (H, W) bool: the connected parts of (3, H, W) masks that are in the same place in all of them."""
+    around = np.ones((3, 3), bool)
+    parts, n_parts = ndimage.label(thirds.any(axis=0), around)
+    # A cell to each side is allowed for: edges are hit and missed by turns.
+    is_in_all = np.all([ndimage.binary_dilation(third, around) for third in thirds], axis=0)
+    overlap = ndimage.mean(is_in_all, parts, np.arange(n_parts + 1))
+    overlap[0] = 0.0
+    return overlap[parts] >= min_overlap
 
 
 def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
@@ -83,13 +103,31 @@ def _cell(x, y, z, row_of_sine, h, w):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _nearest_ranges(points, is_ground, row_of_sine, max_range, image):  # type: ignore[no-untyped-def]
-    """Nearest range per cell; beyond `max_range` or on the ground it counts as infinite, no return as 0."""
+def _level_distance(x, y, z, up):  # type: ignore[no-untyped-def]
+    """Horizontal distance from the sensor, whichever way it is mounted."""
+    height = up[0] * x + up[1] * y + up[2] * z
+    return np.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_ground(points, up, is_ground, ground_from):  # type: ignore[no-untyped-def]
+    """Lower `ground_from` to the nearest ground in each sector of azimuth."""
+    for i in range(len(points)):
+        if is_ground[i]:
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            j = int((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * len(ground_from)) % len(ground_from)
+            ground_from[j] = min(ground_from[j], _level_distance(x, y, z, up))
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_ranges(points, up, ground_from, is_ground, pattern, image):  # type: ignore[no-untyped-def]
+    """Nearest range per cell, infinite for what cannot be body, 0 without return."""
     h, w = image.shape
     for i in range(len(points)):
-        r, v, u = _cell(points[i, 0], points[i, 1], points[i, 2], row_of_sine, h, w)
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        r, v, u = _cell(x, y, z, pattern.row_of_sine, h, w)
         if v >= 0:
-            if is_ground[i] or r > max_range:
+            if is_ground[i] or _level_distance(x, y, z, up) >= ground_from[u * len(ground_from) // w]:
                 r = np.float32(np.inf)
             if image[v, u] == 0.0 or r < image[v, u]:
                 image[v, u] = r

@@ -1,15 +1,15 @@
 """Where a sensor's beams point, learnt from its own scans.
 
-Every sensor leaves its pattern in the angles of its returns: how far apart neighbouring firings of one beam are, and how
-many beams there are per degree at each elevation. With both, (elevation, azimuth) maps to a grid of rows and columns in
-which about one ray falls into each cell, whether the beams are evenly spaced (Ouster), in two blocks (HDL-64E), sparse
-(VLP-16) or not repeating at all (Livox). Angles are those of the raw sweep, before the sensor's motion is taken out.
+Every sensor leaves its pattern in the angles of its returns: how far apart neighbouring firings of one beam are, and
+how many beams there are per degree at each elevation. With both, (elevation, azimuth) maps to a grid of rows and
+columns in which about one ray falls into each cell, whether the beams are evenly spaced, in blocks, few, or never
+repeat. Angles are those of the raw sweep, before the sensor's motion is taken out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -18,36 +18,31 @@ import numpy.typing as npt
 from automos.geometry import se3_exp
 from automos.scan import Frame, Points
 
-_SINE_BINS = 8192
+_SINE_BINS = 4096
 _TIME_BINS = 360
 _MICRO_ROW = np.radians(0.05)
 _ELEVATION_BIN = np.radians(0.25)
 _SECTORS = 180
 
 
-@dataclass(frozen=True, eq=False)
-class BeamPattern:
+class BeamPattern(NamedTuple):
     """The grid of rays of one sensor.
 
     Attributes
     ----------
     n_rows, n_columns : size of the grid; columns go round the full circle, column 0 begins at azimuth -pi.
-    row_height : radians between neighbouring rows, the median.
-    row_of_sine : (8193,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
-    sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along each degree of azimuth (from -pi);
-        zeros where directions have no fixed time.
+    row_height, column_width : radians between neighbouring rows (the median) and columns.
+    row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
+    sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along directions evenly spaced in
+        `rough_turn_of`; zeros where directions have no fixed time.
     """
 
     n_rows: int
     n_columns: int
     row_height: float
+    column_width: float
     row_of_sine: npt.NDArray[np.float32]
     sweep_time: npt.NDArray[np.float32]
-
-    @property
-    def column_width(self) -> float:
-        """Radians between neighbouring columns."""
-        return 2.0 * np.pi / self.n_columns
 
 
 def raw_points(frame: Frame) -> Points:
@@ -61,6 +56,31 @@ def raw_points(frame: Frame) -> Points:
     out = np.empty_like(frame.points)
     _transform_by_step(frame.points, frame.sweep_time, T_raw_frame, out)
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_of(x, y):  # type: ignore[no-untyped-def]
+    """Return the azimuth of (x, y) as a share of the full turn, in [0, 1): 0 at -pi. Exact to 1e-5 of a radian."""
+    ax, ay = abs(x), abs(y)
+    a = min(ax, ay) / max(max(ax, ay), np.float32(1e-9))
+    s = a * a
+    angle = np.float32(-0.01172120) * s + np.float32(0.05265332)
+    angle = angle * s - np.float32(0.11643287)
+    angle = angle * s + np.float32(0.19354346)
+    angle = angle * s - np.float32(0.33262347)
+    angle = (angle * s + np.float32(0.99997726)) * a
+    angle = np.float32(1.5707964) - angle if ay > ax else angle
+    angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
+    angle = -angle if y < np.float32(0.0) else angle
+    return min(max(angle * np.float32(0.15915494) + np.float32(0.5), np.float32(0.0)), np.float32(0.9999999))
+
+
+@numba.njit(cache=True, nogil=True)
+def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
+    """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
+    share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
+    turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
+    return min(turn, np.float32(0.9999999))
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
@@ -79,7 +99,7 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     rows = np.concatenate([[0.0], np.cumsum(density)])
     n_rows = max(round(rows[-1]), 2)
     centres = np.interp((np.arange(n_rows) + 0.5) * rows[-1] / n_rows, rows, edges)
-    return _make_pattern(centres, step, _time_of_azimuth(azimuths, times))
+    return _make_pattern(centres, step, _time_of_direction(azimuths, times))
 
 
 def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> float | None:
@@ -134,22 +154,32 @@ def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.
     elevation = np.arcsin(np.linspace(-1.0, 1.0, _SINE_BINS + 1))
     row_of_sine = np.interp(elevation, padded, rows, left=-2.0, right=len(centres) + 2.0).astype(np.float32)
     n_columns = 8 * max(round(2.0 * np.pi / step / 8), 1)
-    return BeamPattern(len(centres), n_columns, float(np.median(gaps)), row_of_sine, sweep_time)
+    return BeamPattern(
+        len(centres), n_columns, float(np.median(gaps)), 2.0 * np.pi / n_columns, row_of_sine, sweep_time
+    )
 
 
-def _time_of_azimuth(azimuths: list[npt.NDArray], times: list[npt.NDArray | None]) -> npt.NDArray[np.float32]:
+def _time_of_direction(azimuths: list[npt.NDArray], times: list[npt.NDArray | None]) -> npt.NDArray[np.float32]:
     out = np.zeros(_TIME_BINS, np.float32)
     known = [(a, t) for a, t in zip(azimuths, times, strict=True) if t is not None]
     if not known:
         return out
     azimuth, time = np.concatenate([a for a, _ in known]), np.concatenate([t for _, t in known]).astype(np.float64)
-    bins = ((azimuth + np.pi) / (2.0 * np.pi) * _TIME_BINS).astype(np.int64) % _TIME_BINS
+    bins = (_rough_turns(np.cos(azimuth), np.sin(azimuth)) * _TIME_BINS).astype(np.int64)
     n = np.maximum(np.bincount(bins, minlength=_TIME_BINS), 1)
     mean = np.bincount(bins, time, _TIME_BINS) / n
     spread = np.sqrt(np.maximum(np.bincount(bins, time**2, _TIME_BINS) / n - mean**2, 0.0))
     if np.median(spread[n > 1]) > 0.1:  # a tenth of the sweep: the pattern does not turn with time
         return out
     return mean.astype(np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rough_turns(x, y):  # type: ignore[no-untyped-def]
+    out = np.empty(len(x), np.float32)
+    for i in range(len(x)):
+        out[i] = rough_turn_of(np.float32(x[i]), np.float32(y[i]))
+    return out
 
 
 @numba.njit(cache=True, nogil=True)

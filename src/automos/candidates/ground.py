@@ -76,7 +76,7 @@ def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: G
 
 
 def segment_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings) -> Mask:
-    """Return (M,) bool: which of `points_level` (M, 3), level frame, lie on the ground (or beneath it).
+    """Return (M,) bool: which of `points_level` (M, 3), level frame, lie on the ground (or just beneath it).
 
     `origin_level` (3,) is where the sensor was. Points beyond `settings.max_range` are not ground.
     """
@@ -86,7 +86,10 @@ def segment_ground(points_level: npt.NDArray, origin_level: npt.NDArray, setting
 def is_on_ground(
     points_level: npt.NDArray, origin_level: npt.NDArray, surface: GroundSurface, settings: GroundSettings
 ) -> Mask:
-    """Return (M,) bool: which of `points_level` (M, 3) are at most the tolerance above `surface`."""
+    """Return (M,) bool: which of `points_level` (M, 3) are within tolerance of `surface`.
+
+    What lies far below it is not called ground: beyond a crest the surface is a guess.
+    """
     is_ground = np.empty(len(points_level), np.bool_)
     _is_low(
         points_level,
@@ -96,6 +99,7 @@ def is_on_ground(
         surface.height,
         settings.tolerance,
         settings.tolerance_per_metre,
+        settings.max_depth,
         is_ground,
     )
     return is_ground
@@ -245,7 +249,7 @@ def _interpolate(points, x0, y0, per_cell, height, out):  # type: ignore[no-unty
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_metre, out):  # type: ignore[no-untyped-def]
+def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_metre, max_depth, out):  # type: ignore[no-untyped-def]
     h, w = height.shape
     for i in range(len(points)):
         u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
@@ -254,4 +258,4 @@ def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_m
             continue
         x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
         above = points[i, 2] - _sample(height, u - 0.5, v - 0.5)
-        out[i] = above < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        out[i] = -max_depth < above < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)

@@ -1,0 +1,147 @@
+"""What one scan saw, as images that answer in a few reads how far the rays around a direction went.
+
+Two windows are kept per cell. The near window (3 x 3 cells, about one ray to each side) holds the shortest and longest
+range there: a surface's slope and the edges of things are in their difference. The clear pyramid holds the shortest
+range of anything but ground in windows of ever coarser cells: whether a place the size of a fist or a head was empty.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.free_space_pattern import BeamPattern, turn_of
+from automos.scan import Mask, Points
+
+UNIT = 0.01
+"""Metres per step of the stored ranges."""
+_NONE = 65535
+"""Shortest range stored where no ray went."""
+_N_LEVELS = 5
+
+_Image = npt.NDArray[np.uint16]
+
+
+class PyramidShape(NamedTuple):
+    """How the levels of a clear pyramid lie in memory.
+
+    Attributes
+    ----------
+    shifts : (L, 2) int64, binary logarithms of a cell's rows and columns.
+    shapes : (L, 2) int64, rows and columns of each level.
+    offsets : (L + 1,) int64, where each level begins.
+    widths : (L,) float32, radians, the longer side of a cell.
+    """
+
+    shifts: npt.NDArray[np.int64]
+    shapes: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]
+    widths: npt.NDArray[np.float32]
+
+
+class RangeImage(NamedTuple):
+    """Ranges of one scan on its sensor's grid of rays, in units of `UNIT`.
+
+    Attributes
+    ----------
+    rays : (H, W, 2) uint16, nearest and farthest of the rays in each cell; 65535 and 0 where there is none.
+    around : (H, W, 2) uint16, the same over the 3 x 3 cells around each cell.
+    clear : (K,) uint16, shortest range of non-ground rays in 3 x 3 cells, level by level.
+    """
+
+    rays: _Image
+    around: _Image
+    clear: _Image
+
+
+def pyramid_shape(pattern: BeamPattern) -> PyramidShape:
+    """Return the levels of the clear pyramid; columns are merged before rows until cells are about square."""
+    lead = max(round(float(np.log2(pattern.row_height / pattern.column_width))), 0)
+    shifts = np.array([[max(level - lead, 0), level] for level in range(_N_LEVELS)])
+    shapes = -(-np.array([[pattern.n_rows, pattern.n_columns]]) // (1 << shifts))
+    offsets = np.concatenate([[0], np.cumsum(shapes.prod(axis=1))])
+    widths = ((1 << shifts) * [pattern.row_height, pattern.column_width]).max(axis=1)
+    return PyramidShape(shifts, shapes, offsets, widths.astype(np.float32))
+
+
+def make_image(points: Points, is_ground: Mask, pattern: BeamPattern, pyramid: PyramidShape) -> RangeImage:
+    """Return the range image of `points` (M, 3), sensor frame of the raw sweep; ground is transparent to `clear`."""
+    h, w = pattern.n_rows, pattern.n_columns
+    rays = np.empty((h, w, 2), np.uint16)
+    rays[..., 0], rays[..., 1] = _NONE, 0
+    solid = np.full((h, w), _NONE, np.uint16)
+    _project(points, is_ground, pattern.row_of_sine, rays, solid)
+    around = np.empty_like(rays)
+    _window(rays, around)
+    clear = np.empty(pyramid.offsets[-1], np.uint16)
+    for k in range(_N_LEVELS):
+        if k > 0:
+            step = 1 << (pyramid.shifts[k] - pyramid.shifts[k - 1])
+            coarser = np.empty(pyramid.shapes[k], np.uint16)
+            _merge(solid, step[0], step[1], coarser)
+            solid = coarser
+        _shortest_around(solid, clear[pyramid.offsets[k] : pyramid.offsets[k + 1]].reshape(pyramid.shapes[k]))
+    return RangeImage(rays, around, clear)
+
+
+@numba.njit(cache=True, nogil=True)
+def _project(points, is_ground, row_of_sine, rays, solid):  # type: ignore[no-untyped-def]
+    h, w = solid.shape
+    half = np.float32((len(row_of_sine) - 1) / 2)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        r = np.sqrt(x * x + y * y + z * z)
+        row = row_of_sine[int((z / r + np.float32(1.0)) * half)]
+        if row < 0.0 or row >= h:
+            continue
+        v, u = int(row), int(turn_of(x, y) * np.float32(w))
+        q = np.uint16(min(r * np.float32(1.0 / UNIT), np.float32(_NONE - 1)))
+        rays[v, u, 0] = min(rays[v, u, 0], q)
+        rays[v, u, 1] = max(rays[v, u, 1], q)
+        if not is_ground[i]:
+            solid[v, u] = min(solid[v, u], q)
+
+
+@numba.njit(cache=True, nogil=True)
+def _window(rays, around):  # type: ignore[no-untyped-def]
+    """Write the shortest and longest of the 3 x 3 cells around each; columns go round."""
+    h, w, _ = rays.shape
+    low, high = np.empty(w + 2, np.uint16), np.empty(w + 2, np.uint16)
+    for v in range(h):
+        a, b = max(v - 1, 0), min(v + 1, h - 1)
+        for u in range(w):
+            low[u + 1] = min(rays[v, u, 0], min(rays[a, u, 0], rays[b, u, 0]))
+            high[u + 1] = max(rays[v, u, 1], max(rays[a, u, 1], rays[b, u, 1]))
+        low[0], low[w + 1], high[0], high[w + 1] = low[w], low[1], high[w], high[1]
+        for u in range(w):
+            around[v, u, 0] = min(low[u], min(low[u + 1], low[u + 2]))
+            around[v, u, 1] = max(high[u], max(high[u + 1], high[u + 2]))
+
+
+@numba.njit(cache=True, nogil=True)
+def _shortest_around(solid, out):  # type: ignore[no-untyped-def]
+    h, w = solid.shape
+    low = np.empty(w + 2, np.uint16)
+    for v in range(h):
+        a, b = max(v - 1, 0), min(v + 1, h - 1)
+        for u in range(w):
+            low[u + 1] = min(solid[v, u], min(solid[a, u], solid[b, u]))
+        low[0], low[w + 1] = low[w], low[1]
+        for u in range(w):
+            out[v, u] = min(low[u], min(low[u + 1], low[u + 2]))
+
+
+@numba.njit(cache=True, nogil=True)
+def _merge(fine, rows, columns, coarse):  # type: ignore[no-untyped-def]
+    """Write the shortest range of each block of `rows` x `columns` cells."""
+    h, w = fine.shape
+    for v in range(coarse.shape[0]):
+        for u in range(coarse.shape[1]):
+            low = np.uint16(_NONE)
+            for b in range(v * rows, min((v + 1) * rows, h)):
+                for a in range(u * columns, min((u + 1) * columns, w)):
+                    low = min(low, fine[b, a])
+            coarse[v, u] = low

@@ -1,0 +1,119 @@
+"""What one scan says about the points of another: seen through, hit again, or nothing.
+
+A point was *seen through* when the rays beside it went on behind it and nothing but ground came nearer within a palm's
+width; *weakly* so when only the rays right beside it did. It was *hit* when one of these rays ended at its range. Rays
+that ended before it say nothing, and neither do places without rays: a missing return has too many reasons.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from automos.candidates.free_space_image import UNIT
+from automos.candidates.free_space_pattern import rough_turn_of, turn_of
+
+UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
+
+_BLOCK = 512
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_hit(rays, v, u, q, tolerance):  # type: ignore[no-untyped-def]
+    """Whether a ray of the 3 x 3 cells around (v, u) ended at range `q`."""
+    h, w, _ = rays.shape
+    for b in range(max(v - 1, 0), min(v + 2, h)):
+        for a in range(u - 1, u + 2):
+            a = a - w if a >= w else a  # negative columns count from the end by themselves
+            if abs(np.float32(rays[b, a, 0]) - q) < tolerance or abs(np.float32(rays[b, a, 1]) - q) < tolerance:
+                return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
+    """Whether rays on all four sides (or in the middle) of (v, u) went on beyond range `q`.
+
+    Where paint or glass returned nothing, a ray over the roof would else speak for the whole car.
+    """
+    h, w, _ = rays.shape
+    above = below = left = right = False
+    n = 0
+    for b in range(max(v - 1, 0), min(v + 2, h)):
+        for a in range(u - 1, u + 2):
+            if np.float32(rays[b, a - w if a >= w else a, 1]) > q:
+                n += 1
+                below |= b <= v
+                above |= b >= v
+                left |= a <= u
+                right |= a >= u
+    return n >= 4 and above and below and left and right
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _aim(points, start, stop, T, motion, pattern, row, column, ranges):  # type: ignore[no-untyped-def]
+    """Write where on the other scan's grid points `start` to `stop` lie, and their range: arithmetic without branches."""
+    sweep_time, row_of_sine = pattern.sweep_time, pattern.row_of_sine
+    n_times, n_columns = np.float32(len(sweep_time)), np.float32(pattern.n_columns)
+    half = np.float32((len(row_of_sine) - 1) / 2)
+    one, tiny = np.float32(1.0), np.float32(1e-6)
+    vx, vy, vz, wx, wy, wz = motion
+    for i in range(stop - start):
+        px, py, pz = points[start + i, 0], points[start + i, 1], points[start + i, 2]
+        x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
+        y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
+        z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
+        # Back to where the sensor was when it looked that way.
+        s = sweep_time[int(rough_turn_of(x, y) * n_times)]
+        nx = x - s * (vx + wy * z - wz * y)
+        ny = y - s * (vy + wz * x - wx * z)
+        nz = z - s * (vz + wx * y - wy * x)
+        r = np.sqrt(nx * nx + ny * ny + nz * nz)
+        row[i] = row_of_sine[int((nz / max(r, tiny) + one) * half)]
+        column[i] = int(turn_of(nx, ny) * n_columns)
+        ranges[i] = r
+
+
+@numba.njit(cache=True, nogil=True)
+def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges):  # type: ignore[no-untyped-def]
+    """Write for each of `points` what the scan of `image` says, and its range from there.
+
+    Parameters
+    ----------
+    points : (K, 3) float32.
+    T : (3, 4) float32, from their frame to the image's sensor at mid-sweep.
+    motion : (6,) float32, of the image's sensor during its sweep; zeros where unknown.
+    pattern, pyramid, image : of the other scan.
+    tolerances : float32: margin behind a point, hit, both with their growth per metre, and width that must be clear.
+    codes, ranges : (K,) uint8 and float32, written.
+    """
+    margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
+    h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
+    rows, columns = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.int32)
+    for start in range(0, len(points), _BLOCK):
+        stop = min(start + _BLOCK, len(points))
+        _aim(points, start, stop, T, motion, pattern, rows, columns, ranges[start:stop])
+        for i in range(start, stop):
+            r, row, u = ranges[i], rows[i - start], columns[i - start]
+            codes[i] = UNSEEN
+            if r < np.float32(1.0) or row < np.float32(0.0) or row >= h:
+                continue
+            v = int(row)
+            near, far = np.float32(image.around[v, u, 0]), np.float32(image.around[v, u, 1])
+            if far == np.float32(0.0):
+                continue
+            q = r * per_unit
+            behind = q + (margin + margin_per_metre * r) * per_unit
+            tolerance = (hit + hit_per_metre * r) * per_unit
+            if q - tolerance > far:
+                codes[i] = BLOCKED
+            elif q + tolerance >= near and (far - near < tolerance or _is_hit(image.rays, v, u, q, tolerance)):
+                codes[i] = HIT
+            elif behind >= np.float32(image.clear[v * w + u]) or not _is_surrounded(image.rays, v, u, behind):
+                codes[i] = EDGE
+            else:
+                level = 0
+                while level < len(pyramid.widths) - 1 and pyramid.widths[level] * r < clearance:
+                    level += 1
+                cell = (v >> pyramid.shifts[level, 0]) * pyramid.shapes[level, 1] + (u >> pyramid.shifts[level, 1])
+                codes[i] = THROUGH if behind < image.clear[pyramid.offsets[level] + cell] else WEAK
