@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from worlds import Block, World, drive, iou_of_moving, record, rider, street
 
-from automos import pipeline
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.labels import Label
@@ -269,33 +268,40 @@ def test_a_changed_setting_makes_only_what_depends_on_it_and_reads_nothing_old(w
     assert len(list((tmp_path / "stages").iterdir())) == len(STAGES)
 
 
+class Watched(Workspace):
+    """A workspace that notes what is saved, and breaks before the fourth scan of one stage is."""
+
+    def __init__(self, root, breaks_in: str = ""):
+        super().__init__(root)
+        self.breaks_in = breaks_in
+        self.saved: list[tuple[str, str]] = []
+
+    def stage(self, name, key):
+        stage = super().stage(name, key)
+        save = stage.save
+
+        def watched(scan, arrays):
+            if name == self.breaks_in and len([s for s, _ in self.saved if s == name]) == 3:
+                raise KeyboardInterrupt
+            save(scan, arrays)
+            self.saved.append((name, scan))
+
+        stage.save = watched
+        return stage
+
+
 @pytest.mark.parametrize("stage", ["candidates", "instances", "labels"])
-def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(tmp_path, monkeypatch, stage):
+def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(tmp_path, stage):
     world = short()
     straight = label(world.sequence, PAPER, poses=world.poses, workers=1)
-    made: list[int] = []
-    make = getattr(pipeline, f"_{stage}")
-
-    def break_after_three(*args):
-        for i, arrays in make(*args):
-            if len(made) == 3:
-                raise KeyboardInterrupt
-            made.append(i)
-            yield i, arrays
-
-    monkeypatch.setattr(pipeline, f"_{stage}", break_after_three)
+    first, second = Watched(tmp_path, stage), Watched(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        label(world.sequence, PAPER, poses=world.poses, workspace=Workspace(tmp_path), workers=1)
-    assert made == [0, 1, 2]
-
-    def count(*args):
-        for i, arrays in make(*args):
-            made.append(i)
-            yield i, arrays
-
-    monkeypatch.setattr(pipeline, f"_{stage}", count)
-    result = label(world.sequence, PAPER, poses=world.poses, workspace=Workspace(tmp_path), workers=1)
-    assert made == list(range(8))
+        label(world.sequence, PAPER, poses=world.poses, workspace=first, workers=1)
+    result = label(world.sequence, PAPER, poses=world.poses, workspace=second, workers=1)
+    assert not set(first.saved) & set(second.saved)
+    names = world.sequence.names
+    assert [scan for name, scan in first.saved if name == stage] == names[:3]
+    assert [scan for name, scan in second.saved if name == stage] == names[3:]
     for got, want in zip(labels_of(result), labels_of(straight), strict=True):
         np.testing.assert_array_equal(got, want)
 

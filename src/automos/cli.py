@@ -195,6 +195,7 @@ def main() -> None:
             raise
         console.print(Text.assemble(("error: ", "red"), str(error)), soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        console.print("interrupted; the same command goes on from here", soft_wrap=True)
-        sys.exit(130)
+    except SystemExit as leaving:
+        if leaving.code == 130:  # what typer makes of Ctrl-C
+            console.print("interrupted; the same command goes on from here", soft_wrap=True)
+        raise
