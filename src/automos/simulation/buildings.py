@@ -49,21 +49,19 @@ def _storey(width: float, z0: float, height: float, rng: np.random.Generator, ba
 def make_building(
     rng: np.random.Generator, width: float, depth: float, storeys: int, smooth: bool = False, shop: bool | None = None
 ) -> Mesh:
-    """Return a building of `storeys`; a `smooth` one has a flat façade without recesses, balconies or plinth."""
+    """Return a building of `storeys`; a `smooth` one has a flat façade: windows set back a little, no balconies, no plinth."""
     storey_height, bay = rng.uniform(2.8, 3.4), rng.uniform(2.2, 4.0)
     height = storeys * storey_height
     material = Material.WALL if rng.random() < 0.75 else Material.STONE
     tint = rng.uniform(0.55, 1.5)
-    recess = 0.03 if smooth else rng.uniform(0.12, 0.35)
+    recess = rng.uniform(0.04, 0.10) if smooth else rng.uniform(0.12, 0.35)
     shop = bool(rng.random() < 0.35) if shop is None else shop
     parts = []
     for k in range(storeys):
         z0, z1 = k * storey_height - (0.6 if k == 0 else 0.0), (k + 1) * storey_height
-        holes = (
-            np.zeros((0, 4))
-            if smooth and rng.random() < 0.5
-            else _storey(width, k * storey_height, storey_height, rng, bay, shop and k == 0)
-        )
+        holes = _storey(width, k * storey_height, storey_height, rng, bay, shop and k == 0)
+        if smooth and rng.random() < 0.3:
+            holes = holes[:0]
         if len(holes) and rng.random() < 0.5 and k == 0:
             holes[int(rng.integers(len(holes))), 2] = 0.05  # the door
         parts.append(_wall_with_holes(width, z0, z1, holes, material, tint, recess))

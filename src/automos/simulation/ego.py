@@ -19,8 +19,12 @@ PITCH_PER_ACCELERATION = 0.006
 """rad per m/s^2: the nose dives when braking."""
 ROLL_PER_ACCELERATION = 0.007
 """rad per m/s^2: the body leans out of the bend."""
-SHAKE = (0.008, 0.0020, 0.0025)
-"""Heave in metres, pitch and roll in radians: standard deviation over the road's unevenness at 10 m/s."""
+SHAKE = (0.008, 0.0042, 0.0042)
+"""Heave in metres, pitch and roll in radians: how far an uneven road moves the body (standard deviation)."""
+SHAKE_SPEED = 2.5
+"""m/s from which on a road shakes the body fully; slower, in proportion."""
+BUMPS = (2.0, 20.0)
+"""Metres, wavelengths of the unevenness."""
 SETTLING = 0.25
 """Seconds in which the suspension follows."""
 
@@ -48,20 +52,25 @@ class EgoMotion:
         return transforms(self._spline(time))
 
 
-def ride(state: Array, speed: Array, rng: np.random.Generator) -> EgoMotion:
-    """Return the ego's motion from its wheels' (T, 6) `state` and (T,) `speed`: braking, bends and bumps move the body."""
+def ride(state: Array, speed: Array, rng: np.random.Generator, unevenness: float = 1.0) -> EgoMotion:
+    """Return the ego's motion from its wheels' (T, 6) `state` and (T,) `speed`: braking, bends and bumps move the body.
+
+    `unevenness` is 1 for a city street with patches and cobbles, less for smoother roads.
+    """
     acceleration = np.gradient(speed, DT)
     lateral = speed * np.gradient(state[:, 3], DT)
     out = _smooth(state)
     out[:, 4] -= PITCH_PER_ACCELERATION * _settle(acceleration)
     out[:, 5] += ROLL_PER_ACCELERATION * _settle(lateral)
     travelled = np.cumsum(speed) * DT
-    strength = np.clip(speed / 10.0, 0.0, 1.5)
+    strength = unevenness * _settle(np.clip(speed / SHAKE_SPEED, 0.0, 1.0))
     for column, amplitude in zip((2, 4, 5), SHAKE, strict=True):
-        waves = rng.uniform(4.0, 30.0, 6)
-        phases = rng.uniform(0, 2 * np.pi, 6)
-        ripple = np.sin(2 * np.pi * travelled[:, None] / waves + phases).sum(axis=1) / np.sqrt(3.0)
-        out[:, column] += amplitude * _settle(strength) * ripple
+        waves = np.exp(rng.uniform(*np.log(BUMPS), 8))
+        weights = np.sqrt(2.0) * waves / (waves + 4.0) / np.sqrt(len(waves))  # springs swallow the short ones
+        phases = rng.uniform(0, 2 * np.pi, len(waves))
+        out[:, column] += (
+            amplitude * strength * (weights * np.sin(2 * np.pi * travelled[:, None] / waves + phases)).sum(axis=1)
+        )
     return EgoMotion(out)
 
 

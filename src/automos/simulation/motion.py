@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.simulation.agents import Agent
 from automos.simulation.terrain import Terrain
-from automos.simulation.traffic import DT, Agent, Drive
+from automos.simulation.traffic import DT, Drive
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def follow(agents: list[Agent], record: Drive, terrain: Terrain, rng: np.random.
         phase = rng.uniform(0, 2 * np.pi)
         for part, gap in zip(agent.parts, agent.gaps, strict=True):
             s = record.s[:, a] - gap
-            states.append(_part_states(agent, part.axles, s, terrain, phase))
+            states.append(_part_states(agent, part.axles, s, record.side[:, a], terrain, phase))
             travelled.append(s)
             present.append(record.present[:, a])
     if not states:
@@ -76,12 +77,14 @@ def follow(agents: list[Agent], record: Drive, terrain: Terrain, rng: np.random.
     return Motion(np.stack(states, axis=1), np.stack(travelled, axis=1), np.stack(present, axis=1))
 
 
-def _part_states(agent: Agent, axles: tuple[float, float], s: Array, terrain: Terrain, phase: float) -> Array:
+def _part_states(
+    agent: Agent, axles: tuple[float, float], s: Array, side: Array, terrain: Terrain, phase: float
+) -> Array:
     rear_x, front_x = axles
     points, heights = [], []
     for x in (rear_x, front_x):
         along = np.clip(s + x, 0.0, agent.path.length)
-        offset = agent.offset + agent.wander * np.sin(2 * np.pi * along / 47.0 + phase)
+        offset = side + agent.wander * np.sin(2 * np.pi * along / 47.0 + phase)
         xy, _ = agent.path.at(along, offset)
         raised = np.interp(along / 0.5, np.arange(len(agent.path.z)), agent.path.z)
         points.append(xy)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.scene import Hits
 from automos.simulation.materials import column
+from automos.simulation.scene import Hits
 from automos.simulation.sensors import Pattern, Sensor
 
 PULSE = 1.2

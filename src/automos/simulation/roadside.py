@@ -12,10 +12,10 @@ from functools import lru_cache
 import numpy as np
 
 from automos.simulation import buildings, furniture, people, vegetation, vehicles
+from automos.simulation.agents import Agent
 from automos.simulation.mesh import Mesh
 from automos.simulation.paths import Path, through
 from automos.simulation.things import Thing
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, is_clear
 
 Maker = Callable[[np.random.Generator], Thing]
@@ -52,7 +52,7 @@ def place_buildings(
     s = rng.uniform(0.0, 5.0)
     while s < path.length - widths[0]:
         width, depth = rng.uniform(*widths), rng.uniform(9.0, 14.0)
-        back = setback + (0.0 if smooth else rng.uniform(0.0, 1.0))
+        back = setback + rng.uniform(0.0, 0.4 if smooth else 1.0)
         corners, headings = path.at([s, s + width, s + 0.5 * width], side * back)
         (rear_x, rear_y), _ = path.at(s + 0.5 * width, side * (back + depth))
         probes = np.array(
@@ -182,7 +182,7 @@ def park_row(
         if rng.random() < fill and at_kerb and site.is_free(float(x), float(y), 2.5):
             thing = vehicles.make_van(rng) if rng.random() < 0.08 else vehicles.make_car(rng)
             turn = side * 0.5 * np.pi if crosswise else 0.0
-            flip = np.pi if rng.random() < (0.5 if crosswise else 0.0) or side > 0 and not crosswise else 0.0
+            flip = np.pi if rng.random() < (0.5 if crosswise else 0.0) or (side > 0 and not crosswise) else 0.0
             site.park(thing, float(x), float(y), float(heading) + turn + flip + rng.normal(0.0, 0.02))
         s += pitch * rng.uniform(0.97, 1.15)
 
@@ -217,6 +217,7 @@ def fill_lane(
     end: float = np.inf,
     heavy: float = 0.12,
     spread: float = 0.12,
+    initial: float = np.inf,
 ) -> None:
     """Put vehicles on a lane at random spacings (metres, bumper to bumper)."""
     rng = site.rng
@@ -224,7 +225,7 @@ def fill_lane(
     while s < min(end, path.length - 15.0):
         parts, gaps = a_vehicle(rng, heavy)
         wish = speed * float(np.clip(rng.normal(1.0, spread), 0.7, 1.35))
-        agent = Agent(parts, path, s, wish, initial=min(wish, speed), gaps=gaps, headway=rng.uniform(1.0, 1.6))
+        agent = Agent(parts, path, s, wish, initial=min(wish, speed, initial), gaps=gaps, headway=rng.uniform(1.0, 1.6))
         add_agent(site, agent)
         s += agent.front + agent.rear + rng.uniform(*spacing)
 
@@ -265,7 +266,7 @@ def add_walkers(
         for k in range(company):
             thing = templates[int(rng.integers(len(templates)))]
             beside = offset + (0.7 * k if offset < 0 else -0.7 * k)
-            walker = Agent((thing,), line, s, pace, offset=beside, wander=0.1, pushy=True)
+            walker = Agent((thing,), line, s, pace, offset=beside, wander=0.1, on_foot=True)
             add_agent(site, walker, clearance=0.15)
 
 
@@ -298,6 +299,8 @@ def pull_out(
     kerb = lane.beside(-aside)
     for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
         path = kerb.shifted(s + 2.0, 14.0, aside)
+        for ahead in (0.0, 5.0, 9.0):
+            site.reserve(*kerb.at(s + ahead)[0])
         go = rng.uniform(1.0, max(0.5 * duration, 2.0))
         add_agent(site, Agent((vehicles.make_car(rng),), path, s, speed, initial=0.0, go=go, wander=0.0), clearance=0.3)
 
@@ -311,8 +314,9 @@ def drive_and_park(
         path = lane.shifted(s - 18.0, 15.0, -aside)
         start = s - rng.uniform(30.0, 80.0)
         agent = Agent((vehicles.make_car(rng),), path, start, speed, stop=s, wander=0.0)
-        add_agent(site, agent)
-        site.reserve(*path.at(s)[0])
+        if add_agent(site, agent):
+            for behind in (0.0, 5.0, 10.0):
+                site.reserve(*lane.at(s - behind, -aside)[0])
 
 
 def a_walker(rng: np.random.Generator) -> Thing:

@@ -2,20 +2,21 @@
 
 Longitudinal behaviour is the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 2000). Whom to follow is
 found from geometry alone, not from lanes: anybody whose outline comes near the stretch of path ahead, so merging,
-crossing and a pedestrian in front of the bonnet need no special case.
+crossing and a pedestrian in front of the bonnet need no special case. An outline is a row of discs. People on foot step
+aside for each other and stop for vehicles that move.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.simulation.agents import Agent, Signal
 from automos.simulation.paths import STEP, Path
-from automos.simulation.things import Thing
 
 Array = npt.NDArray[np.float64]
 
@@ -25,75 +26,16 @@ MAX_LATERAL = 2.2
 """m/s^2 a driver accepts in a bend."""
 BRAKE = 2.0
 """m/s^2 of comfortable braking."""
-
-
-@dataclass(frozen=True, eq=False)
-class Agent:
-    """A road user: one or more coupled things on a path.
-
-    Attributes
-    ----------
-    parts : things from the front backward.
-    path : the path it follows.
-    start : metres along the path of the first part's origin when it enters.
-    speed : m/s it would like to go.
-    initial : m/s when it enters; the desired speed where None.
-    enter : seconds after which it exists.
-    go : seconds until which it waits where it is.
-    stop : metres along the path where it stops for good.
-    offset : metres to the left of the path.
-    wander : metres it strays to both sides.
-    gaps : metres behind the first part's origin of each part's origin.
-    headway : seconds to whom it follows.
-    pushy : goes without looking (people on pavements).
-    """
-
-    parts: tuple[Thing, ...]
-    path: Path
-    start: float
-    speed: float
-    initial: float | None = None
-    enter: float = 0.0
-    go: float = 0.0
-    stop: float = np.inf
-    offset: float = 0.0
-    wander: float = 0.15
-    gaps: tuple[float, ...] = (0.0,)
-    headway: float = 1.3
-    pushy: bool = False
-
-    @cached_property
-    def front(self) -> float:
-        """Metres from the origin to the front bumper."""
-        return float(self.parts[0].bounds[1, 0])
-
-    @cached_property
-    def rear(self) -> float:
-        """Metres from the origin back to the rear bumper of the last part."""
-        return float(self.gaps[-1] - self.parts[-1].bounds[0, 0])
-
-    @cached_property
-    def width(self) -> float:
-        """Metres."""
-        return float(max(part.size[1] for part in self.parts))
-
-    @cached_property
-    def outline(self) -> Array:
-        """(K, 2) points along its middle line where it starts, about a metre apart."""
-        margin = 0.5 * self.width
-        ends = self.start - self.rear + margin, self.start + self.front - margin
-        return self.path.at(np.linspace(*ends, 1 + int(self.front + self.rear)), self.offset)[0]
-
-
-@dataclass(frozen=True)
-class Signal:
-    """A stop line at `at` metres along `path`, green while (time + shift) modulo `period` is below `green` seconds."""
-
-    path: Path
-    at: float
-    period: float
-    green: float
-    shift: float = 0.0
+ACCELERATE = 1.5
+"""m/s^2."""
+HARD_BRAKE = 6.0
+"""m/s^2, all a vehicle can do."""
+STANDSTILL_GAP = 1.5
+"""Metres kept to whoever stands ahead."""
+SIDE_GAP = 0.25
+"""Metres between two outlines from which on they are in each other's way."""
+ASIDE = (0.8, 1.2)
+"""m/s at which people step aside, and metres they do so at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +46,49 @@ class Drive:
     ----------
     s : (T, A) metres along each agent's path.
     v : (T, A) m/s.
+    side : (T, A) metres to the left of the path.
     present : (T, A) bool.
     """
 
     s: Array
     v: Array
+    side: Array
+    present: npt.NDArray[np.bool_]
+
+
+class _Lines(NamedTuple):
+    """All paths, one after the other: `starts` (P + 1,) tells where each begins; `limit` is the speed bends allow."""
+
+    xy: Array
+    heading: Array
+    starts: npt.NDArray[np.int64]
+    limit: Array
+
+
+class _Crew(NamedTuple):
+    """The agents' constant attributes, (A,) each; see `Agent`."""
+
+    path: npt.NDArray[np.int64]
+    start: Array
+    speed: Array
+    initial: Array
+    enter: Array
+    go: Array
+    stop: Array
+    offset: Array
+    front: Array
+    rear: Array
+    width: Array
+    headway: Array
+    on_foot: npt.NDArray[np.bool_]
+
+
+class _Now(NamedTuple):
+    """One row of a `Drive`."""
+
+    s: Array
+    v: Array
+    side: Array
     present: npt.NDArray[np.bool_]
 
 
@@ -116,39 +96,25 @@ def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
     """Return the motion of all `agents` over `duration` seconds. Cost: steps x agents x neighbours."""
     paths = list({id(agent.path): agent.path for agent in agents}.values())
     row = {id(path): k for k, path in enumerate(paths)}
-    starts = np.cumsum([0] + [len(path.xy) for path in paths])
-    line = np.concatenate([path.xy for path in paths])
-    heading = np.concatenate([path.heading for path in paths])
-    limit = np.concatenate([_bend_speed(path) for path in paths])
-    table = np.array(
-        [
-            (
-                row[id(a.path)],
-                a.start,
-                a.speed,
-                a.speed if a.initial is None else a.initial,
-                a.enter,
-                a.go,
-                a.stop,
-                a.offset,
-                a.front,
-                a.rear,
-                a.width,
-                a.headway,
-                a.pushy,
-            )
-            for a in agents
-        ],
-        np.float64,
+    lines = _Lines(
+        np.concatenate([path.xy for path in paths]),
+        np.concatenate([path.heading for path in paths]),
+        np.cumsum([0] + [len(path.xy) for path in paths]),
+        np.concatenate([_bend_speed(path) for path in paths]),
     )
-    lights = np.array(
-        [(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row], np.float64
-    ).reshape(-1, 5)
+    crew = _Crew(
+        np.array([row[id(a.path)] for a in agents]),
+        *(np.array([getattr(a, name) for a in agents], np.float64) for name in ("start", "speed")),
+        np.array([a.speed if a.initial is None else a.initial for a in agents]),
+        *(np.array([getattr(a, name) for a in agents], np.float64) for name in _Crew._fields[4:-1]),
+        np.array([a.on_foot for a in agents]),
+    )
+    lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
     n_steps = int(np.ceil(duration / DT)) + 2
-    s, v = np.zeros((n_steps, len(agents))), np.zeros((n_steps, len(agents)))
-    present = np.zeros((n_steps, len(agents)), np.bool_)
-    _drive(line, heading, starts, limit, table, lights, s, v, present)
-    return Drive(s, v, present)
+    shape = (n_steps, len(agents))
+    record = Drive(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    _drive(lines, crew, lights.reshape(-1, 5).astype(np.float64), record.s, record.v, record.side, record.present)
+    return record
 
 
 def _bend_speed(path: Path) -> Array:
@@ -161,110 +127,168 @@ def _bend_speed(path: Path) -> Array:
 
 
 @numba.njit(cache=True, nogil=True)
-def _place(line, heading, starts, p, s, offset):  # type: ignore[no-untyped-def]
-    last = starts[p + 1] - starts[p] - 1
+def _drive(lines, crew, lights, s, v, side, present):  # type: ignore[no-untyped-def]
+    n_steps, n_agents = s.shape
+    follows = np.full(n_agents, -1)
+    has_left = np.zeros(n_agents, np.bool_)
+    for a in range(n_agents):
+        s[0, a], side[0, a] = crew.start[a], crew.offset[a]
+        v[0, a] = crew.initial[a] if crew.go[a] <= 0.0 else 0.0
+        present[0, a] = crew.enter[a] <= 0.0
+    for t in range(1, n_steps):
+        time = t * DT
+        now = _Now(s[t - 1], v[t - 1], side[t - 1], present[t - 1])
+        s[t], v[t], side[t], present[t] = now.s, now.v, now.side, now.present
+        for a in range(n_agents):
+            if not now.present[a]:
+                if not has_left[a] and time >= crew.enter[a]:
+                    gap, _, _ = _gap_ahead(a, lines, crew, now, -crew.rear[a], 8.0 + 1.5 * now.v[a], follows)
+                    present[t, a] = gap == np.inf  # enters once its place and the road before it are free
+                continue
+            if now.v[a] == 0.0 and crew.go[a] > 0.0 and now.s[a] == crew.start[a]:
+                if time < crew.go[a] or _is_somebody_coming(a, lines, crew, now):
+                    continue
+            v[t, a], side[t, a] = _advance(a, time, lines, crew, lights, now, follows)
+            s[t, a] = now.s[a] + 0.5 * DT * (now.v[a] + v[t, a])
+            p = crew.path[a]
+            if s[t, a] > (lines.starts[p + 1] - lines.starts[p] - 1) * STEP - crew.front[a] - 2.0:
+                present[t, a] = False
+                has_left[a] = True
+
+
+@numba.njit(cache=True, nogil=True)
+def _advance(a, time, lines, crew, lights, now, follows):  # type: ignore[no-untyped-def]
+    """Return agent a's new speed and its new distance from the line of its path."""
+    p, speed = crew.path[a], now.v[a]
+    k = min(max(int(now.s[a] / STEP), 0), lines.starts[p + 1] - lines.starts[p] - 1)
+    wish = max(min(crew.speed[a], lines.limit[lines.starts[p] + k]), 0.5)
+    gap, lead, side = np.inf, 0.0, now.side[a]
+    if crew.on_foot[a]:
+        push, is_blocked = _sidestep(a, lines, crew, now)
+        side += DT * (push * ASIDE[0] - 0.3 * (side - crew.offset[a]))
+        side = min(max(side, crew.offset[a] - ASIDE[1]), crew.offset[a] + ASIDE[1])
+        if is_blocked:
+            return max(speed - DT * HARD_BRAKE, 0.0), side
+    else:
+        horizon = 12.0 + 1.5 * speed + speed**2 / (2.0 * BRAKE)
+        gap, lead, follows[a] = _gap_ahead(a, lines, crew, now, crew.front[a], horizon, follows)
+    halt = min(_red_ahead(a, time, crew, lights, now) + 1.0, crew.stop[a] - now.s[a] + STANDSTILL_GAP)
+    if halt < gap:
+        gap, lead = halt, 0.0
+    desired = STANDSTILL_GAP + speed * crew.headway[a] + speed * (speed - lead) / (2.0 * np.sqrt(ACCELERATE * BRAKE))
+    pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
+    new = max(speed + DT * min(max(ACCELERATE * pull, -HARD_BRAKE), 1.8), 0.0)
+    return (0.0 if new < 0.02 and pull < 0.05 else new), side
+
+
+@numba.njit(cache=True, nogil=True)
+def _place(lines, p, s, offset):  # type: ignore[no-untyped-def]
+    """Return x, y and heading at `s` on path `p`, `offset` to its left."""
+    last = lines.starts[p + 1] - lines.starts[p] - 1
     k = min(max(s / STEP, 0.0), last - 1e-6)
     i = int(k)
     f = k - i
-    j = starts[p] + i
-    x = line[j, 0] * (1 - f) + line[j + 1, 0] * f
-    y = line[j, 1] * (1 - f) + line[j + 1, 1] * f
-    h = heading[j]
+    j = lines.starts[p] + i
+    x = lines.xy[j, 0] * (1 - f) + lines.xy[j + 1, 0] * f
+    y = lines.xy[j, 1] * (1 - f) + lines.xy[j + 1, 1] * f
+    h = lines.heading[j]
     return x - offset * np.sin(h), y + offset * np.cos(h), h
 
 
 @numba.njit(cache=True, nogil=True)
-def _gap_ahead(a, agents, line, heading, starts, s, v, present, horizon, follows):  # type: ignore[no-untyped-def]
-    """Metres from a's bumper to the nearest outline on its path ahead, that one's speed along a's path, and who."""
-    p = int(agents[a, 0])
-    offset, width = agents[a, 7], agents[a, 10]
-    nose = s[a] + agents[a, 8]
-    ax, ay, ah = _place(line, heading, starts, p, nose, offset)
-    first = max(int(nose / STEP), 0)
-    last = min(first + int(horizon / STEP), starts[p + 1] - starts[p] - 1)
+def _n_discs(b, crew):  # type: ignore[no-untyped-def]
+    return max(1, int((crew.front[b] + crew.rear[b]) / 1.5))
+
+
+@numba.njit(cache=True, nogil=True)
+def _disc(b, d, lines, crew, now):  # type: ignore[no-untyped-def]
+    """Return x, y and heading of disc `d` of agent b's outline; its radius is half the agent's width."""
+    n, half = _n_discs(b, crew), 0.5 * crew.width[b]
+    length = crew.front[b] + crew.rear[b]
+    back = crew.rear[b] - half - (d + 0.5) / n * (length - 2 * half) if n > 1 else 0.0
+    return _place(lines, crew.path[b], now.s[b] - back, now.side[b])
+
+
+@numba.njit(cache=True, nogil=True)
+def _gap_ahead(a, lines, crew, now, from_, horizon, follows):  # type: ignore[no-untyped-def]
+    """Return metres to the nearest outline on a's path ahead of its origin + `from_`, its speed along it, and whose."""
+    p, side = crew.path[a], now.side[a]
+    begin = now.s[a] + from_
+    x0, y0, _ = _place(lines, p, begin, side)
+    first = max(int(begin / STEP), 0)
+    last = min(first + int((horizon + crew.front[a] - from_) / STEP), lines.starts[p + 1] - lines.starts[p] - 1)
     best, speed, who = np.inf, 0.0, -1
-    for b in range(len(agents)):
-        if b == a or not present[b] or (follows[b] == a and a < b):
+    for b in range(len(now.s)):
+        if b == a or not now.present[b] or (follows[b] == a and a < b):
             continue
-        q = int(agents[b, 0])
-        bx, by, bh = _place(line, heading, starts, q, s[b], agents[b, 7])
-        length = agents[b, 8] + agents[b, 9]
-        if (bx - ax) ** 2 + (by - ay) ** 2 > (horizon + length) ** 2:
+        x, y, _ = _place(lines, crew.path[b], now.s[b], now.side[b])
+        if np.hypot(x - x0, y - y0) > horizon + crew.front[b] + crew.rear[b] + crew.rear[a]:
             continue
-        half = 0.5 * agents[b, 10]
-        reach = 0.5 * width + half + 0.25
-        n_discs = max(1, int(length / 1.5))
-        for d in range(n_discs):
-            back = agents[b, 9] - half - (d + 0.5) / n_discs * (length - 2 * half) if n_discs > 1 else 0.0
-            dx, dy, dh = _place(line, heading, starts, q, s[b] - back, agents[b, 7])
+        reach = 0.5 * (crew.width[a] + crew.width[b]) + SIDE_GAP
+        for d in range(_n_discs(b, crew)):
+            dx, dy, dh = _disc(b, d, lines, crew, now)
             k = first
             while k < last and (k - first) * STEP < best:
-                j = starts[p] + k
-                x = line[j, 0] - offset * np.sin(heading[j])
-                y = line[j, 1] + offset * np.cos(heading[j])
-                apart = np.hypot(x - dx, y - dy)
+                j = lines.starts[p] + k
+                h = lines.heading[j]
+                apart = np.hypot(lines.xy[j, 0] - side * np.sin(h) - dx, lines.xy[j, 1] + side * np.cos(h) - dy)
                 if apart < reach:
                     best, who = (k - first) * STEP, b
-                    speed = max(v[b] * np.cos(dh - heading[j]), 0.0)
+                    speed = max(now.v[b] * np.cos(dh - h), 0.0)
                     break
                 k += max(1, int((apart - reach) / STEP))  # nothing can be nearer along the path
     return best, speed, who
 
 
 @numba.njit(cache=True, nogil=True)
-def _drive(line, heading, starts, limit, agents, lights, s, v, present):  # type: ignore[no-untyped-def]
-    n_steps, n_agents = s.shape
-    follows = np.full(n_agents, -1)
-    left = np.zeros(n_agents, np.bool_)
-    for a in range(n_agents):
-        s[0, a], v[0, a] = agents[a, 1], agents[a, 3] if agents[a, 5] <= 0.0 else 0.0
-        present[0, a] = agents[a, 4] <= 0.0
-    for t in range(1, n_steps):
-        now = t * DT
-        for a in range(n_agents):
-            s[t, a], v[t, a] = s[t - 1, a], v[t - 1, a]
-            present[t, a] = present[t - 1, a]
-            p = int(agents[a, 0])
-            if not present[t, a]:
-                if left[a] or now < agents[a, 4]:
-                    continue
-                horizon = 8.0 + 1.5 * v[t, a]
-                gap, _, _ = _gap_ahead(
-                    a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows
-                )
-                present[t, a] = gap == np.inf  # enters once the road before it is free
-                continue
-            if now < agents[a, 5]:
-                v[t, a] = 0.0
-                continue
-            speed = v[t - 1, a]
-            k = min(max(int(s[t - 1, a] / STEP), 0), starts[p + 1] - starts[p] - 1)
-            wish = max(min(agents[a, 2], limit[starts[p] + k]), 0.5)
-            horizon = 12.0 + 1.5 * speed + speed**2 / (2.0 * BRAKE)
-            gap, lead, who = np.inf, 0.0, -1
-            if agents[a, 12] == 0.0:
-                gap, lead, who = _gap_ahead(
-                    a, agents, line, heading, starts, s[t - 1], v[t - 1], present[t - 1], horizon, follows
-                )
-            follows[a] = who
-            nose = s[t - 1, a] + agents[a, 8]
-            for g in range(len(lights)):
-                if int(lights[g, 0]) != p:
-                    continue
-                is_red = (now + lights[g, 4]) % lights[g, 2] >= lights[g, 3]
-                ahead = lights[g, 1] - nose
-                if is_red and ahead > -0.5 and ahead + 1.0 < gap and speed**2 / (2.0 * max(ahead, 0.1)) < 4.5:
-                    gap, lead = ahead + 1.0, 0.0
-            ahead = agents[a, 6] - s[t - 1, a]
-            if ahead + 1.5 < gap:
-                gap, lead = ahead + 1.5, 0.0
-            desired = 1.5 + speed * agents[a, 11] + speed * (speed - lead) / (2.0 * np.sqrt(1.5 * BRAKE))
-            pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
-            new = max(speed + DT * min(max(1.5 * pull, -6.0), 1.8), 0.0)
-            if new < 0.02 and pull < 0.05:
-                new = 0.0
-            v[t, a] = new
-            s[t, a] = s[t - 1, a] + 0.5 * DT * (speed + new)
-            if s[t, a] > (starts[p + 1] - starts[p] - 1) * STEP - agents[a, 8] - 2.0:
-                present[t, a] = False
-                left[a] = True
+def _red_ahead(a, time, crew, lights, now):  # type: ignore[no-untyped-def]
+    """Return metres from a's front to the nearest red light it can still stop at."""
+    nose, nearest = now.s[a] + crew.front[a], np.inf
+    for g in range(len(lights)):
+        if int(lights[g, 0]) != crew.path[a]:
+            continue
+        is_red = (time + lights[g, 4]) % lights[g, 2] >= lights[g, 3]
+        ahead = lights[g, 1] - nose
+        if is_red and ahead > -0.5 and now.v[a] ** 2 / (2.0 * max(ahead, 0.1)) < 4.5:
+            nearest = min(nearest, ahead)
+    return nearest
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_somebody_coming(a, lines, crew, now):  # type: ignore[no-untyped-def]
+    """Whether a vehicle comes from behind or beside, so that a must not pull out."""
+    x, y, h = _place(lines, crew.path[a], now.s[a], now.side[a])
+    for b in range(len(now.s)):
+        if b == a or not now.present[b] or crew.on_foot[b] or now.v[b] < 1.0:
+            continue
+        bx, by, bh = _place(lines, crew.path[b], now.s[b], now.side[b])
+        ahead = (bx - x) * np.cos(h) + (by - y) * np.sin(h)
+        beside = abs((by - y) * np.cos(h) - (bx - x) * np.sin(h))
+        is_near = -3.0 * now.v[b] - 8.0 < ahead < 8.0 + crew.rear[b]
+        if np.cos(bh - h) > 0.5 and beside < 5.0 and is_near:
+            return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def _sidestep(a, lines, crew, now):  # type: ignore[no-untyped-def]
+    """Return to which side (-1 to 1, positive is left) a walker steps, and whether somebody stands in its way."""
+    x, y, h = _place(lines, crew.path[a], now.s[a], now.side[a])
+    push, is_blocked = 0.0, False
+    for b in range(len(now.s)):
+        if b == a or not now.present[b]:
+            continue
+        bx, by, _ = _place(lines, crew.path[b], now.s[b], now.side[b])
+        if np.hypot(bx - x, by - y) > 4.0 + crew.front[b] + crew.rear[b]:
+            continue
+        half = 0.5 * crew.width[b]
+        room = half + 0.5 * crew.width[a] + 0.2
+        is_fast = not crew.on_foot[b] and now.v[b] > 0.5
+        for d in range(_n_discs(b, crew)):
+            dx, dy, _ = _disc(b, d, lines, crew, now)
+            ahead = (dx - x) * np.cos(h) + (dy - y) * np.sin(h)
+            left = (dy - y) * np.cos(h) - (dx - x) * np.sin(h)
+            if -0.2 < ahead < half + 2.2 and abs(left) < room:
+                push += -1.0 if left >= 0.0 else 1.0
+                is_blocked |= ahead > 0.0 and ahead < room + (1.2 if is_fast else 0.1)
+    return min(max(push, -1.0), 1.0), is_blocked

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.scene import Scene
 from automos.simulation.motion import transforms
+from automos.simulation.scene import Scene
 from automos.simulation.sensors import Sensor
 from automos.simulation.world import World
 

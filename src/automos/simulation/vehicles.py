@@ -200,7 +200,7 @@ def make_tractor_and_trailer(rng: np.random.Generator) -> tuple[Thing, Thing]:
     return Thing("truck", (tractor,), axles=(-1.9, 1.6)), Thing("trailer", (trailer,), axles=(-3.9, 0.5 * length - 1.2))
 
 
-TRAILER_GAP = 6.0
+TRAILER_GAP = 6.6
 """Metres along the path from the tractor's middle back to the trailer's middle."""
 
 

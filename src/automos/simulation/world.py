@@ -8,12 +8,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from automos.simulation.agents import Agent, Signal
 from automos.simulation.ego import EgoMotion, ride
 from automos.simulation.mesh import Mesh, join
 from automos.simulation.motion import Motion, follow, transforms
 from automos.simulation.terrain import Terrain
 from automos.simulation.things import Thing
-from automos.simulation.traffic import Agent, Signal, drive
+from automos.simulation.traffic import drive
 
 Array = npt.NDArray[np.float64]
 
@@ -134,13 +135,15 @@ class Site:
         waiting = (a.outline for a in self.agents if a.enter <= 0.0)
         return all(np.hypot(*(outline - (x, y)).T).min() > radius for outline in waiting)
 
-    def finish(self, duration: float, ego: int = 0, reach: float = 140.0) -> World:
-        """Return the world after driving all agents for `duration` seconds; agent number `ego` carries the sensor."""
+    def finish(self, duration: float, reach: float = 140.0, unevenness: float = 1.0) -> World:
+        """Return the world after driving all agents for `duration` seconds; the first agent carries the sensor.
+
+        The ground reaches `reach` metres beyond the roads; `unevenness` is that of the road under the ego.
+        """
         record = drive(self.agents, self.signals, duration)
         motion = follow(self.agents, record, self.terrain, self.rng)
-        first = sum(len(a.parts) for a in self.agents[:ego])
-        ego_motion = ride(motion.state[:, first], record.v[:, ego], self.rng)
-        others = np.delete(np.arange(motion.state.shape[1]), first)
+        ego_motion = ride(motion.state[:, 0], record.v[:, 0], self.rng, unevenness)
+        others = np.arange(1, motion.state.shape[1])
         movers = [part for agent in self.agents for part in agent.parts]
         ground = self.terrain.mesh(reach)
         states = np.array([s for _, s in self._parked]).reshape(-1, 6)

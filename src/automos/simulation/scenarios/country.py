@@ -6,10 +6,10 @@ import numpy as np
 
 from automos.simulation import furniture, vehicles
 from automos.simulation import roadside as rs
+from automos.simulation.agents import Agent
 from automos.simulation.paths import Path, through
 from automos.simulation.scenarios.city import side_streets, winding
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 SPEED = 14.0
@@ -25,7 +25,7 @@ def country(rng: np.random.Generator, duration: float) -> World:
     site = Site(Terrain(roads, waves, kerb=0.0, roughness=0.08, seed=int(rng.integers(1 << 30))), rng)
     site.agents.append(Agent((vehicles.make_car(rng, "estate"),), main.beside(-1.6), LEAD_IN, SPEED, wander=0.1))
     _furnish(site, main, tracks)
-    return site.finish(duration, reach=120.0)
+    return site.finish(duration, reach=120.0, unevenness=0.4)
 
 
 def _furnish(site: Site, main: Path, tracks: list[Path]) -> None:

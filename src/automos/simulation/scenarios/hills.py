@@ -6,10 +6,10 @@ import numpy as np
 
 from automos.simulation import roadside as rs
 from automos.simulation import vehicles
+from automos.simulation.agents import Agent
 from automos.simulation.paths import Path, through
 from automos.simulation.scenarios.city import winding
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 SPEED = 12.0
@@ -30,7 +30,7 @@ def hills(rng: np.random.Generator, duration: float) -> World:
     rs.fill_lane(site, oncoming, SPEED, (20.0, 70.0), heavy=0.15)
     rs.add_cyclists(site, with_ego, int(main.length / 150.0) + 1, speed=(4.0, 8.0), offset=-1.1)
     _furnish(site, main)
-    return site.finish(duration, reach=120.0)
+    return site.finish(duration, reach=120.0, unevenness=0.5)
 
 
 def _furnish(site: Site, main: Path) -> None:

@@ -6,11 +6,11 @@ import numpy as np
 
 from automos.simulation import furniture, vehicles
 from automos.simulation import roadside as rs
+from automos.simulation.agents import Agent
 from automos.simulation.crossing import Crossing
 from automos.simulation.materials import Material
 from automos.simulation.paths import Path
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 SPEED = 10.0
@@ -59,14 +59,16 @@ def populate(site: Site, crossing: Crossing, duration: float) -> None:
     ways = {(i, j): crossing.way(i, j) for i in arms for j in arms if i != j}
     site.signals += [crossing.light(i, way) for (i, _), way in ways.items()]
     for i in arms:
-        s = crossing.reaches[i] - crossing.stop - rng.uniform(2.0, 12.0)
+        s, room = crossing.reaches[i] - crossing.stop - rng.uniform(2.0, 12.0), 0.0
         while s > 20.0:
             j = int(rng.choice([j for j in arms if j != i]))
             parts, gaps = rs.a_vehicle(rng, 0.1)
-            near = s > crossing.reaches[i] - crossing.stop - 40.0
-            agent = Agent(parts, ways[i, j], s, SPEED * rng.uniform(0.9, 1.2), 0.0 if near else None, gaps=gaps)
+            is_queue = s > crossing.reaches[i] - crossing.stop - 40.0
+            pace = min(SPEED, np.sqrt(2.0 * room))  # slow enough to stop behind whoever stands ahead
+            agent = Agent(parts, ways[i, j], s, SPEED * rng.uniform(0.9, 1.2), 0.0 if is_queue else pace, gaps=gaps)
             rs.add_agent(site, agent)
-            s -= agent.front + agent.rear + (rng.uniform(2.0, 5.0) if near else rng.uniform(12.0, 40.0))
+            room = rng.uniform(2.0, 5.0) if is_queue else rng.uniform(12.0, 40.0)
+            s -= agent.front + agent.rear + room + 4.0 * (not is_queue)
         for t in np.arange(rng.uniform(0.0, 5.0), duration, 6.0):
             j = int(rng.choice([j for j in arms if j != i]))
             parts, gaps = rs.a_vehicle(rng, 0.1)
@@ -87,7 +89,9 @@ def _add_people(site: Site, crossing: Crossing, k: int) -> None:
             walker = rs.a_walker(rng)
             start, offset = rng.uniform(0.5, kerb - 0.6), rng.uniform(-1.3, 1.3)
             rs.add_agent(
-                site, Agent((walker,), path, start, rng.uniform(1.0, 1.6), offset=offset, wander=0.05, pushy=True), 0.1
+                site,
+                Agent((walker,), path, start, rng.uniform(1.0, 1.6), offset=offset, wander=0.05, on_foot=True),
+                0.1,
             )
     for side in (-1.0, 1.0):
         rs.add_walkers(site, crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0)), 0.8)

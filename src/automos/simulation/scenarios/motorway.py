@@ -6,10 +6,10 @@ import numpy as np
 
 from automos.simulation import furniture, vehicles
 from automos.simulation import roadside as rs
+from automos.simulation.agents import Agent
 from automos.simulation.paths import Path, through
 from automos.simulation.scenarios.city import winding
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 EGO_SPEED = 28.0
@@ -35,7 +35,7 @@ def motorway(rng: np.random.Generator, duration: float) -> World:
     site = Site(terrain, rng)
     _populate(site, main, duration)
     _furnish(site, main, half)
-    return site.finish(duration, reach=110.0)
+    return site.finish(duration, reach=110.0, unevenness=0.2)
 
 
 def _lane(main: Path, k: int) -> Path:

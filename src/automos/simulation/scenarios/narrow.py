@@ -6,11 +6,11 @@ import numpy as np
 
 from automos.simulation import roadside as rs
 from automos.simulation import vehicles
+from automos.simulation.agents import Agent
 from automos.simulation.materials import Material
 from automos.simulation.paths import Path, through
 from automos.simulation.scenarios.city import side_streets, winding
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 SPEED = 6.0
@@ -21,7 +21,7 @@ def narrow(rng: np.random.Generator, duration: float) -> World:
     """Return a narrow street with lorries and buses on the lane beside the ego."""
     main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (80.0, 140.0), (5.0, 20.0)), radius=60.0)
     sides = side_streets(rng, main, (50.0, 90.0), 60.0)
-    roads = (Road(main, 4.3, 1.6), *(Road(path, 2.6, 1.2) for path in sides))
+    roads = (Road(main, 4.3, 2.4), *(Road(path, 2.6, 1.2) for path in sides))
     terrain = Terrain(roads, make_hills(rng, ((0.5, 200.0),)), verge=Material.SOIL, seed=int(rng.integers(1 << 30)))
     site = Site(terrain, rng)
     _populate(site, main)
@@ -39,15 +39,15 @@ def _populate(site: Site, main: Path) -> None:
     rs.fill_lane(site, left, SPEED * 1.1, (6.0, 25.0), heavy=0.6)
     rs.fill_lane(site, right, SPEED, (10.0, 40.0), heavy=0.3)
     for side in (-1.0, 1.0):
-        rs.add_walkers(site, main.beside(side * 5.1), int(main.length / 12.0), 0.4)
-        rs.add_standers(site, main, side * 5.3, int(main.length / 60.0))
+        rs.add_walkers(site, main.beside(side * 5.4), int(main.length / 12.0), 0.3)
+        rs.add_standers(site, main, side * 6.3, int(main.length / 60.0))
 
 
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     for side in (-1.0, 1.0):
-        rs.place_buildings(site, main, side, 6.0, (3, 6), widths=(8.0, 16.0), gap_chance=0.08)
-        rs.place_lamps(site, main, side, 5.6, spacing=35.0)
-        rs.place_clutter(site, main, side, 5.5, spacing=(10.0, 30.0))
+        rs.place_buildings(site, main, side, 6.9, (3, 6), widths=(8.0, 16.0), gap_chance=0.08)
+        rs.place_lamps(site, main, side, 4.7, spacing=35.0)
+        rs.place_clutter(site, main, side, 6.4, spacing=(10.0, 30.0))
     for street in sides:
         for side in (-1.0, 1.0):
             rs.place_buildings(site, street, side, 4.6, (2, 5), widths=(8.0, 16.0), gap_chance=0.15)

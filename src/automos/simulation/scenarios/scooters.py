@@ -6,12 +6,12 @@ import numpy as np
 
 from automos.simulation import people, vehicles
 from automos.simulation import roadside as rs
+from automos.simulation.agents import Agent
 from automos.simulation.materials import Material
 from automos.simulation.mesh import box, join, rod
 from automos.simulation.paths import Path, through
 from automos.simulation.scenarios.city import side_streets, winding
 from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic import Agent
 from automos.simulation.world import Site, World
 
 SPEED = 7.0
@@ -22,7 +22,7 @@ def scooters(rng: np.random.Generator, duration: float) -> World:
     """Return a busy street of two-wheelers."""
     main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (90.0, 160.0), (5.0, 30.0)), radius=40.0)
     sides = side_streets(rng, main, (45.0, 80.0), 60.0)
-    roads = (Road(main, 5.5, 2.5), *(Road(path, 2.6, 1.0) for path in sides))
+    roads = (Road(main, 5.5, 3.6), *(Road(path, 2.6, 1.0) for path in sides))
     terrain = Terrain(
         roads, make_hills(rng, ((0.3, 200.0),)), verge=Material.SOIL, kerb=0.1, seed=int(rng.integers(1 << 30))
     )
@@ -38,7 +38,7 @@ def _populate(site: Site, main: Path) -> None:
         if carries_ego:
             site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lane, LEAD_IN, SPEED, wander=0.1))
         rs.fill_lane(site, lane, SPEED * 0.95, (35.0, 90.0), heavy=0.08)
-        for offset in (-1.9, -0.6, 0.6, 1.9):
+        for offset in (-1.7, -0.55, 0.55, 1.7):
             s = rng.uniform(22.0, 30.0)
             while s < lane.length - 15.0:
                 rider = people.make_motorcyclist(rng, passenger=bool(rng.random() < 0.3))
@@ -48,8 +48,8 @@ def _populate(site: Site, main: Path) -> None:
                 rs.add_agent(site, agent, clearance=0.35)
                 s += rng.uniform(5.0, 20.0)
     for side in (-1.0, 1.0):
-        rs.add_walkers(site, main.beside(side * 6.7), int(main.length / 9.0), 0.6)
-        rs.add_standers(site, main, side * 7.2, int(main.length / 30.0))
+        rs.add_walkers(site, main.beside(side * 7.8), int(main.length / 9.0), 0.4)
+        rs.add_standers(site, main, side * 8.6, int(main.length / 30.0))
     for s in np.arange(LEAD_IN + 20.0, main.length - LEAD_IN, 45.0):
         at, heading = main.at(s + rng.uniform(0.0, 20.0))
         left = np.array([-np.sin(heading), np.cos(heading)])
@@ -62,15 +62,14 @@ def _populate(site: Site, main: Path) -> None:
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     rng = site.rng
     for side in (-1.0, 1.0):
-        for x, y, heading in rs.along(site, main, side * 6.0, (0.8, 6.0), 0.25):
+        for x, y, heading in rs.along(site, main, side * 6.4, (0.9, 6.0), 0.25):
             if site.is_free(x, y, 0.6):
                 site.park(people.make_parked_scooter(rng), x, y, heading + side * rng.uniform(1.0, 1.6))
-        for x, y, heading in rs.along(site, main, side * 7.6, (4.0, 14.0), 1.2):
+        for x, y, heading in rs.along(site, main, side * 9.3, (4.0, 14.0), 1.2):
             site.add(_stall(rng), x, y, heading if side > 0 else heading + np.pi)
-        rs.place_buildings(site, main, side, 8.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
-        rs.place_trees(site, main, side * 6.3, (18.0, 45.0))
-        rs.place_lamps(site, main, side, 6.0)
-        rs.park_row(site, main, side * 4.9, 0.12)
+        rs.place_buildings(site, main, side, 10.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
+        rs.place_trees(site, main, side * 8.5, (18.0, 45.0))
+        rs.place_lamps(site, main, side, 5.8)
     for street in sides:
         for side in (-1.0, 1.0):
             rs.place_buildings(site, street, side, 4.6, (2, 4), widths=(4.0, 9.0), gap_chance=0.15)
