@@ -1,7 +1,7 @@
 """Tiny worlds with exact truth for fast tests: upright blocks on a plane, ray-cast by one slab test for all rays.
 
 Scans are instantaneous (nothing to compensate), with a centimetre of range noise so that no coordinate lies exactly on
-a voxel's border. `street` is the world most tests use.
+a voxel's border. `street` has what a street has, `lane` is small.
 """
 
 from __future__ import annotations
@@ -75,6 +75,13 @@ TRAFFIC = (
 def street(n_scans: int = 20, traffic: Sequence[Block] = TRAFFIC, seed: int = 0) -> World:
     """Return a street seen from a vehicle at 1 m/s: houses all round, parked vans, a post, and `traffic`."""
     return record((*ROADSIDE, *traffic), drive(n_scans), seed=seed)
+
+
+def lane(n_scans: int = 12) -> World:
+    """Return a lane between two walls and two cyclists: hardly a second, the least in which they are found to move."""
+    walls = (Block((0.0, 12.0, 3.0), (60.0, 2.0, 6.0)), Block((0.0, -12.0, 3.0), (60.0, 2.0, 6.0)))
+    riders = (rider(-3.0, 5.0, speed=5.0), rider(6.0, -3.0, yaw=np.pi / 2, speed=5.0))
+    return record((*walls, *riders), drive(n_scans), n_beams=16)
 
 
 def drive(n_scans: int, speed: float = 1.0, turn: float = 0.02) -> np.ndarray:

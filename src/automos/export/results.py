@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import platform
 from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
@@ -78,7 +79,7 @@ def write_results(
         "points": counts,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
-        "odometry": trajectory.diagnostics,
+        "odometry": _without_nan(trajectory.diagnostics),
         "stages": dict(result.keys),
         "versions": versions(),
     }
@@ -95,6 +96,15 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def _without_nan(value: Any) -> Any:
+    """Return nested `value` with None for what JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: _without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _tracks_json(result: Result) -> Iterator[str]:

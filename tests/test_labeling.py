@@ -1,0 +1,147 @@
+"""A recording on disk into a results folder, whole, interrupted, killed, and refused."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds import World, lane, write_bins
+
+from automos.datasets import open_sequence
+from automos.errors import InputError
+from automos.labeling import label_recording, summary
+from automos.pose_files import write_kitti
+from automos.settings import load_settings
+from automos.workspace import RUN_FILE
+
+PAPER = load_settings("paper")
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """Return two cyclists in a lane, twelve scans."""
+    return lane()
+
+
+@pytest.fixture
+def recording(world, tmp_path) -> Path:
+    """Return a folder with the world's scans as .bin files, and its poses beside it."""
+    write_kitti(tmp_path / "poses.txt", world.poses)
+    return write_bins(world.sequence, tmp_path / "log")
+
+
+def run(recording: Path, out: Path, settings=PAPER) -> dict:
+    return label_recording(open_sequence(recording), out, settings, recording.parent / "poses.txt", workers=1)
+
+
+def predictions(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((out / "predictions").iterdir())}
+
+
+def test_every_scan_gets_a_label_file_of_its_name_and_length(world, recording, tmp_path):
+    done = run(recording, tmp_path / "out")
+    labels = predictions(tmp_path / "out")
+    assert list(labels) == [f"{scan.name}.label" for scan in world.sequence]
+    assert [len(raw) for raw in labels.values()] == [4 * len(scan) for scan in world.sequence]
+    assert sum(done["points"].values()) == sum(map(len, world.sequence))
+    assert done["points"]["moving"] > 0
+
+
+def test_the_summary_tells_points_objects_and_place():
+    done = {
+        "recording": {"name": "log", "scans": 10},
+        "points": {"unlabeled": 5, "static": 900, "moving": 95},
+        "tracks": {"total": 7, "moving": 2},
+        "seconds": {"odometry": 1.0, "labels": 2.0},
+        "odometry": {"warnings": ["no ground found."]},
+    }
+    text = summary(done, Path("out"))
+    assert "log: 10 scans, 1,000 points, 95 moving (9.50 %) on 2 objects, 5 unlabeled" in text
+    assert "warning: no ground found." in text
+    assert "3.0 s, 0.300 s per scan; labels in out/predictions" in text
+
+
+def test_a_second_run_gives_the_same_files_without_work(recording, tmp_path):
+    first = run(recording, tmp_path / "out")
+    before = predictions(tmp_path / "out")
+    second = run(recording, tmp_path / "out")
+    assert predictions(tmp_path / "out") == before
+    assert first == second  # times too: they are those of the run that did the work
+
+
+def test_another_setting_in_the_same_folder_gives_what_a_fresh_folder_gives(recording, tmp_path):
+    strict = load_settings("paper", overrides={"tracking.verdict.min_observations": 99})  # nothing moves
+    run(recording, tmp_path / "out")
+    before = predictions(tmp_path / "out")
+    run(recording, tmp_path / "out", strict)
+    run(recording, tmp_path / "fresh", strict)
+    assert predictions(tmp_path / "out") == predictions(tmp_path / "fresh") != before
+
+
+def test_changed_scans_are_labelled_again(recording, tmp_path):
+    run(recording, tmp_path / "out")
+    scan = recording / "000003.bin"
+    np.fromfile(scan, np.float32)[:-4].tofile(scan)  # one point less
+    run(recording, tmp_path / "out")
+    assert len(predictions(tmp_path / "out")["000003.label"]) == scan.stat().st_size // 4
+
+
+def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, tmp_path):
+    run(recording, tmp_path / "straight")
+    out = tmp_path / "out"
+    command = "from automos.cli import main; main()"
+    options = [recording, "--out", out, "--preset", "paper", "--poses", tmp_path / "poses.txt", "--workers", "1"]
+    process = subprocess.Popen([sys.executable, "-c", command, "label", *options], stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while process.poll() is None and len(list(out.glob("stages/instances-*/[!.]*.npz"))) < 3:
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert not (out / RUN_FILE).exists()
+    saved = {path: path.stat().st_mtime_ns for path in out.glob("stages/*/[!.]*.npz")}
+
+    run(recording, out)
+    assert predictions(out) == predictions(tmp_path / "straight")
+    assert {path: path.stat().st_mtime_ns for path in saved} == saved
+    assert list(out.rglob(".*")) == []
+
+
+def test_labels_of_another_program_are_not_replaced(recording, tmp_path):
+    foreign = tmp_path / "out" / "predictions" / "000000.label"
+    foreign.parent.mkdir(parents=True)
+    foreign.write_bytes(b"by hand")
+    with pytest.raises(InputError, match="labels that another program wrote: choose another --out"):
+        run(recording, tmp_path / "out")
+    assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [foreign]
+    assert foreign.read_bytes() == b"by hand"
+
+
+@pytest.mark.parametrize("place", ["out", "out/inside"])
+def test_a_place_that_is_a_file_is_told(recording, tmp_path, place):
+    (tmp_path / "out").write_text("I am a file")
+    with pytest.raises(InputError, match="choose another --out"):
+        run(recording, tmp_path / place)
+    assert (tmp_path / "out").read_text() == "I am a file"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_place_that_may_not_be_written_is_told(recording, tmp_path):
+    (tmp_path / "out").mkdir(mode=0o500)
+    with pytest.raises(InputError, match="choose another --out"):
+        run(recording, tmp_path / "out")
+
+
+def test_poses_are_read_with_the_calibration_given(recording, world, tmp_path):
+    # the camera's poses and the calibration that turns them back: the labels are those of the sensor's poses
+    T_camera_sensor = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, -0.3], [0, 0, 0, 1]])
+    write_kitti(tmp_path / "camera.txt", world.poses, T_camera_sensor)
+    (tmp_path / "calib.txt").write_text("Tr: " + " ".join(map(str, T_camera_sensor[:3].ravel())))
+    run(recording, tmp_path / "straight")
+    sequence = open_sequence(recording)
+    label_recording(sequence, tmp_path / "out", PAPER, tmp_path / "camera.txt", tmp_path / "calib.txt", workers=1)
+    assert predictions(tmp_path / "out") == predictions(tmp_path / "straight")
