@@ -1,0 +1,369 @@
+"""The command line as a user meets it: what goes wrong is one sentence, exit code 2, and nothing half-written."""
+
+import errno
+import json
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from worlds import World, iou_of_moving, lane, write_bins
+
+from automos import __version__, labeling
+from automos.cli import main
+from automos.labels import Label, to_mos
+from automos.pose_files import write_kitti
+from automos.settings import load_settings
+
+
+@dataclass
+class Ended:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def automos(monkeypatch, capsys, tmp_path):
+    """Return a function that runs the command line in an empty folder."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+    def run(*words) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["automos", *map(str, words)])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        said = capsys.readouterr()
+        return Ended(leaving.value.code or 0, said.out, said.err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """Return a lane of eight scans."""
+    return lane(8)
+
+
+@pytest.fixture
+def log(world, tmp_path) -> Path:
+    """Return a folder of .bin files."""
+    return write_bins(world.sequence, tmp_path / "log")
+
+
+@pytest.fixture
+def poses(world, tmp_path) -> Path:
+    """Return the log's poses as a file."""
+    write_kitti(tmp_path / "poses.txt", world.poses)
+    return tmp_path / "poses.txt"
+
+
+def is_one_sentence(text: str) -> bool:
+    return text.startswith("error: ") and text.count("\n") == 1 and "Traceback" not in text
+
+
+def files_in(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file()]
+
+
+# ------------------------------------------------------------------------------------------------------- bad input
+def make_empty(log, poses):
+    for path in log.iterdir():
+        path.unlink()
+
+
+def cut_a_scan(log, poses):
+    scan = log / "000004.bin"
+    scan.write_bytes(scan.read_bytes()[:-3])
+
+
+def mix_formats(log, poses):
+    np.save(log / "000009.npy", np.ones((5, 4), np.float32))
+
+
+def lose_a_pose(log, poses):
+    poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:-1]))
+
+
+def scale_a_pose(log, poses):
+    lines = poses.read_text().splitlines()
+    lines[3] = " ".join(str(1.2 * float(word)) for word in lines[3].split())
+    poses.write_text("\n".join(lines))
+
+
+def lose_the_poses(log, poses):
+    poses.unlink()
+
+
+def write_words(log, poses):
+    poses.write_text("these are no poses\n")
+
+
+def lose_the_log(log, poses):
+    make_empty(log, poses)
+    log.rmdir()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lose_the_log, "log does not exist; check the path"),
+        (make_empty, "log is empty; give a folder that holds scans"),
+        (cut_a_scan, "000004.bin has"),
+        (mix_formats, "log mixes formats: 8 .bin, 1 .npy"),
+        (lose_a_pose, "poses.txt holds 7 poses for 8 scans"),
+        (scale_a_pose, "poses.txt, line 4: not a rigid transform"),
+        (lose_the_poses, "poses.txt does not exist; check the path"),
+        (write_words, "poses.txt, line 1: could not convert string to float: 'these'"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(automos, log, poses, tmp_path, spoil, message):
+    spoil(log, poses)
+    ended = automos("label", log, "--out", tmp_path / "out", "--poses", poses)
+    assert ended.code == 2
+    assert is_one_sentence(ended.err)
+    assert message in ended.err
+    assert ended.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--set", "tracking.max_miss=3"], "no setting 'tracking.max_miss': did you mean 'tracking.max_misses'?"),
+        (["--set", "tracking.max_misses=-1"], "setting tracking.max_misses = -1 is not possible"),
+        (["--set", "tracking.max_misses=few"], "setting tracking.max_misses = 'few' is not possible"),
+        (["--set", "tracking.max_misses"], "--set tracking.max_misses has no value"),
+        (["--set", "tracking.max_misses="], "setting tracking.max_misses = None is not possible"),
+        (["--set", "instances.hdbscan.epsilons=[1, 2"], "'[1, 2' is no value"),
+        (["--preset", "papre"], "no preset 'papre': choose one of paper, default"),
+        (["--settings", "mine.yaml"], "settings file mine.yaml could not be read"),
+        (["--format", "kiti"], "unknown format 'kiti'; did you mean 'kitti'?"),
+        (["--format", "pcd"], "holds no scans for format 'pcd'"),
+        (["--calib", "calib.txt", "--poses", "../poses.txt"], "calib.txt does not exist"),
+    ],
+)
+def test_a_bad_option_is_one_sentence_and_leaves_nothing(automos, log, poses, tmp_path, options, message):
+    ended = automos("label", log, "--out", tmp_path / "out", *options)
+    assert ended.code == 2
+    assert is_one_sentence(ended.err)
+    assert message in ended.err
+    assert not (tmp_path / "out").exists()
+    assert files_in(tmp_path / "here") == []
+
+
+@pytest.mark.parametrize("name", ["[/bold]", "[red]", "a{b}c", "Straße 1", "100%"])
+def test_any_name_of_a_folder_is_told_as_it_is(automos, tmp_path, name):
+    ended = automos("label", tmp_path / name)
+    assert ended.code == 2
+    assert is_one_sentence(ended.err)
+    assert f"{name} does not exist" in ended.err
+
+
+def test_a_file_is_no_recording(automos, log):
+    ended = automos("label", log / "000000.bin")
+    assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+    assert "is a file; give the folder" in ended.err
+
+
+def test_an_out_that_is_a_file_is_refused_and_left_alone(automos, log, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    ended = automos("label", log, "--out", tmp_path / "out")
+    assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+    assert "is a file: choose another --out" in ended.err
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_labels_of_another_program_are_refused_and_left_alone(automos, log, tmp_path):
+    (tmp_path / "out" / "predictions").mkdir(parents=True)
+    (tmp_path / "out" / "predictions" / "000000.label").write_text("by hand")
+    ended = automos("label", log, "--out", tmp_path / "out")
+    assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+    assert "labels that another program wrote: choose another --out" in ended.err
+    assert [path.read_text() for path in files_in(tmp_path / "out")] == ["by hand"]
+
+
+@pytest.mark.parametrize("function", ["numpy.savez", "os.replace"])
+def test_a_full_disk_is_one_sentence_and_the_same_command_goes_on_later(
+    automos, log, poses, tmp_path, monkeypatch, function
+):
+    module = {"numpy.savez": np, "os.replace": os}[function]
+    work, calls = getattr(module, function.split(".")[1]), []
+
+    def fill_up(*args, **kwargs):
+        calls.append(1)
+        if len(calls) > 12:  # in the middle of a stage
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return work(*args, **kwargs)
+
+    options = ["label", log, "--out", tmp_path / "out", "--poses", poses, "--preset", "paper", "--workers", 1]
+    with monkeypatch.context() as patch:
+        patch.setattr(function, fill_up)
+        ended = automos(*options)
+    assert ended.code == 2
+    assert is_one_sentence(ended.err[ended.err.rindex("error: ") :])  # below the progress bars
+    assert "could not be written (No space left on device): free some space" in ended.err
+    assert not (tmp_path / "out" / "predictions").exists()
+    assert [path for path in files_in(tmp_path / "out") if path.suffix != ".npz"] == []
+    assert automos(*options).code == 0
+    assert len(files_in(tmp_path / "out" / "predictions")) == 8
+
+
+def test_labels_of_the_wrong_length_cannot_be_scored(automos, log, tmp_path):
+    for folder, change in (("labels", 0), ("predictions", -1)):
+        (log / folder).mkdir()
+        for scan in sorted(log.glob("*.bin")):
+            np.full(scan.stat().st_size // 16 + change, 9, np.uint32).tofile(log / folder / f"{scan.stem}.label")
+    ended = automos("evaluate", log / "predictions", log)
+    assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+    assert "000000.label" in ended.err
+    assert ended.out == ""
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(automos, log, monkeypatch):
+    def interrupt(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(labeling, "label", interrupt)
+    ended = automos("label", log)
+    assert ended.code == 130
+    assert "the same command goes on from here" in ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_debug_shows_where_an_error_came_from(automos, monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["automos", "--debug", "label", str(tmp_path / "nowhere")])
+    with pytest.raises(Exception, match="does not exist"):
+        main()
+
+
+# ------------------------------------------------------------------------------------------------------- odd input
+def labels_in(out: Path) -> list[np.ndarray]:
+    return [to_mos(np.fromfile(path, np.uint32)) for path in sorted((out / "predictions").iterdir())]
+
+
+def spoil_points(points: np.ndarray) -> np.ndarray:
+    points = points.copy()
+    points[3, :3], points[5, 0], points[8, 2] = np.nan, np.inf, -np.inf
+    points[10:12, :3] = 0.0
+    return points
+
+
+def test_points_that_are_no_measurement_get_label_0_and_the_rest_is_labelled(automos, log, poses, tmp_path):
+    options = ["--poses", poses, "--preset", "paper", "--workers", 1]
+    for scan in log.iterdir():
+        spoil_points(np.fromfile(scan, np.float32).reshape(-1, 4)).tofile(scan)
+    ended = automos("label", log, "--out", tmp_path / "out", *options)
+    assert ended.code == 0
+    for labels in labels_in(tmp_path / "out"):
+        assert np.flatnonzero(labels == Label.UNLABELED).tolist() == [3, 5, 8, 10, 11]
+    assert "40 unlabeled" in ended.out
+
+
+@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize(
+    "numbers",
+    [[], [0], [0, 1], [0, 1, 2], range(8)],
+    ids=["an empty scan alone", "one scan", "two scans", "three scans", "all, an empty one in the middle"],
+)
+def test_few_scans_and_empty_scans_are_labelled(automos, world, tmp_path, preset, numbers):
+    log = write_bins(world.sequence, tmp_path / "log")
+    for i, scan in enumerate(sorted(log.iterdir())):
+        if i not in numbers and i > 0:
+            scan.unlink()
+    if len(numbers) in (0, 8):
+        (log / ("000004.bin" if numbers else "000000.bin")).write_bytes(b"")
+    ended = automos("label", log, "--out", tmp_path / "out", "--preset", preset, "--workers", 1)
+    assert ended.code == 0, ended.err
+    sizes = [scan.stat().st_size // 16 for scan in sorted(log.iterdir())]
+    assert [len(labels) for labels in labels_in(tmp_path / "out")] == sizes
+    assert all((labels != Label.UNLABELED).all() for labels in labels_in(tmp_path / "out"))
+
+
+def test_a_world_in_which_nothing_moves_is_a_success_without_a_moving_label(automos, world, poses, tmp_path):
+    still = [world.sequence[0]] * 8
+    for i, scan in enumerate(still):
+        rows = np.zeros((len(scan), 4), np.float32)
+        rows[:, :3] = scan.points
+        (tmp_path / "log").mkdir(exist_ok=True)
+        rows.tofile(tmp_path / "log" / f"{i:06d}.bin")
+    ended = automos("label", tmp_path / "log", "--out", tmp_path / "out", "--workers", 1)
+    assert ended.code == 0
+    assert "0 moving (0.00 %) on 0 objects" in ended.out
+    assert all((labels == Label.STATIC).all() for labels in labels_in(tmp_path / "out"))
+
+
+# ------------------------------------------------------------------------------------------------------- good input
+def test_without_an_out_results_go_to_a_folder_of_the_recordings_name(automos, log, poses, tmp_path):
+    ended = automos("label", log, "--poses", poses, "--preset", "paper", "--workers", 1)
+    assert ended.code == 0
+    assert "8 scans" in ended.out
+    assert len(labels_in(tmp_path / "here" / "automos_runs" / "log")) == 8
+
+
+def test_all_recordings_of_a_root_are_labelled_each_into_its_folder(automos, world, tmp_path):
+    for name in ("00", "01"):
+        write_bins(world.sequence, tmp_path / "root" / "sequences" / name / "velodyne")
+        (tmp_path / "root" / "sequences" / name / "velodyne" / "000007.bin").unlink()
+    ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--workers", 1, "--preset", "paper")
+    assert ended.code == 0
+    assert [len(labels_in(tmp_path / "out" / name)) for name in ("00", "01")] == [7, 7]
+
+
+def test_labels_are_scored_against_the_truth_that_lies_beside_the_scans(automos, tmp_path):
+    world, log = lane(), tmp_path / "log"
+    write_bins(world.sequence, log)
+    (log / "labels").mkdir()
+    for scan, truth in zip(world.sequence, world.truth, strict=True):
+        truth.astype(np.uint32).tofile(log / "labels" / f"{scan.name}.label")
+    write_kitti(tmp_path / "poses.txt", world.poses)
+    options = ["--poses", tmp_path / "poses.txt", "--preset", "paper", "--workers", 1]
+    automos("label", log, "--out", tmp_path / "out", *options)
+    ended = automos("evaluate", tmp_path / "out", log, "--json", tmp_path / "scores.json")
+    assert ended.code == 0
+    iou = iou_of_moving(labels_in(tmp_path / "out"), world.truth)
+    assert iou > 0.3
+    assert json.loads((tmp_path / "scores.json").read_text())["iou"] == pytest.approx(iou)
+    assert f"{100 * iou:.1f}" in ended.out
+
+
+def test_a_dry_run_says_what_would_be_done_and_does_nothing(automos, log, tmp_path):
+    ended = automos("label", log, "--dry-run")
+    assert ended.code == 0
+    assert "log: 8 scans from" in ended.out
+    assert "automos_runs/log" in ended.out
+    assert files_in(tmp_path / "here") == []
+
+
+def test_options_reach_the_settings_that_are_used(automos, log, poses, tmp_path):
+    (tmp_path / "mine.yaml").write_text("tracking: {max_misses: 1}\ninstances: {max_range: 50}\n")
+    options = ["--preset", "paper", "--settings", tmp_path / "mine.yaml", "--set", "tracking.max_misses=2"]
+    ended = automos("label", log, "--out", tmp_path / "out", "--poses", poses, "--workers", 1, *options)
+    assert ended.code == 0
+    used = load_settings("default", tmp_path / "out" / "settings.yaml")
+    assert (used.tracking.max_misses, used.instances.max_range) == (2, 50.0)
+
+
+def test_settings_are_printed_as_a_settings_file(automos):
+    ended = automos("settings", "--preset", "paper", "--set", "instances.hdbscan.epsilons=[1.5, 0.3]")
+    assert ended.code == 0
+    printed = yaml.safe_load(ended.out)
+    assert printed["instances"]["hdbscan"]["epsilons"] == [1.5, 0.3]
+    assert printed["tracking"]["max_misses"] == 5
+
+
+def test_the_version_is_printed(automos):
+    assert automos("--version").out.strip() == __version__
+
+
+@pytest.mark.parametrize("command", ["label", "evaluate", "settings"])
+def test_every_command_explains_itself(automos, command):
+    ended = automos(command, "--help")
+    assert ended.code == 0
+    assert command in ended.out
