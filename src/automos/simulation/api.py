@@ -6,7 +6,7 @@ from difflib import get_close_matches
 
 from automos.errors import InputError
 from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
-from automos.simulation.sensors import SENSORS as _SENSORS
+from automos.simulation.sensing.sensors import SENSORS as _SENSORS
 from automos.simulation.sequence import SimulatedSequence
 
 FORMAT = 1

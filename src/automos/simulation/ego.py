@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, box, join, rod
-from automos.simulation.motion import transforms
-from automos.simulation.traffic import DT
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, box, join, rod
+from automos.simulation.traffic.driving import DT
+from automos.simulation.traffic.motion import transforms
 
 Array = npt.NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def ride(state: Array, speed: Array, rng: np.random.Generator, unevenness: float
     travelled = np.cumsum(speed) * DT
     strength = unevenness * _settle(np.clip(speed / SHAKE_SPEED, 0.0, 1.0))
     for column, amplitude in zip((2, 4, 5), SHAKE, strict=True):
-        waves = np.exp(rng.uniform(*np.log(BUMPS), 8))
+        waves = np.exp(rng.uniform(np.log(BUMPS[0]), np.log(BUMPS[1]), 8))
         weights = np.sqrt(2.0) * waves / (waves + 4.0) / np.sqrt(len(waves))  # springs swallow the short ones
         phases = rng.uniform(0, 2 * np.pi, len(waves))
         out[:, column] += (

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from automos.geometry import Boxes, inverse, make_transform, rotation_between, transform, wrap_angle
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan, Sequence
-from automos.simulation.cast import Caster
-from automos.simulation.motion import transforms
-from automos.simulation.returns import measure
 from automos.simulation.scenarios import build_world
-from automos.simulation.scene import EGO
-from automos.simulation.sensors import SENSORS, Pattern, Sensor
+from automos.simulation.sensing.cast import Caster
+from automos.simulation.sensing.returns import measure
+from automos.simulation.sensing.scene import EGO
+from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
+from automos.simulation.traffic.motion import transforms
 from automos.simulation.truth import Verdicts, judge
 from automos.simulation.world import World
 
@@ -90,7 +90,7 @@ class SimulatedSequence(Sequence):
     @property
     def stamps(self) -> npt.NDArray[np.float64]:
         """(len,) seconds, the middle of each sweep."""
-        return (np.arange(len(self)) + 0.5) * self.sensor.period
+        return (np.arange(len(self), dtype=np.float64) + 0.5) * self.sensor.period
 
     @property
     def is_compensated(self) -> bool:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh
-from automos.simulation.paths import Path
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh
+from automos.simulation.traffic.paths import Path
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +24,8 @@ KERB_RAMP = 0.04
 """Metres over which a kerb rises."""
 CROWN = 0.02
 """Cross slope of a road."""
+LINE_STEP, CHUNK = 4, 16
+"""Samples of a path per segment of a road's middle line, and segments looked at together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +71,25 @@ class Terrain:
 
     def road_distance(self, xy: Array) -> Array:
         """Return (N,) metres to the nearest carriageway, negative on it, for `xy` (N, 2)."""
-        lines = [road.center.xy[::4] for road in self.roads]
-        starts = np.cumsum([0] + [len(line) for line in lines])
-        half = np.array([road.half_width for road in self.roads])
         out = np.empty(len(xy))
-        _union_distance(np.ascontiguousarray(xy, np.float64), np.concatenate(lines), starts, half, self.corner, out)
+        half = np.array([road.half_width for road in self.roads])
+        _union_distance(np.ascontiguousarray(xy, np.float64), *self._chunks, half, self.corner, out)
         return out
+
+    @cached_property
+    def _chunks(self) -> tuple[Array, npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
+        """The middle lines cut into chunks: (L, 2) points, (C + 1,) where chunks start, (C,) road, (C, 3) circles."""
+        points, starts, owner, circles = [], [0], [], []
+        for k, road in enumerate(self.roads):
+            line = road.center.xy[::LINE_STEP]
+            for i in range(0, len(line) - 1, CHUNK):
+                piece = line[i : i + CHUNK + 1]
+                middle = 0.5 * (piece.min(axis=0) + piece.max(axis=0))
+                circles.append((*middle, np.linalg.norm(piece - middle, axis=1).max()))
+                points.append(piece)
+                starts.append(starts[-1] + len(piece))
+                owner.append(k)
+        return np.concatenate(points), np.array(starts), np.array(owner), np.array(circles)
 
     def base(self, xy: Array) -> Array:
         """Return (N,) metres, the height of the hills alone."""
@@ -159,19 +175,25 @@ def _jittered_grid(low: Array, high: Array, spacing: float, rng: np.random.Gener
 
 
 @numba.njit(cache=True, nogil=True)
-def _union_distance(xy, line, starts, half, corner, out):  # type: ignore[no-untyped-def]
+def _union_distance(xy, points, starts, owner, circles, half, corner, out):  # type: ignore[no-untyped-def]
     """Distance to the union of thick polylines; where two come near each other their edge is rounded by `corner`."""
+    squared = np.empty(len(half))
     for i in range(len(xy)):
-        best = np.inf
-        for r in range(len(half)):
-            d2 = np.inf
-            for k in range(starts[r], starts[r + 1] - 1):
-                ax, ay = line[k, 0], line[k, 1]
-                ux, uy = line[k + 1, 0] - ax, line[k + 1, 1] - ay
+        squared[:] = np.inf
+        for c in range(len(owner)):
+            r = owner[c]
+            away = np.hypot(xy[i, 0] - circles[c, 0], xy[i, 1] - circles[c, 1]) - circles[c, 2]
+            if away > 0.0 and away * away > squared[r]:
+                continue
+            for k in range(starts[c], starts[c + 1] - 1):
+                ax, ay = points[k, 0], points[k, 1]
+                ux, uy = points[k + 1, 0] - ax, points[k + 1, 1] - ay
                 px, py = xy[i, 0] - ax, xy[i, 1] - ay
                 t = min(max((px * ux + py * uy) / (ux * ux + uy * uy), 0.0), 1.0)
-                d2 = min(d2, (px - t * ux) ** 2 + (py - t * uy) ** 2)
-            d = np.sqrt(d2) - half[r]
+                squared[r] = min(squared[r], (px - t * ux) ** 2 + (py - t * uy) ** 2)
+        best = np.inf
+        for r in range(len(half)):
+            d = np.sqrt(squared[r]) - half[r]
             h = max(corner - abs(best - d), 0.0) / corner if best < np.inf else 0.0
             best = min(best, d) - 0.25 * h * h * corner
         out[i] = best

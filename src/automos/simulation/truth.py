@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.motion import transforms
-from automos.simulation.scene import Scene
-from automos.simulation.sensors import Sensor
+from automos.simulation.sensing.scene import Scene
+from automos.simulation.sensing.sensors import Sensor
+from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]

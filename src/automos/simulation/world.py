@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.agents import Agent, Signal
 from automos.simulation.ego import EgoMotion, ride
-from automos.simulation.mesh import Mesh, join
-from automos.simulation.motion import Motion, follow, transforms
+from automos.simulation.shapes.mesh import Mesh, join
+from automos.simulation.shapes.things import Thing
 from automos.simulation.terrain import Terrain
-from automos.simulation.things import Thing
-from automos.simulation.traffic import drive
+from automos.simulation.traffic.agents import Agent, Signal
+from automos.simulation.traffic.driving import drive
+from automos.simulation.traffic.motion import Motion, follow, transforms
 
 Array = npt.NDArray[np.float64]
 

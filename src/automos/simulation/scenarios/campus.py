@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import furniture, people, vehicles
-from automos.simulation import roadside as rs
-from automos.simulation.agents import Agent
-from automos.simulation.paths import Path, through
+from automos.simulation import planting, road_users, roadside
 from automos.simulation.scenarios.city import winding
+from automos.simulation.shapes import furniture, people, vehicles
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 EGO_SPEED = 2.5
@@ -45,32 +45,32 @@ def _crossing_walks(rng: np.random.Generator, main: Path) -> list[Path]:
 
 
 def _populate(site: Site, main: Path, crossings: list[Path]) -> None:
-    rs.add_walkers(site, main.beside(2.4), int(main.length / 7.0), 0.9, speed=(0.6, 1.6))
-    rs.add_walkers(site, main.beside(-2.4), int(main.length / 9.0), 0.9, speed=(0.6, 1.6))
+    road_users.add_walkers(site, main.beside(2.4), int(main.length / 7.0), 0.9, speed=(0.6, 1.6))
+    road_users.add_walkers(site, main.beside(-2.4), int(main.length / 9.0), 0.9, speed=(0.6, 1.6))
     for path in crossings:
-        rs.add_walkers(site, path, 9, 1.2, speed=(0.6, 1.7))
-        rs.add_standers(site, path, site.rng.uniform(-3.0, 3.0), 3)
+        road_users.add_walkers(site, path, 9, 1.2, speed=(0.6, 1.7))
+        road_users.add_standers(site, path, site.rng.uniform(-3.0, 3.0), 3)
     for side in (-1.0, 1.0):
         line = main.beside(side * 1.7) if side < 0 else main.reversed().beside(-1.7)
-        rs.add_cyclists(site, line, max(2, int(main.length / 60.0)), speed=(2.5, 5.0))
+        road_users.add_cyclists(site, line, max(2, int(main.length / 60.0)), speed=(2.5, 5.0))
 
 
 def _furnish(site: Site, main: Path) -> None:
     rng = site.rng
     for side in (-1.0, 1.0):
-        rs.place_trees(site, main, side * 4.6, (6.0, 13.0), clearance=0.8)
-        rs.place_trees(site, main, side * 11.0, (7.0, 16.0), clearance=1.0)
-        rs.place_trees(site, main, side * 20.0, (8.0, 20.0), clearance=1.0)
-        rs.scatter_bushes(site, main, (side * 4.5, side * 16.0), (2.5, 6.0))
-        rs.scatter_tufts(site, main, (side * 4.0, side * 16.0), 0.6)
-        rs.place_hedges(site, main, side * 6.0, 0.4)
-        rs.place_thickets(site, main, (side * 12.0, side * 26.0), (6.0, 15.0), (1.5, 3.5))
-        rs.place_buildings(site, main, side, 19.0, (2, 5), widths=(18.0, 45.0), gap_chance=0.7, gaps=(6.0, 18.0))
-        for x, y, heading in rs.along(site, main, side * 3.9, (9.0, 22.0), 0.3):
+        planting.place_trees(site, main, side * 4.6, (6.0, 13.0), clearance=0.8)
+        planting.place_trees(site, main, side * 11.0, (7.0, 16.0), clearance=1.0)
+        planting.place_trees(site, main, side * 20.0, (8.0, 20.0), clearance=1.0)
+        planting.scatter_bushes(site, main, (side * 4.5, side * 16.0), (2.5, 6.0))
+        planting.scatter_tufts(site, main, (side * 4.0, side * 16.0), 0.6)
+        planting.place_hedges(site, main, side * 6.0, 0.4)
+        planting.place_thickets(site, main, (side * 12.0, side * 26.0), (6.0, 15.0), (1.5, 3.5))
+        roadside.place_buildings(site, main, side, 19.0, (2, 5), widths=(18.0, 45.0), gap_chance=0.7, gaps=(6.0, 18.0))
+        for x, y, heading in roadside.along(site, main, side * 3.9, (9.0, 22.0), 0.3):
             site.add(furniture.make_bench(), x, y, heading if side > 0 else heading + np.pi)
-        for x, y, heading in rs.along(site, main, side * 6.5, (14.0, 30.0), 1.5):
+        for x, y, heading in roadside.along(site, main, side * 6.5, (14.0, 30.0), 1.5):
             for k in range(int(rng.integers(3, 8))):
                 place = x + 0.75 * k * np.cos(heading), y + 0.75 * k * np.sin(heading)
                 if site.is_free(*place, 0.4):
                     site.park(people.make_parked_bicycle(rng), *place, heading + 0.5 * np.pi + rng.normal(0, 0.1))
-        rs.place_lamps(site, main, side, 3.8, spacing=24.0)
+        roadside.place_lamps(site, main, side, 3.8, spacing=24.0)

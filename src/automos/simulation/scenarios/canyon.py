@@ -1,15 +1,15 @@
-"""A street canyon: long smooth façades, hardly a corner, dense traffic at the ego's own speed. Odometry may slip here."""
+"""A street canyon: long smooth façades, hardly a corner, dense traffic at the ego's speed. Odometry may slip here."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import roadside as rs
-from automos.simulation import vehicles
-from automos.simulation.agents import Agent
-from automos.simulation.materials import Material
-from automos.simulation.paths import through
+from automos.simulation import road_users, roadside
+from automos.simulation.shapes import vehicles
+from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import through
 from automos.simulation.world import Site, World
 
 SPEED = 11.0
@@ -34,14 +34,14 @@ def canyon(rng: np.random.Generator, duration: float) -> World:
     inner, outer = main.beside(-0.5 * LANE), main.beside(-1.5 * LANE)
     site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, initial=START, wander=0.08))
     for lane in (inner, outer):
-        rs.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=START)
+        road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=START)
     for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):
-        rs.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
+        road_users.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
     for side in (-1.0, 1.0):
-        rs.place_buildings(
+        roadside.place_buildings(
             site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
         )
-        rs.add_walkers(site, main.beside(side * 8.8), int(length / 18.0), 0.5)
-        rs.place_lamps(site, main, side, 7.7, spacing=28.0)
-        rs.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
+        road_users.add_walkers(site, main.beside(side * 8.8), int(length / 18.0), 0.5)
+        roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
+        roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
     return site.finish(duration)

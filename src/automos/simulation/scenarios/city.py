@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import roadside as rs
-from automos.simulation import vehicles
-from automos.simulation.agents import Agent
-from automos.simulation.materials import Material
-from automos.simulation.paths import Path, through
+from automos.simulation import planting, road_users, roadside
+from automos.simulation.shapes import vehicles
+from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 SPEED = 9.0
@@ -63,32 +63,32 @@ def side_streets(rng: np.random.Generator, main: Path, spacing: tuple[float, flo
 
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     for side in (-1.0, 1.0):
-        rs.place_buildings(site, main, side, 9.9, (3, 5), gap_chance=0.55, gaps=(6.0, 20.0))
-        rs.place_buildings(site, main, side, 38.0, (2, 6), widths=(14.0, 30.0), gap_chance=0.7, gaps=(5.0, 25.0))
-        rs.place_trees(site, main, side * 6.2, (11.0, 24.0))
-        rs.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
-        rs.place_lamps(site, main, side, 6.1)
-        rs.place_clutter(site, main, side, 9.0)
-        rs.park_row(site, main, side * 4.6, 0.7)
-        rs.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
-        rs.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
-        rs.place_hedges(site, main, side * 10.2, 0.5)
+        roadside.place_buildings(site, main, side, 9.9, (3, 5), gap_chance=0.55, gaps=(6.0, 20.0))
+        roadside.place_buildings(site, main, side, 38.0, (2, 6), widths=(14.0, 30.0), gap_chance=0.7, gaps=(5.0, 25.0))
+        planting.place_trees(site, main, side * 6.2, (11.0, 24.0))
+        planting.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
+        roadside.place_lamps(site, main, side, 6.1)
+        roadside.place_clutter(site, main, side, 9.0)
+        roadside.park_row(site, main, side * 4.6, 0.7)
+        planting.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
+        planting.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
+        planting.place_hedges(site, main, side * 10.2, 0.5)
     for street in sides:
         for side in (-1.0, 1.0):
-            rs.place_buildings(site, street, side, 7.0, (2, 5), gap_chance=0.5)
-            rs.park_row(site, street, side * 2.7, 0.35, start=12.0)
+            roadside.place_buildings(site, street, side, 7.0, (2, 5), gap_chance=0.5)
+            roadside.park_row(site, street, side * 2.7, 0.35, start=12.0)
 
 
 def _populate(site: Site, main: Path, duration: float) -> None:
     with_ego, oncoming = main.beside(-1.75), main.reversed().beside(-1.75)
     site.agents.append(Agent((vehicles.make_car(site.rng, "estate"),), with_ego, LEAD_IN, SPEED, wander=0.1))
     for lane in (with_ego, oncoming):
-        rs.pull_out(site, lane, SPEED, 2.85, (LEAD_IN + 30.0, lane.length - LEAD_IN), 75.0, duration)
-        rs.drive_and_park(site, lane, SPEED, 2.85, (LEAD_IN + 60.0, lane.length - LEAD_IN), 140.0)
-    rs.fill_lane(site, with_ego, SPEED, (18.0, 60.0))
-    rs.fill_lane(site, oncoming, SPEED * 1.05, (15.0, 55.0))
+        road_users.pull_out(site, lane, SPEED, 2.85, (LEAD_IN + 30.0, lane.length - LEAD_IN), 75.0, duration)
+        road_users.drive_and_park(site, lane, SPEED, 2.85, (LEAD_IN + 60.0, lane.length - LEAD_IN), 140.0)
+    road_users.fill_lane(site, with_ego, SPEED, (18.0, 60.0))
+    road_users.fill_lane(site, oncoming, SPEED * 1.05, (15.0, 55.0))
     for lane in (with_ego, oncoming):
-        rs.add_cyclists(site, lane, max(2, int(lane.length / 90.0)), offset=-1.1)
+        road_users.add_cyclists(site, lane, max(2, int(lane.length / 90.0)), offset=-1.1)
     for side in (-1.0, 1.0):
-        rs.add_walkers(site, main.beside(side * 7.6), int(main.length / 14.0), 0.5)
-        rs.add_standers(site, main, side * 8.6, int(main.length / 80.0))
+        road_users.add_walkers(site, main.beside(side * 7.6), int(main.length / 14.0), 0.5)
+        road_users.add_standers(site, main, side * 8.6, int(main.length / 80.0))

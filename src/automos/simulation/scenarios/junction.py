@@ -1,16 +1,16 @@
-"""A signalled junction with stop-and-go: cars that wait and then drive, cars that drive and then park, people crossing."""
+"""A signalled junction: cars that wait and then drive, cars that drive and then park, people crossing."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import furniture, vehicles
-from automos.simulation import roadside as rs
-from automos.simulation.agents import Agent
-from automos.simulation.crossing import Crossing
-from automos.simulation.materials import Material
-from automos.simulation.paths import Path
+from automos.simulation import planting, road_users, roadside
+from automos.simulation.shapes import furniture, vehicles
+from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.crossing import Crossing
+from automos.simulation.traffic.paths import Path
 from automos.simulation.world import Site, World
 
 SPEED = 10.0
@@ -62,21 +62,21 @@ def populate(site: Site, crossing: Crossing, duration: float) -> None:
         s, room = crossing.reaches[i] - crossing.stop - rng.uniform(2.0, 12.0), 0.0
         while s > 20.0:
             j = int(rng.choice([j for j in arms if j != i]))
-            parts, gaps = rs.a_vehicle(rng, 0.1)
+            parts, gaps = road_users.a_vehicle(rng, 0.1)
             is_queue = s > crossing.reaches[i] - crossing.stop - 40.0
             pace = min(SPEED, np.sqrt(2.0 * room))  # slow enough to stop behind whoever stands ahead
             agent = Agent(parts, ways[i, j], s, SPEED * rng.uniform(0.9, 1.2), 0.0 if is_queue else pace, gaps=gaps)
-            rs.add_agent(site, agent)
+            road_users.add_agent(site, agent)
             room = rng.uniform(2.0, 5.0) if is_queue else rng.uniform(12.0, 40.0)
             s -= agent.front + agent.rear + room + 4.0 * (not is_queue)
         for t in np.arange(rng.uniform(0.0, 5.0), duration, 6.0):
             j = int(rng.choice([j for j in arms if j != i]))
-            parts, gaps = rs.a_vehicle(rng, 0.1)
+            parts, gaps = road_users.a_vehicle(rng, 0.1)
             site.agents.append(Agent(parts, ways[i, j], 22.0, SPEED, enter=float(t) + 0.1, gaps=gaps))
         out = crossing.arm(i).beside(-crossing.lane)
-        rs.drive_and_park(site, out, SPEED, 2.9, (35.0, min(out.length, 140.0) - 15.0), 45.0)
-        rs.pull_out(site, out, SPEED, 2.9, (28.0, out.length - 40.0), 60.0, duration)
-        rs.add_cyclists(site, ways[i, (i + 2) % len(arms)], 2, offset=-1.2)
+        road_users.drive_and_park(site, out, SPEED, 2.9, (35.0, min(out.length, 140.0) - 15.0), 45.0)
+        road_users.pull_out(site, out, SPEED, 2.9, (28.0, out.length - 40.0), 60.0, duration)
+        road_users.add_cyclists(site, ways[i, (i + 2) % len(arms)], 2, offset=-1.2)
         _add_people(site, crossing, i)
 
 
@@ -86,16 +86,18 @@ def _add_people(site: Site, crossing: Crossing, k: int) -> None:
         kerb = 14.0 - 6.3
         site.signals.append(crossing.walk_light(path, kerb))
         for _ in range(int(rng.integers(2, 5))):
-            walker = rs.a_walker(rng)
+            walker = road_users.a_walker(rng)
             start, offset = rng.uniform(0.5, kerb - 0.6), rng.uniform(-1.3, 1.3)
-            rs.add_agent(
+            road_users.add_agent(
                 site,
                 Agent((walker,), path, start, rng.uniform(1.0, 1.6), offset=offset, wander=0.05, on_foot=True),
                 0.1,
             )
     for side in (-1.0, 1.0):
-        rs.add_walkers(site, crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0)), 0.8)
-        rs.add_standers(site, crossing.arm(k, inner=15.0), side * 8.3, 1)
+        road_users.add_walkers(
+            site, crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0)), 0.8
+        )
+        road_users.add_standers(site, crossing.arm(k, inner=15.0), side * 8.3, 1)
 
 
 def furnish(site: Site, crossing: Crossing) -> None:
@@ -103,12 +105,14 @@ def furnish(site: Site, crossing: Crossing) -> None:
     for k in range(len(crossing.headings)):
         arm = crossing.arm(k, inner=14.0)
         for side in (-1.0, 1.0):
-            rs.place_buildings(site, arm, side, 10.5, (3, 6), gap_chance=0.3)
-            rs.place_buildings(site, arm, side, 36.0, (3, 7), widths=(15.0, 30.0), gap_chance=0.7, gaps=(5.0, 20.0))
-            rs.park_row(site, arm, side * 4.7, 0.65, start=12.0)
-            rs.place_trees(site, arm, side * 7.0, (12.0, 26.0))
-            rs.place_lamps(site, arm, side, 6.3)
-            rs.place_clutter(site, arm, side, 9.0)
+            roadside.place_buildings(site, arm, side, 10.5, (3, 6), gap_chance=0.3)
+            roadside.place_buildings(
+                site, arm, side, 36.0, (3, 7), widths=(15.0, 30.0), gap_chance=0.7, gaps=(5.0, 20.0)
+            )
+            roadside.park_row(site, arm, side * 4.7, 0.65, start=12.0)
+            planting.place_trees(site, arm, side * 7.0, (12.0, 26.0))
+            roadside.place_lamps(site, arm, side, 6.3)
+            roadside.place_clutter(site, arm, side, 9.0)
         _put_light(site, crossing, k)
 
 

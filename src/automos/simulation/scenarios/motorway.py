@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import furniture, vehicles
-from automos.simulation import roadside as rs
-from automos.simulation.agents import Agent
-from automos.simulation.paths import Path, through
+from automos.simulation import planting, road_users, roadside
 from automos.simulation.scenarios.city import winding
+from automos.simulation.shapes import furniture, vehicles
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 EGO_SPEED = 28.0
@@ -51,8 +51,8 @@ def _populate(site: Site, main: Path, duration: float) -> None:
         for side in (lanes, opposite):
             heavy = (0.55, 0.05, 0.0)[k]
             _change_lanes(site, side, k, speed)
-            rs.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05)
-            rs.feed_lane(site, side[k], speed, (2.0, 6.0), duration, heavy=heavy)
+            road_users.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05)
+            road_users.feed_lane(site, side[k], speed, (2.0, 6.0), duration, heavy=heavy)
 
 
 def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float) -> None:
@@ -63,23 +63,23 @@ def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float) -> None:
         s += site.rng.uniform(0.0, 100.0)
         path = lanes[k].shifted(s + site.rng.uniform(60.0, 200.0), 110.0, LANE_WIDTH)
         car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=speed)
-        rs.add_agent(site, car, clearance=6.0)
+        road_users.add_agent(site, car, clearance=6.0)
 
 
 def _furnish(site: Site, main: Path, half: float) -> None:
     rng = site.rng
-    for x, y, heading in rs.along(site, main, 0.0, (12.0, 12.0), -np.inf):
+    for x, y, heading in roadside.along(site, main, 0.0, (12.0, 12.0), -np.inf):
         site.add(furniture.make_barrier(12.05), x, y, heading)
     for side in (-1.0, 1.0):
-        for x, y, heading in rs.along(site, main, side * (half + 0.8), (16.0, 16.0), -np.inf):
+        for x, y, heading in roadside.along(site, main, side * (half + 0.8), (16.0, 16.0), -np.inf):
             site.add(furniture.make_guard_rail(16.1), x, y, heading)
-        for x, y, heading in rs.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
+        for x, y, heading in roadside.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
             site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
-        rs.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
-        rs.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
-        rs.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
+        planting.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
+        planting.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
+        planting.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
     for s in np.arange(LEAD_IN + rng.uniform(40.0, 150.0), main.length, 420.0):
-        (x, y), heading = main.at(s)
-        site.add(furniture.make_gantry(2 * half + 3.0), x, y, float(heading))
+        middle, turn = main.at(s)
+        site.add(furniture.make_gantry(2 * half + 3.0), float(middle[0]), float(middle[1]), float(turn))
     for s in np.arange(LEAD_IN + rng.uniform(150.0, 320.0), main.length, 700.0):
-        rs.add_viaduct(site, main, s, clearance=6.0, span=2 * half + 60.0, clear_of=half)
+        roadside.add_viaduct(site, main, s, clearance=6.0, span=2 * half + 60.0, clear_of=half)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import people, vehicles
-from automos.simulation import roadside as rs
-from automos.simulation.agents import Agent
-from automos.simulation.materials import Material
-from automos.simulation.mesh import box, join, rod
-from automos.simulation.paths import Path, through
+from automos.simulation import planting, road_users, roadside
 from automos.simulation.scenarios.city import side_streets, winding
+from automos.simulation.shapes import people, vehicles
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import box, join, rod
 from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 SPEED = 7.0
@@ -37,7 +37,7 @@ def _populate(site: Site, main: Path) -> None:
     for lane, carries_ego in ((main.beside(-2.7), True), (main.reversed().beside(-2.7), False)):
         if carries_ego:
             site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lane, LEAD_IN, SPEED, wander=0.1))
-        rs.fill_lane(site, lane, SPEED * 0.95, (35.0, 90.0), heavy=0.08)
+        road_users.fill_lane(site, lane, SPEED * 0.95, (35.0, 90.0), heavy=0.08)
         for offset in (-1.7, -0.55, 0.55, 1.7):
             s = rng.uniform(22.0, 30.0)
             while s < lane.length - 15.0:
@@ -45,34 +45,34 @@ def _populate(site: Site, main: Path) -> None:
                 pace = SPEED * rng.uniform(0.75, 1.35)
                 path_offset = offset + rng.normal(0.0, 0.15)
                 agent = Agent((rider,), lane, s, pace, offset=path_offset, wander=0.25, headway=0.7)
-                rs.add_agent(site, agent, clearance=0.35)
+                road_users.add_agent(site, agent, clearance=0.35)
                 s += rng.uniform(5.0, 20.0)
     for side in (-1.0, 1.0):
-        rs.add_walkers(site, main.beside(side * 7.8), int(main.length / 9.0), 0.4)
-        rs.add_standers(site, main, side * 8.6, int(main.length / 30.0))
+        road_users.add_walkers(site, main.beside(side * 7.8), int(main.length / 9.0), 0.4)
+        road_users.add_standers(site, main, side * 8.6, int(main.length / 30.0))
     for s in np.arange(LEAD_IN + 20.0, main.length - LEAD_IN, 45.0):
         at, heading = main.at(s + rng.uniform(0.0, 20.0))
         left = np.array([-np.sin(heading), np.cos(heading)])
         across = through([at + 7.5 * left, at - 7.5 * left])
-        rs.add_agent(
-            site, Agent((rs.a_walker(rng),), across, 1.0, rng.uniform(0.9, 1.4), go=rng.uniform(0.0, 10.0)), 0.2
+        road_users.add_agent(
+            site, Agent((road_users.a_walker(rng),), across, 1.0, rng.uniform(0.9, 1.4), go=rng.uniform(0.0, 10.0)), 0.2
         )
 
 
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     rng = site.rng
     for side in (-1.0, 1.0):
-        for x, y, heading in rs.along(site, main, side * 6.4, (0.9, 6.0), 0.25):
+        for x, y, heading in roadside.along(site, main, side * 6.4, (0.9, 6.0), 0.25):
             if site.is_free(x, y, 0.6):
                 site.park(people.make_parked_scooter(rng), x, y, heading + side * rng.uniform(1.0, 1.6))
-        for x, y, heading in rs.along(site, main, side * 9.3, (4.0, 14.0), 1.2):
+        for x, y, heading in roadside.along(site, main, side * 9.3, (4.0, 14.0), 1.2):
             site.add(_stall(rng), x, y, heading if side > 0 else heading + np.pi)
-        rs.place_buildings(site, main, side, 10.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
-        rs.place_trees(site, main, side * 8.5, (18.0, 45.0))
-        rs.place_lamps(site, main, side, 5.8)
+        roadside.place_buildings(site, main, side, 10.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
+        planting.place_trees(site, main, side * 8.5, (18.0, 45.0))
+        roadside.place_lamps(site, main, side, 5.8)
     for street in sides:
         for side in (-1.0, 1.0):
-            rs.place_buildings(site, street, side, 4.6, (2, 4), widths=(4.0, 9.0), gap_chance=0.15)
+            roadside.place_buildings(site, street, side, 4.6, (2, 4), widths=(4.0, 9.0), gap_chance=0.15)
 
 
 def _stall(rng: np.random.Generator):  # type: ignore[no-untyped-def]

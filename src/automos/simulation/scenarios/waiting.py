@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import vehicles
-from automos.simulation.agents import Agent
 from automos.simulation.scenarios.junction import furnish, make_crossing, make_site, populate
+from automos.simulation.shapes import vehicles
+from automos.simulation.traffic.agents import Agent
 from automos.simulation.world import Site, World
 
 

@@ -63,7 +63,7 @@ class Path:
         return Path(self.xy[::-1].copy(), self.z[::-1].copy())
 
     def shifted(self, start: float, length: float, offset: float) -> Path:
-        """Return the path with a change of lane: `offset` metres to the left, taken from `start` over `length` metres."""
+        """Return the path with a change of lane: `offset` metres to the left, from `start` on over `length` metres."""
         s = STEP * np.arange(len(self.xy))
         u = np.clip((s - start) / length, 0.0, 1.0)
         shift = offset * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -116,9 +116,9 @@ def through(points: npt.ArrayLike, radius: float = 8.0) -> Path:
 def _fillet(before: Array, corner: Array, after: Array, radius: float) -> Array:
     """Return (N, 2) points of the arc that rounds `corner`."""
     a, b = before - corner, after - corner
-    length_a, length_b = np.linalg.norm(a), np.linalg.norm(b)
+    length_a, length_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     a, b = a / length_a, b / length_b
-    half = 0.5 * np.arccos(np.clip(a @ b, -1.0, 1.0))  # half the angle between the legs
+    half = 0.5 * float(np.arccos(np.clip(a @ b, -1.0, 1.0)))  # half the angle between the legs
     if half > 0.5 * np.pi - 1e-3:
         return corner[None]
     reach = min(radius / np.tan(half), 0.5 * length_a, 0.5 * length_b)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import column
-from automos.simulation.scene import Hits
-from automos.simulation.sensors import Pattern, Sensor
+from automos.simulation.sensing.scene import Hits
+from automos.simulation.sensing.sensors import Pattern, Sensor
+from automos.simulation.shapes.materials import column
 
 PULSE = 1.2
 """Metres: two echoes nearer to each other than this merge into one."""

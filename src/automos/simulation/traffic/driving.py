@@ -1,9 +1,9 @@
 """Who drives where and how fast: road users on paths that keep their distance, mind signals, turn and brake.
 
-Longitudinal behaviour is the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 2000). Whom to follow is
-found from geometry alone, not from lanes: anybody whose outline comes near the stretch of path ahead, so merging,
+Longitudinal behaviour is the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 2000). Whom to follow
+is found from geometry alone, not from lanes: anybody whose outline comes near the stretch of path ahead, so merging,
 crossing and a pedestrian in front of the bonnet need no special case. An outline is a row of discs. People on foot step
-aside for each other and stop for vehicles that move.
+aside for each other and stop for moving vehicles.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.agents import Agent, Signal
-from automos.simulation.paths import STEP, Path
+from automos.simulation.traffic.agents import Agent, Signal
+from automos.simulation.traffic.paths import STEP, Path
 
 Array = npt.NDArray[np.float64]
 
@@ -83,6 +83,9 @@ class _Crew(NamedTuple):
     on_foot: npt.NDArray[np.bool_]
 
 
+_CREW_TYPES = {"path": np.int64, "on_foot": np.bool_}
+
+
 class _Now(NamedTuple):
     """One row of a `Drive`."""
 
@@ -102,13 +105,10 @@ def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
         np.cumsum([0] + [len(path.xy) for path in paths]),
         np.concatenate([_bend_speed(path) for path in paths]),
     )
-    crew = _Crew(
-        np.array([row[id(a.path)] for a in agents]),
-        *(np.array([getattr(a, name) for a in agents], np.float64) for name in ("start", "speed")),
-        np.array([a.speed if a.initial is None else a.initial for a in agents]),
-        *(np.array([getattr(a, name) for a in agents], np.float64) for name in _Crew._fields[4:-1]),
-        np.array([a.on_foot for a in agents]),
-    )
+    columns = {name: np.array([getattr(a, name) for a in agents]) for name in _Crew._fields}
+    columns["path"] = np.array([row[id(a.path)] for a in agents])
+    columns["initial"] = np.array([a.speed if a.initial is None else a.initial for a in agents])
+    crew = _Crew(**{name: values.astype(_CREW_TYPES.get(name, np.float64)) for name, values in columns.items()})
     lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
     n_steps = int(np.ceil(duration / DT)) + 2
     shape = (n_steps, len(agents))
@@ -145,9 +145,9 @@ def _drive(lines, crew, lights, s, v, side, present):  # type: ignore[no-untyped
                     gap, _, _ = _gap_ahead(a, lines, crew, now, -crew.rear[a], 8.0 + 1.5 * now.v[a], follows)
                     present[t, a] = gap == np.inf  # enters once its place and the road before it are free
                 continue
-            if now.v[a] == 0.0 and crew.go[a] > 0.0 and now.s[a] == crew.start[a]:
-                if time < crew.go[a] or _is_somebody_coming(a, lines, crew, now):
-                    continue
+            waits = now.v[a] == 0.0 and crew.go[a] > 0.0 and now.s[a] == crew.start[a]
+            if waits and (time < crew.go[a] or _is_somebody_coming(a, lines, crew, now)):
+                continue
             v[t, a], side[t, a] = _advance(a, time, lines, crew, lights, now, follows)
             s[t, a] = now.s[a] + 0.5 * DT * (now.v[a] + v[t, a])
             p = crew.path[a]

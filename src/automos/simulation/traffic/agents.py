@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.paths import Path
-from automos.simulation.things import Thing
+from automos.simulation.shapes.things import Thing
+from automos.simulation.traffic.paths import Path
 
 Array = npt.NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, box, join, quads, rod
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, box, join, quads, rod
 
 Array = npt.NDArray[np.float64]
 
@@ -21,7 +21,8 @@ def _wall_with_holes(
     if len(holes) == 0:
         return quads([[(0, 0, z0), (width, 0, z0), (width, 0, z1), (0, 0, z1)]], material, tint)
     holes = holes[np.argsort(holes[:, 0])]
-    wall, panes = [], []
+    wall: list[list[tuple[float, float, float]]] = []
+    panes: list[list[tuple[float, float, float]]] = []
     edges = np.concatenate([[0.0], holes[:, :2].ravel(), [width]]).reshape(-1, 2)  # solid piers between the holes
     for a, b in edges:
         wall.append([(a, 0, z0), (b, 0, z0), (b, 0, z1), (a, 0, z1)])
@@ -49,7 +50,7 @@ def _storey(width: float, z0: float, height: float, rng: np.random.Generator, ba
 def make_building(
     rng: np.random.Generator, width: float, depth: float, storeys: int, smooth: bool = False, shop: bool | None = None
 ) -> Mesh:
-    """Return a building of `storeys`; a `smooth` one has a flat façade: windows set back a little, no balconies, no plinth."""
+    """Return a building of `storeys`; a `smooth` one has windows set back but a little, no balconies, no plinth."""
     storey_height, bay = rng.uniform(2.8, 3.4), rng.uniform(2.2, 4.0)
     height = storeys * storey_height
     material = Material.WALL if rng.random() < 0.75 else Material.STONE
@@ -106,14 +107,14 @@ def _sides_and_roof(
     width: float, depth: float, height: float, rng: np.random.Generator, material: Material, tint: float
 ) -> Mesh:
     low = -0.6
-    sides = [
+    sides: list[list[tuple[float, float, float]]] = [
         [(0, 0, low), (0, depth, low), (0, depth, height), (0, 0, height)],
         [(width, 0, low), (width, depth, low), (width, depth, height), (width, 0, height)],
         [(0, depth, low), (width, depth, low), (width, depth, height), (0, depth, height)],
     ]
     ridge = height + (rng.uniform(2.0, 4.0) if rng.random() < 0.6 else 0.0)
     middle = 0.5 * depth
-    roof = [
+    roof: list[list[tuple[float, float, float]]] = [
         [(0, 0, height), (width, 0, height), (width, middle, ridge), (0, middle, ridge)],
         [(0, depth, height), (width, depth, height), (width, middle, ridge), (0, middle, ridge)],
     ]

@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from automos.geometry import inverse
 from automos.simulation.ego import ego_body
-from automos.simulation.motion import transforms
-from automos.simulation.scene import EGO, Hits, Scene
-from automos.simulation.sensors import SECTORS, Pattern
+from automos.simulation.sensing.scene import EGO, Hits, Scene
+from automos.simulation.sensing.sensors import SECTORS, Pattern
+from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]
@@ -114,10 +114,10 @@ class Caster:
         world = self._world
         state_a, travelled, present_a = world.motion.at(start)
         state_b, _, present_b = world.motion.at(end)
-        for k in np.flatnonzero(present_a & present_b):
+        for k in np.flatnonzero(present_a & present_b).tolist():
             thing = world.movers[k]
             frame = int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)
-            yield _Body(("mover", int(k), frame), state_a[k], state_b[k], thing.center, thing.radius)
+            yield _Body(("mover", k, frame), state_a[k], state_b[k], thing.center, thing.radius)
         for k, sway in enumerate(world.swaying):
             yield _Body(("sway", k, 0), sway.state(start), sway.state(end), sway.center, sway.radius)
 
@@ -142,7 +142,7 @@ def _carry(direction, column_of, poses, origins, turned):  # type: ignore[no-unt
 
 
 def _near_rows(beams: Beams, body: _Body, distance: Array32) -> npt.NDArray[np.int64]:
-    """Return (K,) rows of the beams that may hit `body` nearer than `distance` (N,): first by sector, then by its sphere."""
+    """Return (K,) rows of the beams that may hit `body` nearer than `distance` (N,): by sector, then by its sphere."""
     middle = transforms(0.5 * (body.start + body.end))
     center = middle[:3, :3] @ body.center + middle[:3, 3]
     own_motion = 0.5 * float(np.linalg.norm(body.end[:3] - body.start[:3]))

@@ -14,7 +14,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
+from automos.simulation.shapes.materials import Material
+
+Vector = Sequence[float] | npt.NDArray[np.float64]
+"""Three numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +95,8 @@ def from_faces(vertices: npt.ArrayLike, faces: npt.ArrayLike, material: Material
 def quads(corners: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh:
     """Return two triangles for each of `corners` (Q, 4, 3), given around the rim."""
     corners = np.asarray(corners, np.float64).reshape(-1, 4, 3)
-    first = 4 * np.arange(len(corners))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = (4 * np.arange(len(corners))[:, None, None] + halves).reshape(-1, 3)
     return from_faces(corners.reshape(-1, 3), faces, material, tint)
 
 
@@ -103,7 +106,7 @@ _BOX_CORNERS = np.array(
 _BOX_RIMS = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
-def box(size: Sequence[float], center: Sequence[float], material: Material, tint: float = 1.0) -> Mesh:
+def box(size: Vector, center: Vector, material: Material, tint: float = 1.0) -> Mesh:
     """Return a box of `size` (length, width, height) about `center`."""
     corners = _BOX_CORNERS * np.asarray(size) + np.asarray(center)
     return quads(corners[_BOX_RIMS], material, tint)
@@ -114,12 +117,12 @@ def _unit_cylinder(sections: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[
     import trimesh
 
     cylinder = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=sections)
-    return np.array(cylinder.vertices) + (0.0, 0.0, 0.5), np.array(cylinder.faces, np.int32)
+    return np.array(cylinder.vertices) + np.array([0.0, 0.0, 0.5]), np.array(cylinder.faces, np.int32)
 
 
 def rod(
-    start: Sequence[float],
-    end: Sequence[float],
+    start: Vector,
+    end: Vector,
     radius: float,
     material: Material,
     tint: float = 1.0,
@@ -145,13 +148,13 @@ def _unit_ball() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
     return np.array(ball.vertices), np.array(ball.faces, np.int32)
 
 
-def ball(radius: float | Sequence[float], center: Sequence[float], material: Material, tint: float = 1.0) -> Mesh:
+def ball(radius: float | Vector, center: Vector, material: Material, tint: float = 1.0) -> Mesh:
     """Return a sphere, or an ellipsoid where three radii are given."""
     vertices, faces = _unit_ball()
     return from_faces(vertices * np.asarray(radius) + np.asarray(center), faces, material, tint)
 
 
-def wheel(center: Sequence[float], radius: float, width: float) -> Mesh:
+def wheel(center: Vector, radius: float, width: float) -> Mesh:
     """Return a tyre with its rim; its axle lies along y."""
     x, y, z = center
     tyre = rod((x, y - 0.5 * width, z), (x, y + 0.5 * width, z), radius, Material.RUBBER, sections=14)

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.agents import Agent
 from automos.simulation.terrain import Terrain
-from automos.simulation.traffic import DT, Drive
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.driving import DT, Drive
+from automos.simulation.traffic.paths import STEP
 
 Array = npt.NDArray[np.float64]
+
+WANDER_LENGTH = 47.0
+"""Metres after which a road user has strayed to both sides once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +86,11 @@ def _part_states(
 ) -> Array:
     rear_x, front_x = axles
     points, heights = [], []
-    for x in (rear_x, front_x):
-        along = np.clip(s + x, 0.0, agent.path.length)
-        offset = side + agent.wander * np.sin(2 * np.pi * along / 47.0 + phase)
+    for axle in (rear_x, front_x):
+        along = np.clip(s + axle, 0.0, agent.path.length)
+        offset = side + agent.wander * np.sin(2 * np.pi * along / WANDER_LENGTH + phase)
         xy, _ = agent.path.at(along, offset)
-        raised = np.interp(along / 0.5, np.arange(len(agent.path.z)), agent.path.z)
+        raised = np.interp(along / STEP, np.arange(len(agent.path.z)), agent.path.z)
         points.append(xy)
         heights.append(np.where(raised > 0.5, terrain.base(xy), terrain.height(xy)) + raised)
     (rear, front), (z_rear, z_front) = points, heights

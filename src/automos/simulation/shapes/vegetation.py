@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, ball, from_faces, join, rod
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, ball, from_faces, join, rod
 
 Array = npt.NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def make_tree(rng: np.random.Generator, height: float, leafy: float = 1.0) -> Me
         angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.95)
         out = spread * rng.uniform(0.35, 0.75) * np.sin(np.pi * min(up, 0.9))
         z = trunk_height + up * (0.82 * height - trunk_height)
-        tip = np.array([out * np.cos(angle), out * np.sin(angle), z]) + (*lean, 0.0)
+        tip = np.array([out * np.cos(angle), out * np.sin(angle), z]) + np.array([*lean, 0.0])
         foot = top * rng.uniform(0.35, 0.8)
         parts.append(rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5))
         lump = spread * rng.uniform(0.45, 0.7)
@@ -68,7 +68,7 @@ def make_conifer(rng: np.random.Generator, height: float) -> Mesh:
 def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
     """Return a bush: dense foliage down to the ground."""
     n = int(np.clip(260 * radius**2 * height, 60, 700))
-    centers = _in_ellipsoid(n, np.array([radius, radius, 0.6 * height]), rng, 0.6) + (0, 0, 0.5 * height)
+    centers = _in_ellipsoid(n, np.array([radius, radius, 0.6 * height]), rng, 0.6) + np.array([0.0, 0.0, 0.5 * height])
     return leaves(np.maximum(centers, (-np.inf, -np.inf, 0.05)), 0.16, rng)
 
 
@@ -93,7 +93,7 @@ def make_hedge(rng: np.random.Generator, length: float, height: float, depth: fl
 
 def box_core(length: float, height: float, depth: float) -> Mesh:
     """Return the wood inside a hedge: what stops the beams that pass the leaves."""
-    from automos.simulation.mesh import box
+    from automos.simulation.shapes.mesh import box
 
     return box((length, 0.1 * depth, 0.9 * height), (0.5 * length, 0.0, 0.45 * height), Material.BARK, 0.8)
 

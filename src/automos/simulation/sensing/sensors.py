@@ -1,8 +1,8 @@
 """LiDARs as their makers publish them: beam elevations, azimuth step, rate, reach and noise.
 
-Sources: Velodyne manuals 63-HDL64E S2, 63-9113 HDL-32E, 63-9243 VLP-16, 63-9679 VLS-128 (elevations in ascending order);
-Ouster OS1 datasheet (uniform 45 degrees, mode 1024 x 10); Livox Avia user manual (70.4 x 77.2 degrees, 240 000 points/s,
-six lines), its rosette drawn by two prisms that turn at 7294 and -4664 rpm.
+Sources: Velodyne's manuals of the HDL-64E S2, HDL-32E, VLP-16 and VLS-128; Ouster's OS1 datasheet (uniform 45 degrees,
+mode 1024 x 10); Livox's Avia manual (70.4 x 77.2 degrees, 240 000 points/s, six lines). Livox publishes no beam angles:
+the rosette is that of two equal prisms that turn at 7294 and -4664 rpm, stretched to the published field of view.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Sensor:
     """
 
     name: str
-    elevations: npt.NDArray[np.float64]
+    elevations: npt.NDArray[np.floating]
     columns: int
     period: float
     reach: float

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.mesh import Mesh
+from automos.simulation.shapes.mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False)

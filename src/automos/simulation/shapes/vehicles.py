@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, Section, box, join, loft, wheel
-from automos.simulation.things import Thing
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, Section, box, join, loft, wheel
+from automos.simulation.shapes.things import Thing
 
 GLASS = Material.CAR_GLASS
 _PAINTS = np.array([0.15, 0.2, 0.25, 0.35, 0.55, 0.8, 1.0, 1.2, 1.5])

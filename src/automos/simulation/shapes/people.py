@@ -6,12 +6,14 @@ the legs. A cyclist's frames are phases of one turn of the pedals.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, ball, box, join, rod
-from automos.simulation.things import Thing
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, Vector, ball, box, join, rod
+from automos.simulation.shapes.things import Thing
 
 N_PHASES = 10
 
@@ -96,7 +98,7 @@ def _ring(x: float, radius: float, tyre: float) -> Mesh:
     angles = np.linspace(0.0, 2.0 * np.pi, 13)
     rim = np.column_stack([x + radius * np.cos(angles), np.zeros(13), radius + radius * np.sin(angles)])
     rim[:, 2] = np.maximum(rim[:, 2], tyre)
-    parts = [rod(a, b, tyre, Material.RUBBER, 2.0, sections=4) for a, b in zip(rim[:-1], rim[1:], strict=True)]
+    parts = [rod(a, b, tyre, Material.RUBBER, 2.0, sections=4) for a, b in pairwise(rim)]
     hub = (x, 0.0, radius)
     parts += [rod(hub, rim[k], 0.006, Material.METAL, sections=3) for k in range(0, 12, 2)]
     return join(parts)
@@ -105,7 +107,13 @@ def _ring(x: float, radius: float, tyre: float) -> Mesh:
 def _bicycle() -> Mesh:
     rear, front, radius = -0.52, 0.53, 0.34
     saddle, crank, head, bars = (-0.20, 0, 0.90), (-0.08, 0, 0.30), (0.36, 0, 0.88), (0.38, 0, 1.02)
-    bones = [(saddle, crank), (crank, head), (saddle, head), (crank, (rear, 0, radius)), (saddle, (rear, 0, radius))]
+    bones: list[tuple[Vector, Vector]] = [
+        (saddle, crank),
+        (crank, head),
+        (saddle, head),
+        (crank, (rear, 0, radius)),
+        (saddle, (rear, 0, radius)),
+    ]
     bones += [(head, (front, 0, radius)), (head, bars), ((0.36, -0.28, 1.03), (0.36, 0.28, 1.03))]
     frame = [rod(a, b, 0.022, Material.METAL, sections=5) for a, b in bones]
     return join(
@@ -135,9 +143,14 @@ def _seated(
         across = np.array([-reach[2], 0.0, reach[0]]) / max(span, 1e-6)
         knee = a + 0.5 * reach + bend * across * np.sign(across[0] if across[0] else 1.0)
         limbs.append(
-            _limb([a, knee, foot, foot + (0.15, 0, 0)], (0.075, 0.055, 0.045, 0.035), Material.CLOTH, 0.6 * tint)
+            _limb(
+                [a, knee, foot, foot + np.array([0.15, 0.0, 0.0])],
+                (0.075, 0.055, 0.045, 0.035),
+                Material.CLOTH,
+                0.6 * tint,
+            )
         )
-        top = shoulder + (0.0, side * 0.20, 0.0)
+        top = shoulder + np.array([0.0, side * 0.20, 0.0])
         grip = np.array([hands[0], side * 0.25, hands[1]])
         limbs.append(_limb([top, 0.5 * (top + grip) + (0, 0, -0.06), grip], (0.05, 0.04, 0.035), Material.CLOTH, tint))
     return join([trunk, *limbs])

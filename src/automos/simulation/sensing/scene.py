@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.materials import column
-from automos.simulation.mesh import Mesh
+from automos.simulation.shapes.materials import column
+from automos.simulation.shapes.mesh import Mesh
 
 Array32 = npt.NDArray[np.float32]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.agents import Signal
-from automos.simulation.paths import Path, connect, through
+from automos.simulation.traffic.agents import Signal
+from automos.simulation.traffic.paths import Path, connect, through
 
 Array = npt.NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation.materials import Material
-from automos.simulation.mesh import Mesh, box, join, rod
+from automos.simulation.shapes.materials import Material
+from automos.simulation.shapes.mesh import Mesh, box, join, rod
 
 METAL = Material.METAL
 
@@ -125,7 +125,7 @@ DECK_THICKNESS = 1.1
 
 
 def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -> Mesh:
-    """Return a flat bridge along x over `span` metres, centred on the origin, its piers `clear_of` metres off the middle."""
+    """Return a flat bridge along x over `span` metres, about the origin; no pier within `clear_of` metres of it."""
     half = 0.5 * width
     parts = [box((span, width, DECK_THICKNESS), (0, 0, clearance + 0.5 * DECK_THICKNESS), Material.STONE)]
     for side in (-1.0, 1.0):

@@ -1,0 +1,150 @@
+"""Filling a road with those who use it: vehicles in lanes, at the kerb and in queues, cyclists, people."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from automos.simulation.shapes import people, vehicles
+from automos.simulation.shapes.things import Thing
+from automos.simulation.traffic.agents import Agent
+from automos.simulation.traffic.paths import Path
+from automos.simulation.world import Site, is_clear
+
+
+def a_vehicle(rng: np.random.Generator, heavy: float = 0.12) -> tuple[tuple[Thing, ...], tuple[float, ...]]:
+    """Return (parts, gaps) of a random vehicle, `heavy` being the share of lorries, buses and articulated lorries."""
+    if rng.random() < heavy:
+        kind = rng.random()
+        if kind < 0.4:
+            return (vehicles.make_lorry(rng),), (0.0,)
+        if kind < 0.7:
+            return (vehicles.make_bus(rng),), (0.0,)
+        return vehicles.make_tractor_and_trailer(rng), (0.0, vehicles.TRAILER_GAP)
+    return ((vehicles.make_van(rng) if rng.random() < 0.12 else vehicles.make_car(rng)),), (0.0,)
+
+
+@lru_cache(maxsize=4)
+def _walker_templates(seed: int) -> tuple[Thing, ...]:
+    rng = np.random.default_rng([seed, 4])
+    return tuple(people.make_walker(rng, child=k == 0) for k in range(10))
+
+
+def a_walker(rng: np.random.Generator) -> Thing:
+    """Return a person on foot, one of a few."""
+    templates = _walker_templates(0)
+    return templates[int(rng.integers(len(templates)))]
+
+
+def add_agent(site: Site, agent: Agent, clearance: float = 1.5) -> bool:
+    """Add the agent if it starts clear of the others; return whether it was added."""
+    if not is_clear(site.agents, agent, clearance):
+        return False
+    site.agents.append(agent)
+    return True
+
+
+def fill_lane(
+    site: Site,
+    path: Path,
+    speed: float,
+    spacing: tuple[float, float],
+    start: float = 25.0,
+    end: float = np.inf,
+    heavy: float = 0.12,
+    spread: float = 0.12,
+    initial: float = np.inf,
+) -> None:
+    """Put vehicles on a lane at random spacings (metres, bumper to bumper)."""
+    rng = site.rng
+    s = start + rng.uniform(0.0, spacing[1])
+    while s < min(end, path.length - 15.0):
+        parts, gaps = a_vehicle(rng, heavy)
+        wish = speed * float(np.clip(rng.normal(1.0, spread), 0.7, 1.35))
+        agent = Agent(parts, path, s, wish, initial=min(wish, speed, initial), gaps=gaps, headway=rng.uniform(1.0, 1.6))
+        add_agent(site, agent)
+        s += agent.front + agent.rear + rng.uniform(*spacing)
+
+
+def feed_lane(
+    site: Site, path: Path, speed: float, interval: tuple[float, float], duration: float, heavy: float = 0.12
+) -> None:
+    """Let vehicles enter at the start of a lane at random intervals (seconds)."""
+    rng = site.rng
+    t = rng.uniform(*interval)
+    while t < duration:
+        parts, gaps = a_vehicle(rng, heavy)
+        site.agents.append(Agent(parts, path, 22.0, speed * rng.uniform(0.9, 1.15), enter=t, gaps=gaps))
+        t += rng.uniform(*interval)
+
+
+def add_walkers(
+    site: Site, path: Path, n: int, spread: float, speed: tuple[float, float] = (0.9, 1.6), both_ways: bool = True
+) -> None:
+    """Let `n` people walk along a path, up to `spread` metres to either side of it; some in pairs."""
+    rng = site.rng
+    templates = _walker_templates(0)
+    back = path.reversed()
+    for _ in range(n):
+        line = back if both_ways and rng.random() < 0.5 else path
+        s, offset, pace = (
+            rng.uniform(1.0, max(path.length - 5.0, 2.0)),
+            rng.uniform(-spread, spread),
+            rng.uniform(*speed),
+        )
+        company = 2 if rng.random() < 0.25 else 1
+        for k in range(company):
+            thing = templates[int(rng.integers(len(templates)))]
+            beside = offset + (0.7 * k if offset < 0 else -0.7 * k)
+            walker = Agent((thing,), line, s, pace, offset=beside, wander=0.1, on_foot=True)
+            add_agent(site, walker, clearance=0.15)
+
+
+def add_standers(site: Site, path: Path, offset: float, n: int) -> None:
+    """Let `n` people stand about near a path; they do not move."""
+    rng = site.rng
+    for _ in range(n):
+        (x, y), heading = path.at(rng.uniform(0, path.length), offset + rng.normal(0, 0.4))
+        if site.is_free(float(x), float(y), 0.6):
+            site.park(people.make_stander(rng), float(x), float(y), float(heading + rng.uniform(0, 2 * np.pi)))
+
+
+def add_cyclists(site: Site, path: Path, n: int, speed: tuple[float, float] = (3.5, 6.5), offset: float = 0.0) -> None:
+    """Let `n` cyclists ride along a path."""
+    rng = site.rng
+    for _ in range(n):
+        rider = people.make_cyclist(rng)
+        s = rng.uniform(5.0, path.length - 10.0)
+        add_agent(
+            site,
+            Agent((rider,), path, s, rng.uniform(*speed), offset=offset + rng.normal(0, 0.15), wander=0.2, headway=1.0),
+        )
+
+
+def pull_out(
+    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float, duration: float
+) -> None:
+    """Let cars stand `aside` metres right of a lane and pull out at some time, every `spacing` metres of a stretch."""
+    rng = site.rng
+    kerb = lane.beside(-aside)
+    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+        path = kerb.shifted(s + 2.0, 14.0, aside)
+        for ahead in (0.0, 5.0, 9.0):
+            site.reserve(*kerb.at(s + ahead)[0])
+        go = rng.uniform(1.0, max(0.5 * duration, 2.0))
+        add_agent(site, Agent((vehicles.make_car(rng),), path, s, speed, initial=0.0, go=go, wander=0.0), clearance=0.3)
+
+
+def drive_and_park(
+    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float
+) -> None:
+    """Let cars drive along a lane and park `aside` metres to its right, every `spacing` metres of a stretch."""
+    rng = site.rng
+    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+        path = lane.shifted(s - 18.0, 15.0, -aside)
+        start = s - rng.uniform(30.0, 80.0)
+        agent = Agent((vehicles.make_car(rng),), path, start, speed, stop=s, wander=0.0)
+        if add_agent(site, agent):
+            for behind in (0.0, 5.0, 10.0):
+                site.reserve(*lane.at(s - behind, -aside)[0])

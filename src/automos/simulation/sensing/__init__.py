@@ -1,0 +1,1 @@
+"""How a LiDAR sees: beams, what they hit, what comes back."""

@@ -1,0 +1,1 @@
+"""What things look like to a beam: meshes with materials."""
