@@ -8,7 +8,6 @@ to the last. Where the sensor stands still nothing can be told, and nothing goes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
@@ -18,9 +17,8 @@ from scipy import ndimage
 
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import segment_ground
-from automos.scan import Frame, Mask
+from automos.scan import Frame, Frames, Mask
 from automos.settings import EgoBodySettings, GroundSettings
-
 
 _SECTORS = 90
 
@@ -46,9 +44,7 @@ class EgoBody:
         return is_body
 
 
-def find_ego_body(
-    frames: Sequence[Frame], pattern: BeamPattern, settings: EgoBodySettings, ground: GroundSettings
-) -> EgoBody:
+def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, ground: GroundSettings) -> EgoBody:
     """Return the body that a handful of `frames`, spread over the recording, show."""
     reach = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
     sample = _frames_apart(frames, settings)
@@ -66,13 +62,13 @@ def find_ego_body(
     return EgoBody(_grow(np.where(_stays_put(thirds > 0.0, settings.min_overlap), thirds.max(axis=0), 0.0)), pattern)
 
 
-def _frames_apart(frames: Sequence[Frame], settings: EgoBodySettings) -> list[Frame]:
+def _frames_apart(frames: Frames, settings: EgoBodySettings) -> list[Frame]:
     """Return up to `max_scans` of `frames`, evenly spread, each some way from the one before."""
     sample: list[Frame] = []
     for i in np.unique(np.linspace(0, len(frames) - 1, 2 * settings.max_scans).astype(int)):
-        frame = frames[int(i)]
-        if not sample or np.linalg.norm(frame.origin_level - sample[-1].origin_level) > settings.min_distance:
-            sample.append(frame)
+        origin = frames.T_level_sensor[i, :3, 3]
+        if not sample or np.linalg.norm(origin - sample[-1].origin_level) > settings.min_distance:
+            sample.append(frames[int(i)])
     return sample[: settings.max_scans]
 
 

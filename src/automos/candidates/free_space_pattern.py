@@ -137,12 +137,12 @@ def _row_density(
         u = ((azimuth + np.pi) / (2.0 * np.pi) * _SECTORS).astype(np.int64) % _SECTORS
         v = np.minimum(((elevation - low) / _ELEVATION_BIN).astype(np.int64), n_bins - 1)
         counts[i] = np.bincount(v * _SECTORS + u, minlength=n_bins * _SECTORS).reshape(n_bins, _SECTORS)
-    counts = counts.transpose(1, 0, 2).reshape(n_bins, -1)  # (bins, frames x sectors)
+    per_bin = counts.transpose(1, 0, 2).reshape(n_bins, -1)  # (bins, frames x sectors)
     full = 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
     # Sky and open roads return nothing: only sectors that return anything tell how dense the beams are.
-    density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in counts]) / full
+    density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin]) / full
     # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
-    most = np.percentile(counts.sum(axis=0), 99) / full
+    most = np.percentile(per_bin.sum(axis=0), 99) / full
     density *= min(1.0, 1.15 * most / density.sum())
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
 

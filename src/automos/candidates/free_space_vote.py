@@ -52,7 +52,7 @@ def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _aim(points, start, stop, T, motion, pattern, row, column, ranges):  # type: ignore[no-untyped-def]
-    """Write where on the other scan's grid points `start` to `stop` lie, and their range: arithmetic without branches."""
+    """Write where on the other scan's grid points `start` to `stop` lie, and their range: no branches here."""
     sweep_time, row_of_sine = pattern.sweep_time, pattern.row_of_sine
     n_times, n_columns = np.float32(len(sweep_time)), np.float32(pattern.n_columns)
     half = np.float32((len(row_of_sine) - 1) / 2)

@@ -1,9 +1,9 @@
 """The ground under one scan, as a height map, and the points that lie on it.
 
 Ground is what can be walked along: from the sensor outwards, sector by sector, a cell whose lowest point continues the
-ground walked so far is ground. What rises faster is an object; what lies under a sight line over nearer ground is a mirror
-image; what was hidden is bridged, and a long even run at another height is taken up again. The cells found become a height
-map whose gaps are filled from coarser and coarser averages. No sensor height, tilt or plane is assumed.
+ground walked so far is ground. What rises faster is an object; what lies under a sight line over nearer ground is a
+mirror image; what was hidden is bridged, a long even run at another height is taken up again. The cells found become
+a height map whose gaps are filled from coarser and coarser averages. No sensor height, tilt or plane is assumed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Class-agnostic segments of a whole scan: what stands apart from everything else is one thing.
 
-Seen from above, points fall into small cells; within a cell, points that follow each other without a gap in height form a
+Seen from above, points fall into small cells; in a cell, points that follow each other without a gap in height form a
 *stack*, so that a tree's crown and the car beneath it are two. Stacks of neighbouring cells join where their heights
 meet. Both gaps grow with the distance between rays. One pass of union-find over a few thousand stacks: milliseconds.
 """
