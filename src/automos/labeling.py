@@ -43,9 +43,7 @@ def label_recording(
         T_camera_sensor = None if calib_file is None else read_calib(calib_file)
         poses = read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
     with StageProgress(console or Console(quiet=True), sequence.name) as progress:
-        result = label(
-            sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress
-        )
+        result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
         return write_results(folder, sequence, result, settings, progress)
 
 
@@ -59,7 +57,8 @@ def summary(run: dict[str, Any], folder: Path) -> str:
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled",
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
-        f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; labels in {folder}/predictions",
+        f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; "
+        f"labels in {folder}/predictions",
     ]
     return "\n".join(lines)
 

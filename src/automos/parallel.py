@@ -1,14 +1,16 @@
 """The same function over many scans, on all cores, results in order.
 
-Worker processes, because HDBSCAN holds the interpreter's lock; joblib's loky starts them, because it does not import the
-caller's script again (a user's script needs no `if __name__ == "__main__"`). Order and results do not depend on how many
-there are.
+Worker processes where a library holds the interpreter's lock (HDBSCAN); joblib's loky starts them, because it does not
+import the caller's script again (a user's script needs no `if __name__ == "__main__"`). Threads where our own kernels
+release it. Order and results do not depend on how many there are.
 """
 
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from typing import TypeVar
 
@@ -24,21 +26,36 @@ def available_cores() -> int:
 
 
 def map_in_order(
-    function: Callable[[Item], Result], items: Iterable[Item], workers: int, chunk: int = 16
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    workers: int,
+    threads: bool = False,
+    chunk: int = 16,
 ) -> Iterator[Result]:
     """Yield function(item) for each of `items`, in order, computed by `workers` processes (0: one per core).
 
-    `function` and `items` must be picklable. At most `chunk` items per worker are taken ahead, so memory does not grow
-    with their number.
+    `function` and `items` must be picklable, unless `threads` are asked for instead of processes. At most `chunk` items
+    per worker are taken ahead, so memory does not grow with their number.
     """
     workers = workers or available_cores()
     if workers == 1:
         yield from map(function, items)
         return
+    items = iter(items)
+    if threads:
+        yield from _in_threads(function, items, workers)
+        return
     from joblib import Parallel, delayed, parallel_config
 
-    items = iter(items)
     # max_nbytes: scans go through pipes; joblib would write those over a megabyte to temporary files.
     with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1), Parallel(max_nbytes=None) as pool:
         while ahead := list(islice(items, chunk * workers)):
             yield from pool(delayed(function)(item) for item in ahead)
+
+
+def _in_threads(function: Callable[[Item], Result], items: Iterator[Item], workers: int) -> Iterator[Result]:
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = deque(pool.submit(function, item) for item in islice(items, 2 * workers))
+        while waiting:
+            yield waiting.popleft().result()
+            waiting.extend(pool.submit(function, item) for item in islice(items, 1))

@@ -10,7 +10,7 @@ same settings, is not run again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -18,21 +18,15 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
-from automos.candidates.erasor import find_candidates
-from automos.candidates.ground import segment_ground
-from automos.geometry import Boxes
-from automos.instances.find import find_instances
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
-from automos.parallel import map_in_order
 from automos.run import Progress, Run
-from automos.scan import Frame, Frames, Pose, Sequence
-from automos.settings import InstancesSettings, Settings, load_settings
-from automos.tracking.painting import paint_points
-from automos.tracking.tracker import track_objects
+from automos.scan import Pose, Sequence
+from automos.settings import Settings, load_settings
+from automos.stages import find_candidates, find_segments, follow_and_judge, paint
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts, judge_by_trajectory
-from automos.workspace import Arrays, Stage, Workspace, fingerprint
+from automos.tracking.verdict import Verdict, Verdicts
+from automos.workspace import Stage, Workspace, fingerprint
 
 
 def label(
@@ -61,20 +55,22 @@ def label(
     """
     settings = settings or load_settings("default")
     workspace = workspace or Workspace()
-    run = Run(workspace, stage_keys(sequence, settings, poses), sequence.names, progress)
+    names = sequence.names
+    run = Run(workspace, stage_keys(sequence, settings, poses), names, progress)
 
     trajectory = Trajectory.from_arrays(
         run.once("odometry", lambda tick: estimate_trajectory(sequence, settings.odometry, poses, tick).to_arrays())
     )
     frames = SequenceFrames(sequence, trajectory)
-    candidates = run.each("candidates", partial(_candidates, frames, settings))
-    instances = run.each("instances", partial(_instances, frames, candidates, run.names, settings.instances, workers))
-    followed = run.once("tracking", lambda tick: _tracking(trajectory, instances, run.names, settings))
+    candidates = run.each("candidates", partial(find_candidates, frames, trajectory.stamps, settings, workers))
+    instances = run.each("instances", partial(find_segments, frames, candidates, names, settings.instances, workers))
+    followed = run.once("tracking", lambda tick: follow_and_judge(trajectory, instances, names, settings))
     tracks, verdicts = Tracks.from_arrays(followed), Verdicts.from_arrays(followed)
-    labels = run.each("labels", partial(_labels, frames, instances, run.names, tracks, verdicts))
+    moving = tracks[np.flatnonzero(verdicts.verdict[tracks.track] == Verdict.MOVING)]
+    labels = run.each("labels", partial(paint, frames, candidates, instances, names, moving, settings, workers))
 
     workspace.keep_only(run.keys)
-    return Result(trajectory, tracks, verdicts, run.names, run.seconds, run.keys, labels)
+    return Result(trajectory, tracks, verdicts, names, run.seconds, run.keys, labels)
 
 
 def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None) -> dict[str, str]:
@@ -86,46 +82,6 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
         key = fingerprint(key, stage, settings.model_dump(mode="json").get(stage))
         keys[stage] = key
     return keys
-
-
-def _candidates(frames: Frames, settings: Settings, missing: list[int]) -> Iterable[tuple[int, Arrays]]:
-    for i, score in find_candidates(frames, settings.candidates.erasor, start=missing[0]):
-        yield i, {"score": np.round(255 * score).astype(np.uint8)}
-
-
-def _instances(
-    frames: Frames, candidates: Stage, names: list[str], settings: InstancesSettings, workers: int, missing: list[int]
-) -> Iterable[tuple[int, Arrays]]:
-    todo = ((frames[i], candidates.load(names[i])["score"]) for i in missing)
-    found = map_in_order(partial(_instances_of_frame, settings), todo, workers)
-    return zip(missing, found, strict=True)
-
-
-def _instances_of_frame(settings: InstancesSettings, task: tuple[Frame, npt.NDArray[np.uint8]]) -> Arrays:
-    frame, score = task
-    horizontal = np.hypot(frame.points[:, 0], frame.points[:, 1])
-    is_eligible = (horizontal > settings.ego_radius) & (horizontal < settings.max_range)
-    is_eligible &= ~segment_ground(frame.points_level, frame.origin_level, settings.ground)
-    instances = find_instances(frame.points_level, score / 255.0, is_eligible, settings.hdbscan)
-    return {"ids": instances.ids, **instances.boxes.to_arrays()}
-
-
-def _tracking(trajectory: Trajectory, instances: Stage, names: list[str], settings: Settings) -> Arrays:
-    boxes = (Boxes.from_arrays(instances.load(name)) for name in names)
-    tracks = track_objects(zip(trajectory.stamps, boxes, strict=True), settings.tracking)
-    verdicts = judge_by_trajectory(tracks, settings.tracking.verdict)
-    return {**tracks.to_arrays(), **verdicts.to_arrays()}
-
-
-def _labels(
-    frames: Frames, instances: Stage, names: list[str], tracks: Tracks, verdicts: Verdicts, missing: list[int]
-) -> Iterable[tuple[int, Arrays]]:
-    is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
-    moving = tracks[np.flatnonzero(is_moving)]
-    for i in missing:
-        frame, here = frames[i], moving[np.flatnonzero(moving.scan == i)]
-        label, track = paint_points(frame.points_level, instances.load(names[i])["ids"], here)
-        yield i, {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -162,7 +162,9 @@ class EgoBodySettings(_Group):
     min_scans: int = Field(9, ge=3, description="with fewer scans apart from each other nothing is called body")
     min_distance: float = Field(1.0, gt=0, description="m, how far apart the sensor must be in scans looked at")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
-    min_overlap: float = Field(0.8, gt=0, le=1, description="share of a part that must stay put all along the recording")
+    min_overlap: float = Field(
+        0.8, gt=0, le=1, description="share of a part that must stay put all along the recording"
+    )
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
 
 
@@ -173,7 +175,9 @@ class SegmentSettings(_Group):
     max_range: float = Field(120.0, gt=0, description="m, half the side of the area looked at")
     height_bin: float = Field(0.1, gt=0, description="m, resolution in height; 64 bins from the ground up")
     gap: float = Field(0.5, gt=0, description="m, things nearer to each other than this are one, seen from above")
-    gap_columns: float = Field(2.5, ge=0, description="the same in distances between neighbouring rays, if that is more")
+    gap_columns: float = Field(
+        2.5, ge=0, description="the same in distances between neighbouring rays, if that is more"
+    )
     height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
     height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
 
@@ -203,11 +207,14 @@ class DetectSettings(_Group):
     """Segments of the whole scan, cut by the evidence of motion."""
 
     segments: SegmentSettings = SegmentSettings()
-    min_net: float = Field(0.5, ge=0, description="see-throughs minus hits from which on a point has moved (or stayed)")
+    moved_score: float = Field(0.62, ge=0, le=1, description="score from which on a point has moved")
+    stayed_score: float = Field(0.38, ge=0, le=1, description="score up to which a point has stayed")
     min_points: int = Field(3, ge=1, description="points of the smallest object")
     max_side: float = Field(20.0, gt=0, description="m, longest object")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
-    silence: float = Field(0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static")
+    silence: float = Field(
+        0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static"
+    )
 
 
 class FilterSettings(_Group):
@@ -265,7 +272,7 @@ class JudgeSettings(_Group):
     min_moved_points: int = Field(10, ge=1, description="points that have moved, over all scans of the track")
     min_moved_scans: int = Field(2, ge=1, description="scans in which most of its points have moved")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
-    sure_share: float = Field(0.85, gt=0, lt=1, description="moved, of all points: from here on it need not go straight")
+    sure_share: float = Field(0.85, gt=0, lt=1, description="moved, of all points: with more it need not go straight")
     min_distance: float = Field(0.5, ge=0, description="m, between first and last observation")
     min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
@@ -277,7 +284,9 @@ class CompletionSettings(_Group):
 
     margin: float = Field(0.1, ge=0, description="m, around the segment's box")
     ring: float = Field(1.5, gt=0, description="m, around it: the ground beside the object")
-    ground_clearance: float = Field(0.1, ge=0, description="m above the ground beside it: what is higher is the object's")
+    ground_clearance: float = Field(
+        0.1, ge=0, description="m above the ground beside it, from which on it is the object"
+    )
 
 
 class TrackingSettings(_Group):
@@ -287,7 +296,7 @@ class TrackingSettings(_Group):
     association: AssociationSettings = AssociationSettings()
     verdict: VerdictSettings = VerdictSettings()
     max_misses: int = Field(5, ge=0, description="n_old: consecutive scans an object may be missed")
-    method: Literal["paper", "evidence"] = Field("paper", description="the paper's tracker and verdict, or ours")
+    method: Literal["evidence", "paper"] = Field("evidence", description="the paper's tracker and verdict, or ours")
     follow: FollowSettings = FollowSettings()
     judge: JudgeSettings = JudgeSettings()
     completion: CompletionSettings = CompletionSettings()
@@ -302,20 +311,27 @@ class FreeSpaceSettings(_Group):
         description="s, how long before and after a scan others are asked",
     )
     span_tolerance: float = Field(0.25, gt=0, lt=1, description="of a span, how far off the asked scan may be")
+    far_from: float = Field(2.5, gt=0, description="s, over longer spans only scans far_step apart are asked")
+    far_step: float = Field(0.4, gt=0, description="s, between the scans that are asked over long spans")
+    first_spans: tuple[float, ...] = Field(
+        (0.6, 1.7, 4.0, 8.0), min_length=1, description="s, asked first; what they agree to have hit has stayed"
+    )
+    sure_hits: int = Field(2, ge=1, description="hits without a see-through after which no more scans are asked")
     margin: float = Field(0.2, gt=0, description="m, how far behind a point rays must go on to have seen through it")
     margin_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
     hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")
     hit_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
     clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
-    ground: GroundSettings = GroundSettings()
-    ego_body: EgoBodySettings = EgoBodySettings()
+    stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
 
 class CandidatesSettings(_Group):
     """III-B: which points may be dynamic."""
 
-    method: Literal["erasor", "free_space"] = "erasor"
+    method: Literal["free_space", "erasor"] = "free_space"
+    ground: GroundSettings = GroundSettings()
+    ego_body: EgoBodySettings = EgoBodySettings()
     erasor: ErasorSettings = ErasorSettings()
     free_space: FreeSpaceSettings = FreeSpaceSettings()
 
@@ -323,10 +339,9 @@ class CandidatesSettings(_Group):
 class InstancesSettings(_Group):
     """III-C: what belongs together in one scan."""
 
-    method: Literal["hdbscan", "components"] = "hdbscan"
+    method: Literal["components", "hdbscan"] = "components"
     max_range: float = Field(80.0, gt=0, description="m, points further away are in no instance")
     ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are in no instance")
-    ground: GroundSettings = GroundSettings()
     hdbscan: HdbscanSettings = HdbscanSettings()
     components: DetectSettings = DetectSettings()
 
@@ -348,7 +363,12 @@ class Settings(_Group):
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {"odometry": {"refine": False, "convergence": 1e-3}},
+    "paper": {
+        "odometry": {"refine": False, "convergence": 1e-3},
+        "candidates": {"method": "erasor"},
+        "instances": {"method": "hdbscan"},
+        "tracking": {"method": "paper"},
+    },
     "default": {},
 }
 

@@ -42,8 +42,8 @@ class Stage:
         """Keep `arrays` under `name`."""
         raise NotImplementedError
 
-    def load(self, name: str) -> dict[str, npt.NDArray]:
-        """Return the arrays saved under `name`."""
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
+        """Return the arrays saved under `name`: those named by `keys`, all where none is named."""
         raise NotImplementedError
 
     def missing(self, names: list[str]) -> list[int]:
@@ -61,8 +61,9 @@ class _MemoryStage(Stage):
     def save(self, name: str, arrays: Arrays) -> None:
         self._groups[name] = dict(arrays)
 
-    def load(self, name: str) -> dict[str, npt.NDArray]:
-        return self._groups[name]
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
+        group = self._groups[name]
+        return {key: group[key] for key in keys or group}
 
 
 class _FolderStage(Stage):
@@ -80,11 +81,11 @@ class _FolderStage(Stage):
         with atomic_path(self._folder / f"{name}.npz") as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
 
-    def load(self, name: str) -> dict[str, npt.NDArray]:
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
         path = self._folder / f"{name}.npz"
         try:
             with np.load(path, allow_pickle=False) as archive:
-                return dict(archive)
+                return {key: archive[key] for key in keys or archive.files}
         except (OSError, ValueError, EOFError, BadZipFile) as error:
             raise InputError(
                 f"{path} is damaged ({error}): delete {self._folder} and run the same command again"

@@ -13,10 +13,10 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+from automos.detections import Detections
 from automos.settings import FollowSettings
 from automos.tracking import filter as kalman
 from automos.tracking.association import assign
-from automos.tracking.detections import Detections
 from automos.tracking.tracker import as_table
 from automos.tracking.tracks import Tracks
 

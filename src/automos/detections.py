@@ -35,6 +35,11 @@ class Detections:
         """(M,) in [0, 1]: moving among the points the evidence speaks of, shrunk to 0.5 where it says little."""
         return (self.n_moving + 1.0) / (self.n_moving + self.n_static + 2.0)
 
+    @staticmethod
+    def columns() -> tuple[str, ...]:
+        """Return the names of the arrays that `to_arrays` gives."""
+        return ("center", "size", "yaw", "score", "n_points", "n_moving", "n_static")
+
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
         counts = {"n_points": self.n_points, "n_moving": self.n_moving, "n_static": self.n_static}

@@ -1,0 +1,85 @@
+"""Segments of one scan as the evidence of motion cuts them (the `default` preset's instances).
+
+The whole non-ground scan is segmented, so that the parts of an object no ray looked through (a roof, the middle of a
+long side) belong to it all the same. A segment of which the evidence speaks with one voice is an object as it is. One
+that holds both what moved and what stayed (a pedestrian beside a wall) is cut: what stayed is taken out and the rest
+is segmented again. What has certainly stayed is no object at all.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.detections import Detections
+from automos.instances.boxes import fit_boxes
+from automos.instances.segments import segment_points
+from automos.settings import DetectSettings
+
+
+def detect_objects(
+    points: npt.NDArray,
+    origin: npt.NDArray,
+    score: npt.NDArray[np.float64],
+    heights: npt.NDArray[np.float32],
+    ray_steps: tuple[float, float],
+    settings: DetectSettings,
+) -> tuple[npt.NDArray[np.int32], Detections]:
+    """Return the segment of each point (N,) int32, -1 for none, and what the evidence says of every segment.
+
+    Parameters
+    ----------
+    points : (N, 3) float32 metres, level frame; neither ground nor ego body.   origin : (3,) the sensor's position.
+    score : (N,) in [0, 1]: has moved, 0.5 unknown.   heights : (N,) metres above the ground.
+    ray_steps : radians between neighbouring rays, up and sideways.
+    """
+    has_moved, has_stayed = score > settings.moved_score, score < settings.stayed_score
+    seen_from = points - origin.astype(np.float32)
+    ranges = np.linalg.norm(seen_from, axis=1)
+    rows, columns = ray_steps
+
+    ids = segment_points(seen_from, heights, ranges, rows, columns, settings.segments)
+    count, moved, stayed, extent = _summarise(ids, points, has_moved, has_stayed)
+    speaks_once = (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
+    is_object = (count >= settings.min_points) & (extent <= settings.max_side) & speaks_once
+    objects = _renumbered(ids, is_object, 0)
+
+    rest = np.flatnonzero((objects < 0) & (ids >= 0) & ~has_stayed)
+    pieces = segment_points(seen_from[rest], heights[rest], ranges[rest], rows, columns, settings.segments)
+    count, moved, _, extent = _summarise(pieces, points[rest], has_moved[rest], has_stayed[rest])
+    is_object_too = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
+    objects[rest] = _renumbered(pieces, is_object_too, int(is_object.sum()))
+
+    n = int(is_object.sum() + is_object_too.sum())
+    inside = objects >= 0
+    counts = [np.bincount(objects[inside], w[inside], n) for w in (np.ones(len(points)), has_moved, has_stayed)]
+    return objects, Detections(fit_boxes(points, objects, np.ones(n)), *counts)
+
+
+def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], first: int) -> npt.NDArray[np.int32]:
+    """Return `ids` with the kept segments numbered first, first + 1, ..., and -1 for the others."""
+    number = np.full(len(is_kept) + 1, -1, np.int32)  # the last entry is for id -1
+    number[:-1][is_kept] = first + np.arange(is_kept.sum())
+    return number[ids]
+
+
+@numba.njit(cache=True, nogil=True)
+def _summarise(ids, points, has_moved, has_stayed):  # type: ignore[no-untyped-def]
+    """Return count, moved, stayed and ground extent (metres) of each segment."""
+    n = 0
+    for i in range(len(ids)):
+        n = max(n, ids[i] + 1)
+    count, moved, stayed = np.zeros(n), np.zeros(n), np.zeros(n)
+    low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
+    for i in range(len(ids)):
+        s = ids[i]
+        if s < 0:
+            continue
+        count[s] += 1
+        moved[s] += has_moved[i]
+        stayed[s] += has_stayed[i]
+        for a in range(2):
+            low[s, a] = min(low[s, a], points[i, a])
+            high[s, a] = max(high[s, a], points[i, a])
+    return count, moved, stayed, np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])

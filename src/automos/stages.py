@@ -1,0 +1,162 @@
+"""The stages as the pipeline runs them: per-scan results in, per-scan results out, each by the method that is set.
+
+Every method of a stage leaves the same arrays, so that methods can be combined freely:
+
+    candidates   score (M,) uint8: 255 has moved, 0 has stayed, 128 unknown;  kind (M,) uint8;  height (M,) metres
+    instances    ids (M,) int32, -1 for none;  boxes and counts of every segment (`Detections`)
+    tracking     tracks and verdicts
+    labels       label (N,) and track (N,), one per point of the user's scan
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates import erasor
+from automos.candidates.free_space import FreeSpace
+from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.ground import fit_ground, is_on_ground
+from automos.detections import Detections
+from automos.instances.detect import detect_objects
+from automos.instances.find import find_instances
+from automos.labels import Label
+from automos.odometry import Trajectory
+from automos.parallel import available_cores, map_in_order
+from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
+from automos.settings import InstancesSettings, Settings
+from automos.tracking.completion import paint_objects
+from automos.tracking.follow import follow_objects
+from automos.tracking.judge import judge_by_evidence
+from automos.tracking.painting import paint_points
+from automos.tracking.tracker import track_objects
+from automos.tracking.tracks import Tracks
+from automos.tracking.verdict import judge_by_trajectory
+from automos.workspace import Arrays, Stage
+
+PerScan = Iterable[tuple[int, Arrays]]
+
+
+# ---------------------------------------------------------------------------------------------------- candidates
+def find_candidates(
+    frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, missing: list[int]
+) -> PerScan:
+    """Yield for each missing scan how each of its points may have moved, and what kind of point it is."""
+    method = {"erasor": _erasor, "free_space": _free_space}[settings.candidates.method]
+    return method(frames, stamps, settings, workers, missing[0])
+
+
+def _erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
+    pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
+    ray_steps = np.array([pattern.row_height, pattern.column_width])
+    for i, score in erasor.find_candidates(frames, settings.candidates.erasor, start):
+        frame = frames[i]
+        points, ground = frame.points_level, settings.candidates.ground
+        surface = fit_ground(points, frame.origin_level, ground)
+        kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
+        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < settings.candidates.erasor.ego_radius] = EGO_BODY
+        height = points[:, 2] - surface.height_at(points)
+        yield i, _candidates(score, kind, height, ray_steps)
+
+
+def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
+    about = settings.candidates
+    space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body)
+    ray_steps = np.array([space.pattern.row_height, space.pattern.column_width])
+    for i, evidence in space.collect(start, workers or available_cores()):
+        yield i, _candidates(1.0 / (1.0 + np.exp(-evidence.net)), evidence.kind, evidence.height, ray_steps)
+
+
+def _candidates(score: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, ray_steps: npt.NDArray) -> Arrays:
+    score = np.round(255.0 * score).astype(np.uint8)
+    return {"score": score, "kind": kind, "height": height.astype(np.float16), "ray_steps": ray_steps}
+
+
+# ----------------------------------------------------------------------------------------------------- instances
+def find_segments(
+    frames: Frames, candidates: Stage, names: list[str], settings: InstancesSettings, workers: int, missing: list[int]
+) -> PerScan:
+    """Yield for each missing scan its segments, their boxes, and how many of their points have moved or stayed."""
+    todo = ((frames[i], candidates.load(names[i])) for i in missing)
+    if settings.method == "hdbscan":  # holds the interpreter's lock
+        found = map_in_order(partial(_hdbscan, settings), todo, workers)
+    else:
+        found = map_in_order(partial(_components, settings), todo, workers, threads=True)
+    return zip(missing, found, strict=True)
+
+
+def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
+    frame, about = task
+    horizontal = np.hypot(frame.points[:, 0], frame.points[:, 1])
+    is_eligible = (about["kind"] == OBJECT) & (horizontal < settings.max_range)
+    is_candidate = (about["score"] > 128).astype(np.float64)
+    instances = find_instances(frame.points_level, is_candidate, is_eligible, settings.hdbscan)
+    ids, n = instances.ids, len(instances.boxes)
+    inside = ids >= 0
+    points, moved = np.bincount(ids[inside], minlength=n), np.bincount(ids[inside], is_candidate[inside], n)
+    return {"ids": ids, **Detections(instances.boxes, points, moved, points - moved).to_arrays()}
+
+
+def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
+    frame, about = task
+    ids = np.full(len(frame.points), -1, np.int32)
+    objects = np.flatnonzero(about["kind"] == OBJECT)
+    ids[objects], found = detect_objects(
+        frame.points_level[objects],
+        frame.origin_level,
+        about["score"][objects] / 255.0,
+        about["height"][objects].astype(np.float32),
+        tuple(about["ray_steps"]),
+        settings.components,
+    )
+    return {"ids": ids, **found.to_arrays()}
+
+
+# ------------------------------------------------------------------------------------------------------ tracking
+def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str], settings: Settings) -> Arrays:
+    """Return the tracks of all objects and the verdict on each."""
+    detections = [Detections.from_arrays(instances.load(name, *Detections.columns())) for name in names]
+    tracking = settings.tracking
+    if tracking.method == "paper":
+        boxes = ((stamp, found.boxes) for stamp, found in zip(trajectory.stamps, detections, strict=True))
+        tracks = track_objects(boxes, tracking)
+        verdicts = judge_by_trajectory(tracks, tracking.verdict)
+    else:
+        tracks = follow_objects(zip(trajectory.stamps, detections, strict=True), tracking.follow)
+        verdicts = judge_by_evidence(tracks, detections, trajectory.stamps, tracking.judge)
+    return {**tracks.to_arrays(), **verdicts.to_arrays()}
+
+
+# -------------------------------------------------------------------------------------------------------- labels
+def paint(
+    frames: Frames,
+    candidates: Stage,
+    instances: Stage,
+    names: list[str],
+    moving: Tracks,
+    settings: Settings,
+    workers: int,
+    missing: list[int],
+) -> PerScan:
+    """Yield for each missing scan the label of every point and the moving track it belongs to.
+
+    moving : the rows of the tracks judged moving.
+    """
+
+    def paint_scan(i: int) -> Arrays:
+        frame, here = frames[i], moving[np.flatnonzero(moving.scan == i)]
+        ids, about = instances.load(names[i])["ids"], candidates.load(names[i])
+        if settings.tracking.method == "paper":
+            label, track = paint_points(frame.points_level, ids, here)
+        else:
+            may_move = (about["kind"] != EGO_BODY) & (about["score"] >= 128)
+            label, track = paint_objects(
+                frame.points_level, ids, about["kind"] == GROUND, may_move, here, settings.tracking.completion
+            )
+            label[about["kind"] == EGO_BODY] = Label.UNLABELED
+        return {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
+
+    return zip(missing, map_in_order(paint_scan, missing, workers, threads=True), strict=True)

@@ -1,0 +1,104 @@
+"""The whole of every moving object: its segment, and what the segment lacks (the `default` preset's painting).
+
+Ground segmentation takes the lowest part of wheels, bumpers and shoes for ground, because at a hand's height above it
+nothing else tells them apart. Around a moving object that is known better: the plane of the ground beside it says what
+stands above it. Where an object was out of sight for a moment, what its box holds is its own unless it has stayed.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.labels import Label
+from automos.settings import CompletionSettings
+from automos.tracking.tracks import Tracks
+
+
+def paint_objects(
+    points: npt.NDArray,
+    ids: npt.NDArray[np.int32],
+    is_ground: npt.NDArray[np.bool_],
+    may_move: npt.NDArray[np.bool_],
+    moving: Tracks,
+    settings: CompletionSettings,
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32]]:
+    """Return the labels of one scan's points and the moving track each belongs to.
+
+    Parameters
+    ----------
+    points : (M, 3) metres, level frame.
+    ids : (M,) segment of each point, -1 for none.
+    is_ground : (M,) points taken for ground.
+    may_move : (M,) points that belong to nothing known to have stayed (ego body excluded).
+    moving : the rows of moving tracks in this scan, observed or predicted.
+
+    Returns
+    -------
+    labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int32, -1 where static.
+    """
+    track_of_segment = np.full(int(ids.max(initial=-1)) + 2, -1, np.int32)
+    seen = moving.is_observed
+    track_of_segment[moving.segment[seen]] = moving.track[seen]
+    track_of = track_of_segment[ids]
+    segment_of_row = np.where(seen, moving.segment, -1)
+    boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
+    _fill(
+        np.asarray(points), ids, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
+        settings.margin, settings.ring, settings.ground_clearance, track_of,
+    )  # fmt: skip
+    return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill(points, ids, is_ground, may_move, boxes, segments, tracks, margin, ring, clearance, track_of):  # type: ignore[no-untyped-def]
+    near = np.empty(len(points), np.int64)
+    for b in range(len(boxes)):
+        center, half, c, s = boxes[b, :3], 0.5 * boxes[b, 3:6], boxes[b, 6], boxes[b, 7]
+        if segments[b] >= 0:  # the segment's own extent is surer than the filtered box
+            low, high = np.full(3, np.inf), np.full(3, -np.inf)
+            for i in range(len(points)):
+                if ids[i] == segments[b]:
+                    u, v = _turned(points[i], center, c, s)
+                    low[0], high[0] = min(low[0], u), max(high[0], u)
+                    low[1], high[1] = min(low[1], v), max(high[1], v)
+                    high[2] = max(high[2], points[i, 2])
+        else:
+            low, high = np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], center[2] + half[2]])
+        reach = np.hypot(max(-low[0], high[0]), max(-low[1], high[1])) + ring + margin
+        n = 0
+        A, rhs = np.zeros((3, 3)), np.zeros(3)
+        for i in range(len(points)):
+            if abs(points[i, 0] - center[0]) > reach or abs(points[i, 1] - center[1]) > reach:
+                continue
+            u, v = _turned(points[i], center, c, s)
+            beyond = max(max(low[0] - u, u - high[0]), max(low[1] - v, v - high[1]))
+            if beyond <= margin:
+                if points[i, 2] <= high[2] + margin:
+                    near[n] = i
+                    n += 1
+            elif beyond <= ring + margin and is_ground[i]:
+                row = np.array([u, v, 1.0])
+                A += np.outer(row, row)
+                rhs += row * (points[i, 2] - center[2])
+        if A[2, 2] < 10.0:  # too little ground beside it to know where it is below
+            plane = np.array([0.0, 0.0, np.inf])
+        else:
+            plane = np.linalg.solve(A + 1e-3 * A[2, 2] * np.diag(np.array([1.0, 1.0, 0.0])), rhs)
+        for k in range(n):
+            i = near[k]
+            if track_of[i] >= 0 or not may_move[i]:
+                continue
+            if is_ground[i] or segments[b] >= 0:
+                u, v = _turned(points[i], center, c, s)
+                if points[i, 2] - center[2] - (plane[0] * u + plane[1] * v + plane[2]) < clearance:
+                    continue
+            track_of[i] = tracks[b]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _turned(point, center, c, s):  # type: ignore[no-untyped-def]
+    """Ground coordinates of a point along and across a box."""
+    dx, dy = point[0] - center[0], point[1] - center[1]
+    return c * dx + s * dy, c * dy - s * dx

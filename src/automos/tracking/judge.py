@@ -1,0 +1,90 @@
+"""Has it moved? What the evidence and the motion of a track say together (the `default` preset's verdict)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.detections import Detections
+from automos.settings import JudgeSettings
+from automos.tracking.tracks import Tracks
+from automos.tracking.verdict import Verdict, Verdicts
+
+
+def judge_by_evidence(
+    tracks: Tracks, detections: Sequence[Detections], stamps: npt.NDArray[np.float64], settings: JudgeSettings
+) -> Verdicts:
+    """Return moving for tracks whose places were seen empty and that went somewhere.
+
+    Static things are seen through too: foliage, edges, thin poles. But only part of their points are, and what is left
+    of them does not travel: their speed is not significant against its own scatter and their path turns back on
+    itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
+    straight; it must have left its place either way.
+    """
+    n = len(tracks)
+    evidence = _rows(tracks, detections)
+    verdict, confidence = np.full(n, Verdict.STATIC, np.int8), np.ones(n)
+    for k in range(n):
+        rows = tracks.rows_of(k)
+        seen = tracks.is_observed[rows]
+        center, points, moved, stayed = (column[rows][seen] for column in evidence)
+        if len(center) < 2:
+            confidence[k] = 0.5
+            continue
+        share = moved.sum() / points.sum()
+        significance, straightness, distance = motion(center[:, :2], stamps[tracks.scan[rows][seen]], settings.noise)
+        is_witnessed = (
+            moved.sum() >= settings.min_moved_points
+            and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
+            and (moved > 0.5 * points).sum() >= settings.min_moved_scans
+        )
+        goes_somewhere = distance > settings.min_distance and (
+            share >= settings.sure_share
+            or (significance >= settings.min_significance and straightness >= settings.min_straightness)
+        )
+        if is_witnessed and goes_somewhere:
+            verdict[k] = Verdict.MOVING
+        confidence[k] = (
+            _confidence(share, significance, settings) if verdict[k] == Verdict.MOVING else 1.0 - 0.5 * share
+        )
+    return Verdicts(verdict, confidence)
+
+
+def motion(
+    center: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64], noise: float
+) -> tuple[float, float, float]:
+    """Return how significant, how straight and how far the motion along `center` (T, 2) was.
+
+    Significance is the speed of a straight line fitted to the centres over its standard error, which counts the
+    scatter about the line and at least `noise` metres; straightness the distance over the length of the path.
+    """
+    steps = np.linalg.norm(np.diff(center, axis=0), axis=1).sum()
+    distance = float(np.linalg.norm(center[-1] - center[0]))
+    t = stamps - stamps.mean()
+    spread = float(t @ t)
+    velocity = t @ center / spread
+    scatter = center - center.mean(axis=0) - t[:, None] * velocity
+    error = np.sqrt(((scatter**2).sum(axis=1).mean() + noise**2) / spread)
+    return float(np.linalg.norm(velocity) / error), distance / max(float(steps), 1e-6), distance
+
+
+def _confidence(share: float, significance: float, settings: JudgeSettings) -> float:
+    by_evidence = share / (share + (1.0 - settings.sure_share))
+    by_motion = significance / (significance + settings.min_significance)
+    return float(1.0 - (1.0 - by_evidence) * (1.0 - by_motion))
+
+
+def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
+    """Return centre (R, 3), points, moved and stayed (R,) of the segment matched in each row; 0 where none was."""
+    center, counts = np.zeros((len(tracks.track), 3)), np.zeros((3, len(tracks.track)))
+    seen = np.flatnonzero(tracks.is_observed)
+    order = seen[np.argsort(tracks.scan[seen], kind="stable")]
+    first = np.searchsorted(tracks.scan[order], np.arange(len(detections) + 1))
+    for scan, found in enumerate(detections):
+        rows = order[first[scan] : first[scan + 1]]
+        segment = tracks.segment[rows]
+        center[rows] = found.boxes.center[segment]
+        counts[:, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
+    return [center, *counts]
