@@ -157,7 +157,7 @@ class SimulatedSequence(Sequence):
     def _T_body_sensor(self) -> Pose:
         rng = np.random.default_rng([self.seed, 5])
         tilt = MOUNT_TILT * rng.standard_normal(2)
-        return transforms(np.array([0.0, 0.0, self.sensor.height, 0.0, *tilt]))
+        return transforms(np.array([self.sensor.forward, 0.0, self.sensor.height, 0.0, *tilt]))
 
     def _T_site_sensor(self, time: npt.ArrayLike) -> Array:
         return self.world.ego.at(time) @ self._T_body_sensor

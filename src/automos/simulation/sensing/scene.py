@@ -21,6 +21,8 @@ EGO = -1
 """Object id of the ego vehicle's own body."""
 WHOLE_PANE = 0.8
 """How far a pane behaves as a whole (1) or beam by beam (0)."""
+PANE_DIMS = 0.5
+"""Share of an echo that comes back through a pane, both ways together."""
 _BEHIND_PANE = 0.02
 """Metres behind a pane where a beam that passed it starts again."""
 _MAX_PANES = 4
@@ -114,24 +116,27 @@ class Scene:
         is_pane = self._passed[face] > 0
         own = 1.0 - WHOLE_PANE * is_pane
         chance = own * chance[found] + (1.0 - own) * self._luck[face]
-        face, distance = self._through_panes(origin, direction, best, found, face, distance, chance)
-        kept = face >= 0
-        found, face, distance, chance = found[kept], face[kept], distance[kept], chance[kept]
+        face, distance, dimmed = self._through_panes(origin, direction, best, found, face, distance, chance)
         at = found if rows is None else rows[found]
-        hits.distance[at] = distance
+        hits.tint[at] *= dimmed  # where it goes on to something behind this scene
+        kept = face >= 0
+        at, found, face, chance = at[kept], found[kept], face[kept], chance[kept]
+        hits.distance[at] = distance[kept]
         hits.material[at] = self._material[face]
-        hits.tint[at] = self._tint[face]
+        hits.tint[at] = self._tint[face] * dimmed[kept]
         hits.cosine[at] = np.abs(np.einsum("ij,ij->i", self._normal[face], direction[found]))
         hits.object[at] = self._owner[face]
         hits.lost[at] = chance < self._lost[face]
 
     def _through_panes(self, origin, direction, best, found, face, distance, chance):  # type: ignore[no-untyped-def]
-        """Return face and distance with the beams that pass panes followed to what is behind them."""
+        """Return face, distance and dimming with the beams that pass panes followed to what is behind them."""
+        dimmed = np.ones(len(found), np.float32)
         for _ in range(_MAX_PANES):
             lost, passed = self._lost[face], self._passed[face]
             goes_on = np.flatnonzero((face >= 0) & (chance >= lost) & (chance < lost + passed))
             if len(goes_on) == 0:
                 break
+            dimmed[goes_on] *= PANE_DIMS
             chance[goes_on] = (chance[goes_on] - lost[goes_on]) / passed[goes_on]
             rays = found[goes_on]
             start = distance[goes_on] + np.float32(_BEHIND_PANE)
@@ -139,4 +144,4 @@ class Scene:
             next_face, further = self.first(origin[rays] + start[:, None] * direction[rays], direction[rays], left)
             face[goes_on] = next_face
             distance[goes_on] = start + further
-        return face, distance
+        return face, distance, dimmed

@@ -37,6 +37,7 @@ class Sensor:
     ring_bias : metres, standard deviation of the beams' constant range errors left by calibration.
     divergence : radians, full angle of a beam.
     height : metres above the ground where it is usually mounted.
+    forward : metres ahead of the vehicle's middle.
     organised : missing returns are kept as points at the origin, beam by beam.
     levels : steps of its intensity scale.
     rosette : (width, height) of the field of view in degrees, for a sensor that does not spin; else None.
@@ -53,6 +54,7 @@ class Sensor:
     ring_bias: float = 0.005
     divergence: float = 0.003
     height: float = 1.8
+    forward: float = 0.0
     turn: int = -1
     stagger: tuple[float, ...] = (0.0,)
     organised: bool = False
@@ -228,7 +230,8 @@ _SENSORS = [
         max_range=450.0,
         min_range=1.0,
         noise=0.012,
-        height=1.6,
+        height=1.65,
+        forward=0.9,
         divergence=0.003,
         rosette=(70.4, 76.2),
     ),

@@ -87,12 +87,14 @@ _CREW_TYPES = {"path": np.int64, "on_foot": np.bool_}
 
 
 class _Now(NamedTuple):
-    """One row of a `Drive`."""
+    """One row of a `Drive`, and where in the plane that puts the agents."""
 
     s: Array
     v: Array
     side: Array
     present: npt.NDArray[np.bool_]
+    x: Array
+    y: Array
 
 
 def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
@@ -137,7 +139,9 @@ def _drive(lines, crew, lights, s, v, side, present):  # type: ignore[no-untyped
         present[0, a] = crew.enter[a] <= 0.0
     for t in range(1, n_steps):
         time = t * DT
-        now = _Now(s[t - 1], v[t - 1], side[t - 1], present[t - 1])
+        now = _Now(s[t - 1], v[t - 1], side[t - 1], present[t - 1], np.empty(n_agents), np.empty(n_agents))
+        for a in range(n_agents):
+            now.x[a], now.y[a], _ = _place(lines, crew.path[a], now.s[a], now.side[a])
         s[t], v[t], side[t], present[t] = now.s, now.v, now.side, now.present
         for a in range(n_agents):
             if not now.present[a]:
@@ -221,8 +225,7 @@ def _gap_ahead(a, lines, crew, now, from_, horizon, follows):  # type: ignore[no
     for b in range(len(now.s)):
         if b == a or not now.present[b] or (follows[b] == a and a < b):
             continue
-        x, y, _ = _place(lines, crew.path[b], now.s[b], now.side[b])
-        if np.hypot(x - x0, y - y0) > horizon + crew.front[b] + crew.rear[b] + crew.rear[a]:
+        if np.hypot(now.x[b] - x0, now.y[b] - y0) > horizon + crew.front[b] + crew.rear[b] + crew.rear[a]:
             continue
         reach = 0.5 * (crew.width[a] + crew.width[b]) + SIDE_GAP
         for d in range(_n_discs(b, crew)):
@@ -261,9 +264,9 @@ def _is_somebody_coming(a, lines, crew, now):  # type: ignore[no-untyped-def]
     for b in range(len(now.s)):
         if b == a or not now.present[b] or crew.on_foot[b] or now.v[b] < 1.0:
             continue
-        bx, by, bh = _place(lines, crew.path[b], now.s[b], now.side[b])
-        ahead = (bx - x) * np.cos(h) + (by - y) * np.sin(h)
-        beside = abs((by - y) * np.cos(h) - (bx - x) * np.sin(h))
+        _, _, bh = _place(lines, crew.path[b], now.s[b], now.side[b])
+        dx, dy = now.x[b] - x, now.y[b] - y
+        ahead, beside = dx * np.cos(h) + dy * np.sin(h), abs(dy * np.cos(h) - dx * np.sin(h))
         is_near = -3.0 * now.v[b] - 8.0 < ahead < 8.0 + crew.rear[b]
         if np.cos(bh - h) > 0.5 and beside < 5.0 and is_near:
             return True
@@ -278,8 +281,7 @@ def _sidestep(a, lines, crew, now):  # type: ignore[no-untyped-def]
     for b in range(len(now.s)):
         if b == a or not now.present[b]:
             continue
-        bx, by, _ = _place(lines, crew.path[b], now.s[b], now.side[b])
-        if np.hypot(bx - x, by - y) > 4.0 + crew.front[b] + crew.rear[b]:
+        if np.hypot(now.x[b] - x, now.y[b] - y) > 4.0 + crew.front[b] + crew.rear[b]:
             continue
         half = 0.5 * crew.width[b]
         room = half + 0.5 * crew.width[a] + 0.2
