@@ -14,7 +14,7 @@ import automos
 SOURCE = Path(__file__).parents[1] / "src" / "automos"
 FILES = sorted(SOURCE.rglob("*.py"))
 
-BASE = {"labels", "scan", "geometry", "settings", "errors", "atomic"}
+BASE = {"labels", "scan", "geometry", "settings", "errors", "atomic", "detections"}
 STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
 MAY_IMPORT = {
     **dict.fromkeys(BASE, BASE),

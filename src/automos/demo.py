@@ -15,7 +15,7 @@ from automos.odometry.frames import SequenceFrames
 from automos.pipeline import Result, label
 from automos.scan import ArraySequence, Scan, Sequence
 from automos.settings import Settings
-from automos.simulation import simulate
+from automos.simulation import SimulatedSequence, simulate
 from automos.tracking.verdict import Verdict
 from automos.visualization.topdown import View, draw_views
 
@@ -49,7 +49,7 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     return Demo(scores, picture, report)
 
 
-def _record(world: Sequence, progress: Callable[[str, int, int], None]) -> tuple[list[Scan], list[np.ndarray]]:
+def _record(world: SimulatedSequence, progress: Callable[[str, int, int], None]) -> tuple[list[Scan], list[np.ndarray]]:
     scans, truth = [], []
     for i in range(len(world)):
         scans.append(world[i])
@@ -65,7 +65,7 @@ def _draw(recording: Sequence, result: Result, truth: list[np.ndarray], picture:
         frame = frames[i]
         views.append(View(f"scan {i}", frame.points_level, result.labels(i)[frame.kept], truth[i][frame.kept]))
     is_moving = result.verdicts.verdict == Verdict.MOVING
-    tracks = [result.tracks.center[result.tracks.rows_of(k)] for k in np.flatnonzero(is_moving)]
+    tracks = [result.tracks.center[result.tracks.rows_of(k)] for k in np.flatnonzero(is_moving).tolist()]
     center = result.trajectory.T_level_sensor[SCANS // 2, :2, 3]
     draw_views(views, picture, center, RADIUS, tracks, columns=2)
 

@@ -129,7 +129,7 @@ class ArraySequence(Sequence):
         self.name = name
         self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
         if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
-            stamps = [s.stamp for s in self._scans]  # type: ignore[misc]
+            stamps = np.array([s.stamp for s in self._scans], np.float64)
         self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
         self._is_compensated = is_compensated
         if self._stamps is not None and self._stamps.shape != (len(self._scans),):

@@ -96,7 +96,8 @@ def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
     instances = find_instances(frame.points_level, is_candidate, is_eligible, settings.hdbscan)
     ids, n = instances.ids, len(instances.boxes)
     inside = ids >= 0
-    points, moved = np.bincount(ids[inside], minlength=n), np.bincount(ids[inside], is_candidate[inside], n)
+    points = np.bincount(ids[inside], minlength=n).astype(np.float64)
+    moved = np.bincount(ids[inside], is_candidate[inside], n).astype(np.float64)
     return {"ids": ids, **Detections(instances.boxes, points, moved, points - moved).to_arrays()}
 
 

@@ -79,7 +79,7 @@ class _FolderStage(Stage):
 
     def save(self, name: str, arrays: Arrays) -> None:
         with atomic_path(self._folder / f"{name}.npz") as temporary, temporary.open("wb") as file:
-            np.savez(file, **arrays)
+            np.savez(file, **dict(arrays))  # type: ignore[arg-type]
 
     def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
         path = self._folder / f"{name}.npz"

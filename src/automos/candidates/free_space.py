@@ -23,7 +23,7 @@ from automos.candidates.free_space_vote import look_through
 from automos.candidates.free_space_weigh import sum_votes, weigh_looks
 from automos.candidates.ground import fit_ground, is_on_ground
 from automos.geometry import inverse
-from automos.scan import EGO_BODY, GROUND, OBJECT, Frames, Points
+from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
 from automos.settings import EgoBodySettings, FreeSpaceSettings, GroundSettings
 
 _PATTERN_SCANS = 5
@@ -55,7 +55,7 @@ class _Seen:
 
     kind: npt.NDArray[np.uint8]
     height: npt.NDArray[np.float32]
-    objects: Points
+    objects: npt.NDArray[np.float32]  # (3, K) metres, sensor frame
     image: RangeImage
     motion: npt.NDArray[np.float32]
 
@@ -145,12 +145,13 @@ class FreeSpace:
         height = points[:, 2] - ground.height_at(points)
         knows_motion = frame.sweep_motion is not None and frame.sweep_time is not None
         motion = np.asarray(frame.sweep_motion if knows_motion else np.zeros(6), np.float32)
-        return _Seen(kind, height, frame.points[kind == OBJECT], image, motion)
+        return _Seen(kind, height, np.ascontiguousarray(frame.points[kind == OBJECT].T), image, motion)
 
     def _ask(self, index: int, mine: _Seen, others: dict[int, _Seen]) -> Evidence:
         """Return what the scans in `others` say about frame `index`."""
-        n, ids = len(mine.objects), np.arange(len(mine.objects))
-        own_ranges = np.linalg.norm(mine.objects, axis=1)
+        n = mine.objects.shape[1]
+        ids = np.arange(n)
+        own_ranges = np.linalg.norm(mine.objects, axis=0)
         heights = mine.height[mine.kind == OBJECT]
         order = sorted(others)
         votes = np.zeros((len(order), n), np.float32)
@@ -193,7 +194,7 @@ class FreeSpace:
         s = self.settings
         T = (self._T_sensor_level[other_index] @ self.frames.T_level_sensor[index])[:3].astype(np.float32)
         tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
-        points = mine.objects if len(ids) == len(mine.objects) else mine.objects[ids]
+        points = mine.objects if len(ids) == mine.objects.shape[1] else mine.objects[:, ids]
         codes, ranges = np.empty(len(ids), np.uint8), np.empty(len(ids), np.float32)
         look_through(points, T, other.motion, self.pattern, self.pyramid, other.image, tolerances, codes, ranges)
         weigh_looks(codes, ranges, own_ranges, heights, np.float32(self.pattern.row_height), s.weak_weight, ids, votes)

@@ -19,6 +19,7 @@ from automos.geometry import se3_exp
 from automos.scan import Frame, Points
 
 _SINE_BINS = 4096
+_MIN_POINTS = 100
 _TIME_BINS = 360
 _MICRO_ROW = np.radians(0.05)
 _ELEVATION_BIN = np.radians(0.25)
@@ -84,13 +85,21 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
-    """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough)."""
+    """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
+
+    Frames of hardly a point show none; where all are like that, rows and columns are half a degree apart.
+    """
     azimuths, elevations, times = [], [], []
     for frame in frames:
+        if len(frame.points) < _MIN_POINTS:
+            continue
         points = raw_points(frame).astype(np.float64)
         azimuths.append(np.arctan2(points[:, 1], points[:, 0]))
         elevations.append(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
         times.append(frame.sweep_time)
+    if not azimuths:
+        half_degree = np.radians(0.5)
+        return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
     step = _azimuth_step(azimuths, elevations)
     density, edges = _row_density(azimuths, elevations, step)  # rows per bin, for one ray per row and azimuth step
     if step is None:  # no beam repeats: square cells, one ray in each

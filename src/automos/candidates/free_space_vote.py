@@ -51,27 +51,38 @@ def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _aim(points, start, stop, T, motion, pattern, row, column, ranges):  # type: ignore[no-untyped-def]
-    """Write where on the other scan's grid points `start` to `stop` lie, and their range: no branches here."""
-    sweep_time, row_of_sine = pattern.sweep_time, pattern.row_of_sine
-    n_times, n_columns = np.float32(len(sweep_time)), np.float32(pattern.n_columns)
-    half = np.float32((len(row_of_sine) - 1) / 2)
-    one, tiny = np.float32(1.0), np.float32(1e-6)
-    vx, vy, vz, wx, wy, wz = motion
-    for i in range(stop - start):
-        px, py, pz = points[start + i, 0], points[start + i, 1], points[start + i, 2]
-        x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
-        y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
-        z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
-        # Back to where the sensor was when it looked that way.
-        s = sweep_time[int(rough_turn_of(x, y) * n_times)]
+def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type: ignore[no-untyped-def]
+    """Write row, column and range on the other scan's grid of `n` points from `start` on.
+
+    Loops of plain arithmetic apart from loops of table look-ups, so that the compiler makes vector code of the former.
+    """
+    T00, T01, T02, T03 = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
+    T10, T11, T12, T13 = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
+    T20, T21, T22, T23 = T[2, 0], T[2, 1], T[2, 2], T[2, 3]
+    vx, vy, vz, wx, wy, wz = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
+    xs, ys, zs, ranges, rows = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
+    px, py, pz = points[0], points[1], points[2]
+    n_times, n_columns = np.float32(len(pattern.sweep_time)), np.float32(pattern.n_columns)
+    half = np.float32((len(pattern.row_of_sine) - 1) / 2)
+    for i in range(n):
+        a, b, c = px[start + i], py[start + i], pz[start + i]
+        x = T00 * a + T01 * b + T02 * c + T03
+        y = T10 * a + T11 * b + T12 * c + T13
+        xs[i], ys[i], zs[i] = x, y, T20 * a + T21 * b + T22 * c + T23
+        bins[i] = np.int32(rough_turn_of(x, y) * n_times)
+    for i in range(n):
+        ranges[i] = pattern.sweep_time[np.uint32(bins[i])]
+    for i in range(n):  # back to where the sensor was when it looked that way
+        s, x, y, z = ranges[i], xs[i], ys[i], zs[i]
         nx = x - s * (vx + wy * z - wz * y)
         ny = y - s * (vy + wz * x - wx * z)
         nz = z - s * (vz + wx * y - wy * x)
         r = np.sqrt(nx * nx + ny * ny + nz * nz)
-        row[i] = row_of_sine[int((nz / max(r, tiny) + one) * half)]
-        column[i] = int(turn_of(nx, ny) * n_columns)
         ranges[i] = r
+        bins[i] = np.int32((nz / max(r, np.float32(1e-6)) + np.float32(1.0)) * half)
+        columns[i] = np.int32(turn_of(nx, ny) * n_columns)
+    for i in range(n):
+        rows[i] = pattern.row_of_sine[np.uint32(bins[i])]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -80,7 +91,7 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
 
     Parameters
     ----------
-    points : (K, 3) float32.
+    points : (3, K) float32, contiguous.
     T : (3, 4) float32, from their frame to the image's sensor at mid-sweep.
     motion : (6,) float32, of the image's sensor during its sweep; zeros where unknown.
     pattern, pyramid, image : of the other scan.
@@ -89,12 +100,14 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
     h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
-    rows, columns = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.int32)
-    for start in range(0, len(points), _BLOCK):
-        stop = min(start + _BLOCK, len(points))
-        _aim(points, start, stop, T, motion, pattern, rows, columns, ranges[start:stop])
+    buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    n_points = points.shape[1]
+    for start in range(0, n_points, _BLOCK):
+        stop = min(start + _BLOCK, n_points)
+        _aim(points, start, stop - start, T, motion, pattern, buffers, bins, columns)
         for i in range(start, stop):
-            r, row, u = ranges[i], rows[i - start], columns[i - start]
+            r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
+            ranges[i] = r
             codes[i] = UNSEEN
             if r < np.float32(1.0) or row < np.float32(0.0) or row >= h:
                 continue

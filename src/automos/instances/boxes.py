@@ -1,8 +1,8 @@
 """Upright boxes around segments: centre, heading, length, width, height, score (paper III-C).
 
 The heading is the angle at which the visible points lie closest to two sides of their rectangle (the closeness
-criterion of Zhang, Xu, Dong and Dolan, "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners", IV 2017):
-a LiDAR sees one or two faces of an object, and a principal axis of an L is neither of its arms.
+criterion of Zhang, Xu, Dong and Dolan, "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners",
+IV 2017): a LiDAR sees one or two faces of an object, and a principal axis of an L is neither of its arms.
 """
 
 from __future__ import annotations

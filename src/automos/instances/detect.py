@@ -53,8 +53,9 @@ def detect_objects(
 
     n = int(is_object.sum() + is_object_too.sum())
     inside = objects >= 0
-    counts = [np.bincount(objects[inside], w[inside], n) for w in (np.ones(len(points)), has_moved, has_stayed)]
-    return objects, Detections(fit_boxes(points, objects, np.ones(n)), *counts)
+    sums = (np.bincount(objects[inside], w[inside], n) for w in (np.ones(len(points)), has_moved, has_stayed))
+    points_of, moved_of, stayed_of = (total.astype(np.float64) for total in sums)
+    return objects, Detections(fit_boxes(points, objects, np.ones(n)), points_of, moved_of, stayed_of)
 
 
 def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], first: int) -> npt.NDArray[np.int32]:

@@ -105,11 +105,12 @@ def choose_segments(
         keep[level] &= ~is_split
         best[level] = np.where(is_split, children, best[level])
 
-    ids, scores, is_open = np.full(n, -1, np.int32), [], np.ones(n, bool)
+    ids, is_open = np.full(n, -1, np.int32), np.ones(n, bool)
+    scores: list[npt.NDArray[np.float64]] = []
     for level in range(n_levels):
         taken = is_open & keep[level][nested[level]]
         present, rank = np.unique(nested[level][taken], return_inverse=True)
-        ids[taken] = sum(map(len, scores)) + rank
+        ids[taken] = sum(len(part) for part in scores) + rank
         scores.append(summaries[level][1][present])
         is_open &= ~taken
     return ids, np.concatenate(scores)

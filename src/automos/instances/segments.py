@@ -23,7 +23,6 @@ def segment_points(
     row_height: float,
     column_width: float,
     settings: SegmentSettings,
-    barrier: npt.NDArray | None = None,
 ) -> npt.NDArray[np.int32]:
     """Return (M,) int32 segment ids, 0, 1, 2 ... in the order of their first point; -1 beyond the range looked at.
 
@@ -36,13 +35,10 @@ def segment_points(
     """
     n = 2 * int(np.ceil(settings.max_range / settings.cell))
     ids = np.full(len(points), -1, np.int32)
-    if barrier is None:
-        barrier = np.zeros(len(points), np.int8)
     _segment(
         points,
         heights,
         ranges,
-        barrier,
         np.float32(settings.cell),
         n,
         np.float32(settings.height_bin),
@@ -64,9 +60,9 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _segment(
-    points, heights, ranges, barrier, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, ids
-):  # type: ignore[no-untyped-def]
+def _segment(  # type: ignore[no-untyped-def]
+    points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, ids
+):
     # Which height bins of which cells hold points.
     m = len(points)
     cell_of = np.full(m, -1, np.int32)

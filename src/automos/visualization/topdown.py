@@ -46,7 +46,7 @@ class View:
 def draw_views(
     views: list[View],
     path: Path,
-    center: npt.ArrayLike,
+    center: npt.NDArray,
     radius: float,
     tracks: list[npt.NDArray] | None = None,
     columns: int = 3,
