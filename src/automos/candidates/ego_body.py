@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from automos.candidates.free_space_pattern import BeamPattern, raw_points
+from automos.candidates.free_space_pattern import BeamPattern, raw_points, turn_of
 from automos.candidates.ground import segment_ground
-from automos.scan import Frame, Frames, Mask
+from automos.scan import Frame, Frames, Mask, Points
 from automos.settings import EgoBodySettings, GroundSettings
 
 _SECTORS = 90
@@ -36,11 +36,11 @@ class EgoBody:
     reach: npt.NDArray[np.float32]
     pattern: BeamPattern
 
-    def covers(self, frame: Frame) -> Mask:
-        """Return (M,) bool: which of the frame's points lie on the body."""
-        is_body = np.zeros(len(frame.points), np.bool_)
+    def covers(self, points: Points) -> Mask:
+        """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body."""
+        is_body = np.zeros(len(points), np.bool_)
         if self.reach.any():
-            _within_reach(raw_points(frame), self.pattern.row_of_sine, self.reach, is_body)
+            _within_reach(points, self.pattern.row_of_sine, self.reach, is_body)
         return is_body
 
 
@@ -93,9 +93,9 @@ def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 def _cell(x, y, z, row_of_sine, h, w):  # type: ignore[no-untyped-def]
     """Range, row (-1 outside the pattern) and column of a point."""
     r = np.sqrt(x * x + y * y + z * z)
-    row = row_of_sine[int((z / r + 1.0) * ((len(row_of_sine) - 1) / 2))]
+    row = row_of_sine[int((z / r + np.float32(1.0)) * np.float32((len(row_of_sine) - 1) / 2))]
     v = int(row) if 0.0 <= row < h else -1
-    return r, v, int((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * w) % w
+    return r, v, int(turn_of(x, y) * np.float32(w))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -111,7 +111,7 @@ def _nearest_ground(points, up, is_ground, ground_from):  # type: ignore[no-unty
     for i in range(len(points)):
         if is_ground[i]:
             x, y, z = points[i, 0], points[i, 1], points[i, 2]
-            j = int((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * len(ground_from)) % len(ground_from)
+            j = int(turn_of(x, y) * np.float32(len(ground_from)))
             ground_from[j] = min(ground_from[j], _level_distance(x, y, z, up))
 
 
@@ -156,6 +156,9 @@ def _find_constant(ranges, tolerance, min_share, reach):  # type: ignore[no-unty
 @numba.njit(cache=True, nogil=True)
 def _within_reach(points, row_of_sine, reach, is_body):  # type: ignore[no-untyped-def]
     h, w = reach.shape
+    farthest = reach.max()
     for i in range(len(points)):
-        r, v, u = _cell(points[i, 0], points[i, 1], points[i, 2], row_of_sine, h, w)
-        is_body[i] = v >= 0 and r < reach[v, u]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        if x * x + y * y + z * z < farthest * farthest:
+            r, v, u = _cell(x, y, z, row_of_sine, h, w)
+            is_body[i] = v >= 0 and r < reach[v, u]

@@ -20,7 +20,7 @@ from automos.candidates.ego_body import EgoBody, find_ego_body
 from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points
 from automos.candidates.free_space_vote import look_through
-from automos.candidates.free_space_weigh import sum_votes, weigh_looks
+from automos.candidates.free_space_weigh import find_open, sum_votes, weigh_looks
 from automos.candidates.ground import fit_ground, is_on_ground
 from automos.geometry import inverse
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
@@ -139,9 +139,10 @@ class FreeSpace:
         points = frame.points_level
         ground = fit_ground(points, frame.origin_level, self.ground)
         is_ground = is_on_ground(points, frame.origin_level, ground, self.ground)
-        is_body = self.body.covers(frame)
-        kind = np.where(is_body, EGO_BODY, np.where(is_ground, GROUND, OBJECT)).astype(np.uint8)
-        image = make_image(raw_points(frame)[~is_body], is_ground[~is_body], self.pattern, self.pyramid)
+        raw = raw_points(frame)
+        kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
+        kind[self.body.covers(raw)] = EGO_BODY
+        image = make_image(raw, kind, self.pattern, self.pyramid)
         height = points[:, 2] - ground.height_at(points)
         knows_motion = frame.sweep_motion is not None and frame.sweep_time is not None
         motion = np.asarray(frame.sweep_motion if knows_motion else np.zeros(6), np.float32)
@@ -154,17 +155,16 @@ class FreeSpace:
         own_ranges = np.linalg.norm(mine.objects, axis=0)
         heights = mine.height[mine.kind == OBJECT]
         order = sorted(others)
-        votes = np.zeros((len(order), n), np.float32)
+        votes = np.zeros((len(order), n), np.int8)
         first = self._first_asked(index, order)
         for k in np.flatnonzero(first):
             self._add_votes(index, mine, ids, own_ranges, heights, order[k], others[order[k]], votes[k])
         # Most points are hit by all who see them: the others need not be asked about those.
-        is_open = (votes > 0.0).any(axis=0) | ((votes < 0.0).sum(axis=0) < self.settings.sure_hits)
-        ids = np.flatnonzero(is_open)
+        ids = find_open(votes, first, self.settings.sure_hits)
         for k in np.flatnonzero(~first):
             self._add_votes(index, mine, ids, own_ranges, heights, order[k], others[order[k]], votes[k])
 
-        net, through, hits = np.zeros(n, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+        net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
         sum_votes(votes, int(np.searchsorted(order, index)), self.settings.stay_weight, net, through, hits)
         is_object = mine.kind == OBJECT
         net, through, hits = (_scatter(values, is_object) for values in (net, through, hits))
@@ -188,7 +188,7 @@ class FreeSpace:
         heights: npt.NDArray,
         other_index: int,
         other: _Seen,
-        votes: npt.NDArray[np.float32],
+        votes: npt.NDArray[np.int8],
     ) -> None:
         """Write into `votes` (K,) what scan `other_index` says about the points `ids` of scan `index`."""
         s = self.settings

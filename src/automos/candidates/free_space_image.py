@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_pattern import BeamPattern, turn_of
-from automos.scan import Mask, Points
+from automos.scan import EGO_BODY, OBJECT, Points
 
 UNIT = 0.01
 """Metres per step of the stored ranges."""
@@ -67,13 +67,16 @@ def pyramid_shape(pattern: BeamPattern) -> PyramidShape:
     return PyramidShape(shifts, shapes, offsets, widths.astype(np.float32))
 
 
-def make_image(points: Points, is_ground: Mask, pattern: BeamPattern, pyramid: PyramidShape) -> RangeImage:
-    """Return the range image of `points` (M, 3), sensor frame of the raw sweep; ground is transparent to `clear`."""
+def make_image(points: Points, kind: npt.NDArray[np.uint8], pattern: BeamPattern, pyramid: PyramidShape) -> RangeImage:
+    """Return the range image of `points` (M, 3), sensor frame of the raw sweep, of `kind` (M,).
+
+    Ground is transparent to `clear`; the ego body is not seen at all.
+    """
     h, w = pattern.n_rows, pattern.n_columns
     rays = np.empty((h, w, 2), np.uint16)
     rays[..., 0], rays[..., 1] = _NONE, 0
     solid = np.full((h, w), _NONE, np.uint16)
-    _project(points, is_ground, pattern.row_of_sine, rays, solid)
+    _project(points, kind, pattern.row_of_sine, rays, solid)
     around = np.empty_like(rays)
     _window(rays, around)
     clear = np.empty(pyramid.offsets[-1], np.uint16)
@@ -88,10 +91,12 @@ def make_image(points: Points, is_ground: Mask, pattern: BeamPattern, pyramid: P
 
 
 @numba.njit(cache=True, nogil=True)
-def _project(points, is_ground, row_of_sine, rays, solid):  # type: ignore[no-untyped-def]
+def _project(points, kind, row_of_sine, rays, solid):  # type: ignore[no-untyped-def]
     h, w = solid.shape
     half = np.float32((len(row_of_sine) - 1) / 2)
     for i in range(len(points)):
+        if kind[i] == EGO_BODY:
+            continue
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y + z * z)
         row = row_of_sine[int((z / r + np.float32(1.0)) * half)]
@@ -101,7 +106,7 @@ def _project(points, is_ground, row_of_sine, rays, solid):  # type: ignore[no-un
         q = np.uint16(min(r * np.float32(1.0 / UNIT), np.float32(_NONE - 1)))
         rays[v, u, 0] = min(rays[v, u, 0], q)
         rays[v, u, 1] = max(rays[v, u, 1], q)
-        if not is_ground[i]:
+        if kind[i] == OBJECT:
             solid[v, u] = min(solid[v, u], q)
 
 

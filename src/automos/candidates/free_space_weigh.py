@@ -8,13 +8,17 @@ foliage, edges and grazing surfaces let through now and then never adds up, whil
 from __future__ import annotations
 
 import numba
+import numpy as np
 
 from automos.candidates.free_space_vote import HIT, THROUGH, WEAK
+
+ONE = 64
+"""A whole vote: votes are kept as int8 in fractions of it, because there are many."""
 
 
 @numba.njit(cache=True, nogil=True)
 def weigh_looks(codes, ranges, own_ranges, heights, row_height, weak_weight, ids, votes):  # type: ignore[no-untyped-def]
-    """Write one scan's say on each point as a vote: -1 for a hit, up to 1 for a see-through, 0 for nothing.
+    """Write one scan's say on each point as a vote: -ONE for a hit, up to ONE for a see-through, 0 for nothing.
 
     A see-through weighs less where the other scan looked from more than twice as far (its rays are sparser than the
     point's own), and where the point is lower above the ground than two of the other scan's rows (a ray that grazed the
@@ -27,12 +31,12 @@ def weigh_looks(codes, ranges, own_ranges, heights, row_height, weak_weight, ids
     row_height : radians between the sensor's rows.
     weak_weight : of a weak see-through.
     ids : (J,) which points were asked about.
-    votes : (K,) float32, written at `ids`.
+    votes : (K,) int8, written at `ids`.
     """
     for j in range(len(ids)):
         i = ids[j]
         if codes[j] == HIT:
-            votes[i] = -1.0
+            votes[i] = -ONE
         elif codes[j] == THROUGH or codes[j] == WEAK:
             ratio = ranges[j] / max(own_ranges[i], 1.0)
             vote = min(1.0, 2.0 / max(ratio, 1e-3))
@@ -40,7 +44,24 @@ def weigh_looks(codes, ranges, own_ranges, heights, row_height, weak_weight, ids
                 vote *= min(max(0.5 * heights[i] / max(row_height * ranges[j], 1e-3), 0.0), 1.0)
             if codes[j] == WEAK:
                 vote *= weak_weight * min(max((ratio - 0.4) / 0.4, 0.0), 1.0)
-            votes[i] = vote
+            votes[i] = np.int8(ONE * vote + 0.5)
+
+
+@numba.njit(cache=True, nogil=True)
+def find_open(votes, is_asked, sure_hits):  # type: ignore[no-untyped-def]
+    """Return the ids (J,) of the points that those asked do not agree to have hit.
+
+    votes : (P, K) int8.   is_asked : (P,) which rows hold votes.   sure_hits : how many hits are enough.
+    """
+    n_scans, n = votes.shape
+    is_through = np.zeros(n, np.bool_)
+    n_hits = np.zeros(n, np.uint8)
+    for k in range(n_scans):
+        if is_asked[k]:
+            for i in range(n):
+                is_through[i] |= votes[k, i] > 0
+                n_hits[i] += votes[k, i] < 0
+    return np.flatnonzero(is_through | (n_hits < sure_hits))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -49,23 +70,28 @@ def sum_votes(votes, n_before, stay_weight, net, through, hits):  # type: ignore
 
     Parameters
     ----------
-    votes : (P, K) float32 of `weigh_looks`, scans in time order.
+    votes : (P, K) int8 of `weigh_looks`, scans in time order.
     n_before : how many of them are from before the points' own scan.
     stay_weight : what a hit costs while the thing was there; 1 more when it was away.
     net, through, hits : (K,) float32, uint8, uint8, written: the sum, and how many scans saw through and hit.
     """
     n_scans, n = votes.shape
+    running, best = np.zeros(n, np.int16), np.zeros(n, np.int16)
+    through[:] = 0
+    hits[:] = 0
+    net[:] = 0.0
+    for side in range(2):
+        running[:] = 0
+        best[:] = 0
+        first, last, step = (0, n_before, 1) if side == 0 else (n_scans - 1, n_before - 1, -1)
+        for k in range(first, last, step):
+            for i in range(n):
+                vote = votes[k, i]
+                running[i] += vote
+                best[i] = max(best[i], running[i])
+                through[i] += vote > 0
+                hits[i] += vote < 0
+        for i in range(n):
+            net[i] += best[i]
     for i in range(n):
-        came, left, best_came, best_left = 0.0, 0.0, 0.0, 0.0
-        n_through, n_hits = 0, 0
-        for k in range(n_before):
-            came += votes[k, i]
-            best_came = max(best_came, came)
-        for k in range(n_scans - 1, n_before - 1, -1):
-            left += votes[k, i]
-            best_left = max(best_left, left)
-        for k in range(n_scans):
-            n_through += votes[k, i] > 0.0
-            n_hits += votes[k, i] < 0.0
-        net[i] = best_came + best_left - stay_weight * n_hits
-        through[i], hits[i] = n_through, n_hits
+        net[i] = net[i] / ONE - stay_weight * hits[i]
