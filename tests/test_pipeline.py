@@ -1,5 +1,7 @@
 """The whole method on a tiny world: what must not change a label, what must change one, what is made again."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,23 +12,32 @@ from automos.geometry import make_transform
 from automos.labels import Label
 from automos.pipeline import Result, label, stage_keys
 from automos.scan import ArraySequence, Scan
-from automos.settings import load_settings
+from automos.settings import Settings, load_settings
 from automos.tracking.verdict import Verdict
 from automos.workspace import Workspace
 
-PAPER = load_settings("paper")
+PAPER, DEFAULT = load_settings("paper"), load_settings("default")
 
 
-@pytest.fixture(scope="module")
-def world() -> World:
-    """Return a street with traffic."""
-    return street()
+@dataclass
+class Case:
+    """A world, settings, and the labels they give."""
+
+    world: World
+    settings: Settings
+    result: Result
+
+    def label(self, sequence: ArraySequence | None = None, poses: np.ndarray | None = None, workers: int = 1) -> Result:
+        """Return the labels of other scans, or with other poses."""
+        sequence = self.world.sequence if sequence is None else sequence
+        return label(sequence, self.settings, poses=self.world.poses if poses is None else poses, workers=workers)
 
 
-@pytest.fixture(scope="module")
-def labelled(world) -> Result:
-    """Return the street's labels."""
-    return label(world.sequence, PAPER, poses=world.poses, workers=1)
+@pytest.fixture(scope="module", params=["default", "paper"])
+def case(request) -> Case:
+    """Return a street under the default preset, and a lane under the paper's, which is slower and sees less."""
+    world, settings = (street(), DEFAULT) if request.param == "default" else (lane(), PAPER)
+    return Case(world, settings, label(world.sequence, settings, poses=world.poses, workers=1))
 
 
 def labels_of(result: Result) -> list[np.ndarray]:
@@ -40,126 +51,131 @@ def with_points(sequence: ArraySequence, clouds) -> ArraySequence:
 
 
 # ------------------------------------------------------------------------------------------------- what is found
-def test_most_of_what_moves_is_found_and_little_else(world, labelled):
-    # a floor, not a score: the paper's method loses parts of objects that it sees for two seconds only
-    assert iou_of_moving(labels_of(labelled), world.truth) > 0.35
-    said = np.concatenate(labels_of(labelled)) == Label.MOVING
-    assert (np.concatenate(world.truth)[said] == Label.MOVING).mean() > 0.8
+def test_most_of_what_moves_is_found_and_little_else(case):
+    # floors, not scores: the paper's method loses parts of objects that it sees for a second only
+    assert iou_of_moving(labels_of(case.result), case.world.truth) > (0.5 if case.settings is PAPER else 0.85)
+    said = np.concatenate(labels_of(case.result)) == Label.MOVING
+    assert (np.concatenate(case.world.truth)[said] == Label.MOVING).mean() > 0.9
 
 
-def test_every_point_has_a_label_and_every_moving_point_a_moving_track(world, labelled):
-    for i, scan in enumerate(world.sequence):
-        labels, tracks = labelled.labels(i), labelled.track_ids(i)
+def test_every_point_has_a_label_and_every_moving_point_a_moving_track(case):
+    for i, scan in enumerate(case.world.sequence):
+        labels, tracks = case.result.labels(i), case.result.track_ids(i)
         assert labels.shape == tracks.shape == (len(scan),)
         assert set(np.unique(labels)) <= {Label.STATIC, Label.MOVING}
         np.testing.assert_array_equal(tracks >= 0, labels == Label.MOVING)
-        assert (labelled.verdicts.verdict[np.unique(tracks[tracks >= 0])] == Verdict.MOVING).all()
+        assert (case.result.verdicts.verdict[np.unique(tracks[tracks >= 0])] == Verdict.MOVING).all()
 
 
-def test_where_nothing_moves_no_point_is_moving():
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER], ids=["default", "paper"])
+def test_where_nothing_moves_no_point_is_moving(settings):
     world = street(traffic=())
-    result = label(world.sequence, PAPER, poses=world.poses, workers=1)
+    result = label(world.sequence, settings, poses=world.poses, workers=1)
     for labels in labels_of(result):
         assert (labels == Label.STATIC).all()
     assert not (result.verdicts.verdict == Verdict.MOVING).any()
 
 
-def test_without_poses_they_come_from_the_scans(world):
+def test_without_poses_they_come_from_the_scans():
     # by the default preset: KISS-ICP alone takes the rings on the ground, which move along, for a world at rest
-    result = label(world.sequence, load_settings("default"), workers=1)
+    world = street()
+    result = label(world.sequence, DEFAULT, workers=1)
     np.testing.assert_allclose(result.trajectory.T_world_sensor[:, :3, 3], world.poses[:, :3, 3], atol=0.25)
-    assert iou_of_moving(labels_of(result), world.truth) > 0.3
+    assert iou_of_moving(labels_of(result), world.truth) > 0.75
 
 
-@pytest.mark.parametrize("euler", [(0, 10, 0), (180, 0, 0), (8, -12, 0)], ids=["pitched", "upside down", "askew"])
-def test_the_sensor_may_be_mounted_askew(world, euler):
-    R = Rotation.from_euler("xyz", euler, degrees=True).as_matrix()
+@pytest.mark.parametrize("euler", [(0, 10, 0), (180, 0, 0), (8, -12, 77)], ids=["pitched", "upside down", "askew"])
+def test_the_sensor_may_be_mounted_askew(case, euler):
+    world, R = case.world, Rotation.from_euler("xyz", euler, degrees=True).as_matrix()
     turned = with_points(
         world.sequence, [(scan.points.astype(float) @ R).astype(np.float32) for scan in world.sequence]
     )
-    result = label(turned, PAPER, poses=world.poses @ make_transform(R), workers=1)
-    assert iou_of_moving(labels_of(result), world.truth) > 0.35
+    result = case.label(turned, world.poses @ make_transform(R))
+    # its bins, beams and voxels lie otherwise, so not every label is the same
+    assert iou_of_moving(labels_of(result), world.truth) > (0.35 if case.settings is PAPER else 0.85)
 
 
 # -------------------------------------------------------------------------------------- what must not change labels
 @pytest.mark.parametrize("euler", [(0, 0, 90), (0, 0, -133), (20, -35, 60)], ids=["quarter", "turned", "tilted"])
 @pytest.mark.parametrize("shift", [(0, 0, 0), (800, -1500, 40)], ids=["here", "away"])
-def test_turning_and_shifting_the_world_changes_no_label(world, labelled, euler, shift):
+def test_turning_and_shifting_the_world_changes_no_label(case, euler, shift):
     T = make_transform(Rotation.from_euler("xyz", euler, degrees=True).as_matrix(), shift)
-    result = label(world.sequence, PAPER, poses=T @ world.poses, workers=1)
-    for got, want in zip(labels_of(result), labels_of(labelled), strict=True):
+    result = case.label(poses=T @ case.world.poses)
+    for got, want in zip(labels_of(result), labels_of(case.result), strict=True):
         np.testing.assert_array_equal(got, want)
 
 
-def test_poses_in_a_national_grid_change_hardly_a_label(world, labelled):
+def test_poses_in_a_national_grid_change_hardly_a_label(case):
     # at 5000 km a double holds nanometres: a point in a hundred thousand may cross a voxel's border
-    result = label(world.sequence, PAPER, poses=make_transform(t=[4.5e6, 5.4e6, 300.0]) @ world.poses, workers=1)
-    changed = np.concatenate(labels_of(result)) != np.concatenate(labels_of(labelled))
+    result = case.label(poses=make_transform(t=[4.5e6, 5.4e6, 300.0]) @ case.world.poses)
+    changed = np.concatenate(labels_of(result)) != np.concatenate(labels_of(case.result))
     assert changed.mean() < 1e-4
 
 
-def test_shuffling_a_scans_points_permutes_its_labels(world, labelled):
+def test_shuffling_a_scans_points_permutes_its_labels(case):
     rng = np.random.default_rng(0)
-    order = [rng.permutation(len(scan)) for scan in world.sequence]
-    shuffled = with_points(world.sequence, [scan.points[o] for scan, o in zip(world.sequence, order, strict=True)])
-    result = label(shuffled, PAPER, poses=world.poses, workers=1)
-    np.testing.assert_array_equal(result.trajectory.T_level_world, labelled.trajectory.T_level_world)
+    order = [rng.permutation(len(scan)) for scan in case.world.sequence]
+    clouds = [scan.points[o] for scan, o in zip(case.world.sequence, order, strict=True)]
+    result = case.label(with_points(case.world.sequence, clouds))
+    np.testing.assert_array_equal(result.trajectory.T_level_world, case.result.trajectory.T_level_world)
     for i, o in enumerate(order):
-        np.testing.assert_array_equal(result.labels(i), labelled.labels(i)[o])
+        np.testing.assert_array_equal(result.labels(i), case.result.labels(i)[o])
 
 
-def test_points_that_are_no_measurement_get_label_0_and_change_no_other(world, labelled):
+def test_points_that_are_no_measurement_get_label_0_and_change_no_other(case):
     rng = np.random.default_rng(0)
     junk = np.array(
         [[np.nan] * 3, [1, np.nan, 1], [np.inf, 0, 0], [0, 0, 0], [1e-3, 0, 0], [1, -np.inf, 1]], np.float32
     )
     clouds, is_junk = [], []
-    for scan in world.sequence:
-        is_junk.append(rng.random(len(scan) + 60) < 2.0)
-        is_junk[-1][rng.choice(len(scan) + 60, len(scan), replace=False)] = False
-        cloud = np.empty((len(scan) + 60, 3), np.float32)
-        cloud[is_junk[-1]], cloud[~is_junk[-1]] = np.tile(junk, (10, 1)), scan.points
+    for scan in case.world.sequence:
+        bad = rng.permutation(np.arange(len(scan) + 60) < 60)
+        cloud = np.empty((len(bad), 3), np.float32)
+        cloud[bad], cloud[~bad] = np.tile(junk, (10, 1)), scan.points
         clouds.append(cloud)
-    result = label(with_points(world.sequence, clouds), PAPER, poses=world.poses, workers=1)
+        is_junk.append(bad)
+    result = case.label(with_points(case.world.sequence, clouds))
     for i, bad in enumerate(is_junk):
         assert (result.labels(i)[bad] == Label.UNLABELED).all()
         assert (result.track_ids(i)[bad] == -1).all()
-        np.testing.assert_array_equal(result.labels(i)[~bad], labelled.labels(i))
+        np.testing.assert_array_equal(result.labels(i)[~bad], case.result.labels(i))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_reruns_are_identical_whatever_the_number_of_workers(world, labelled, workers):
-    result = label(world.sequence, PAPER, poses=world.poses, workers=workers)
+def test_reruns_are_identical_whatever_the_number_of_workers(case, workers):
+    result = case.label(workers=workers)
     for i in range(len(result)):
-        np.testing.assert_array_equal(result.labels(i), labelled.labels(i))
-        np.testing.assert_array_equal(result.track_ids(i), labelled.track_ids(i))
-    for name, column in labelled.tracks.to_arrays().items():
+        np.testing.assert_array_equal(result.labels(i), case.result.labels(i))
+        np.testing.assert_array_equal(result.track_ids(i), case.result.track_ids(i))
+    for name, column in case.result.tracks.to_arrays().items():
         np.testing.assert_array_equal(getattr(result.tracks, name), column)
 
 
 # -------------------------------------------------------------------------------------------------- odd recordings
-def test_an_empty_scan_in_the_middle_has_no_labels_and_the_others_all_of_theirs(world):
-    clouds = [scan.points for scan in world.sequence]
-    clouds[9] = np.zeros((0, 3), np.float32)
-    result = label(with_points(world.sequence, clouds), PAPER, poses=world.poses, workers=1)
+def test_an_empty_scan_in_the_middle_has_no_labels_and_the_others_all_of_theirs(case):
+    clouds = [scan.points for scan in case.world.sequence]
+    clouds[5] = np.zeros((0, 3), np.float32)
+    result = case.label(with_points(case.world.sequence, clouds))
     assert [len(labels) for labels in labels_of(result)] == [len(cloud) for cloud in clouds]
     assert sum((labels == Label.MOVING).sum() for labels in labels_of(result)) > 0
 
 
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER], ids=["default", "paper"])
 @pytest.mark.parametrize("with_poses", [True, False], ids=["poses given", "poses estimated"])
 @pytest.mark.parametrize("n_scans", [1, 2])
-def test_one_scan_and_two_scans_are_recordings(n_scans, with_poses):
+def test_one_scan_and_two_scans_are_recordings(n_scans, with_poses, settings):
     world = lane(n_scans)
-    result = label(world.sequence, PAPER, poses=world.poses if with_poses else None, workers=1)
+    result = label(world.sequence, settings, poses=world.poses if with_poses else None, workers=1)
     assert len(result) == n_scans
     for labels, scan in zip(labels_of(result), world.sequence, strict=True):
         np.testing.assert_array_equal(labels, np.full(len(scan), Label.STATIC))
 
 
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER], ids=["default", "paper"])
 @pytest.mark.parametrize("n_points", [0, 3])
-def test_scans_of_hardly_a_point_are_labelled_all_the_same(n_points):
+def test_scans_of_hardly_a_point_are_labelled_all_the_same(n_points, settings):
     clouds = [np.full((n_points, 3), 5.0 + i, np.float32) for i in range(4)]
-    result = label(ArraySequence(clouds, 0.1 * np.arange(4)), PAPER, workers=1)
+    result = label(ArraySequence(clouds, 0.1 * np.arange(4)), settings, workers=1)
     for labels in labels_of(result):
         np.testing.assert_array_equal(labels, np.full(n_points, Label.STATIC))
 
@@ -280,18 +296,16 @@ class Watched(Workspace):
 
 
 @pytest.mark.parametrize("stage", ["candidates", "instances", "labels"])
-def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(tmp_path, stage):
-    world = lane(8)
-    straight = label(world.sequence, PAPER, poses=world.poses, workers=1)
+def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(case, tmp_path, stage):
     first, second = Watched(tmp_path, stage), Watched(tmp_path)
+    sequence, poses, names = case.world.sequence, case.world.poses, case.world.sequence.names
     with pytest.raises(KeyboardInterrupt):
-        label(world.sequence, PAPER, poses=world.poses, workspace=first, workers=1)
-    result = label(world.sequence, PAPER, poses=world.poses, workspace=second, workers=1)
+        label(sequence, case.settings, poses=poses, workspace=first, workers=1)
+    result = label(sequence, case.settings, poses=poses, workspace=second, workers=1)
     assert not set(first.saved) & set(second.saved)
-    names = world.sequence.names
     assert [scan for name, scan in first.saved if name == stage] == names[:3]
     assert [scan for name, scan in second.saved if name == stage] == names[3:]
-    for got, want in zip(labels_of(result), labels_of(straight), strict=True):
+    for got, want in zip(labels_of(result), labels_of(case.result), strict=True):
         np.testing.assert_array_equal(got, want)
 
 
