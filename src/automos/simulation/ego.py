@@ -93,10 +93,10 @@ def ego_body(roof: float = 1.42) -> Mesh:
     return join(
         [
             box((1.20, 1.00, 0.06), (-0.10, 0.0, roof_z), Material.PAINT, 0.8),
-            box((0.40, 0.54, 0.06), (0.62, 0.0, roof_z), Material.PAINT, 0.8),
-            box((0.40, 1.20, 0.06), (-0.77, 0.0, roof_z), Material.PAINT, 0.8),
+            box((0.30, 0.50, 0.06), (0.63, 0.0, roof_z), Material.PAINT, 0.8),
+            box((0.25, 1.16, 0.06), (-0.775, 0.0, roof_z), Material.PAINT, 0.8),
             box((0.65, 1.40, 0.05), (1.55, 0.0, bonnet_z), Material.PAINT, 0.8),
-            *(box((0.10, 0.08, 0.10), (0.55, y, roof + 0.04), Material.PLASTIC) for y in (-0.42, 0.42)),
+            *(box((0.08, 0.06, 0.08), (0.55, y, roof + 0.03), Material.PLASTIC) for y in (-0.42, 0.42)),
             *(rod((-0.85, y, roof), (-0.85, y, roof + 0.13), 0.04, Material.METAL) for y in (-0.42, 0.42)),
             rod((-0.30, -0.62, roof), (-0.30, 0.62, roof), 0.03, Material.METAL),
         ]

@@ -81,7 +81,7 @@ class Terrain:
         """The middle lines cut into chunks: (L, 2) points, (C + 1,) where chunks start, (C,) road, (C, 3) circles."""
         points, starts, owner, circles = [], [0], [], []
         for k, road in enumerate(self.roads):
-            line = road.center.xy[::LINE_STEP]
+            line = np.concatenate([road.center.xy[:-1:LINE_STEP], road.center.xy[-1:]])
             for i in range(0, len(line) - 1, CHUNK):
                 piece = line[i : i + CHUNK + 1]
                 middle = 0.5 * (piece.min(axis=0) + piece.max(axis=0))

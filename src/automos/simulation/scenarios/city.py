@@ -69,7 +69,7 @@ def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
         planting.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
         roadside.place_lamps(site, main, side, 6.1)
         roadside.place_clutter(site, main, side, 9.0)
-        roadside.park_row(site, main, side * 4.6, 0.7)
+        roadside.park_row(site, main, side * 4.6, 0.6)
         planting.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
         planting.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
         planting.place_hedges(site, main, side * 10.2, 0.5)
@@ -85,8 +85,8 @@ def _populate(site: Site, main: Path, duration: float) -> None:
     for lane in (with_ego, oncoming):
         road_users.pull_out(site, lane, SPEED, 2.85, (LEAD_IN + 30.0, lane.length - LEAD_IN), 75.0, duration)
         road_users.drive_and_park(site, lane, SPEED, 2.85, (LEAD_IN + 60.0, lane.length - LEAD_IN), 140.0)
-    road_users.fill_lane(site, with_ego, SPEED, (18.0, 60.0))
-    road_users.fill_lane(site, oncoming, SPEED * 1.05, (15.0, 55.0))
+    road_users.fill_lane(site, with_ego, SPEED, (25.0, 75.0))
+    road_users.fill_lane(site, oncoming, SPEED * 1.05, (22.0, 75.0))
     for lane in (with_ego, oncoming):
         road_users.add_cyclists(site, lane, max(2, int(lane.length / 90.0)), offset=-1.1)
     for side in (-1.0, 1.0):

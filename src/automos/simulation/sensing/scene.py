@@ -97,7 +97,7 @@ class Scene:
 
     def first(self, origin: Array32, direction: Array32, reach: Array32) -> tuple[npt.NDArray[np.int32], Array32]:
         """Return ((N,) face or -1, (N,) distance) of the first face on each beam within `reach`."""
-        found = self._scene.run(origin, direction, dists=reach, output=True)
+        found = self._scene.run(origin, direction, dists=reach.copy(), output=True)  # it writes to what it is given
         return found["primID"], found["tfar"]
 
     def cast(
