@@ -129,6 +129,14 @@ def test_a_place_that_is_a_file_is_told(recording, tmp_path, place):
     assert (tmp_path / "out").read_text() == "I am a file"
 
 
+def test_a_folder_for_labels_that_is_a_file_is_told_before_the_work(recording, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "predictions").write_text("I am a file")
+    with pytest.raises(InputError, match="predictions is a file: choose another --out"):
+        run(recording, tmp_path / "out")
+    assert not (tmp_path / "out" / "stages").exists()
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_place_that_may_not_be_written_is_told(recording, tmp_path):
     (tmp_path / "out").mkdir(mode=0o500)

@@ -57,6 +57,13 @@ def test_stamps_are_those_given_or_those_of_all_scans_or_none():
         ArraySequence(scans, stamps=[1, 2, 3])
 
 
+def test_scans_keep_their_own_names_where_each_has_another():
+    named = [Scan(points(2), name=name) for name in ("000010", "000011")]
+    assert ArraySequence(named).names == ["000010", "000011"]
+    assert ArraySequence([named[0], named[0]]).names == ["000000", "000001"]
+    assert ArraySequence([named[0], Scan(points(2))]).names == ["000000", "000001"]
+
+
 def changed(column: str) -> ArraySequence:
     """Return the recording below with one number of `column` changed."""
     columns = {"points": points(9), "time": np.linspace(0, 0.1, 9, dtype=np.float32)}

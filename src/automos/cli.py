@@ -12,7 +12,7 @@ import yaml
 from rich.console import Console
 from rich.text import Text
 
-from automos.errors import AutomosError, SettingsError
+from automos.errors import AutomosError, InputError, SettingsError
 
 app = typer.Typer(
     add_completion=False,
@@ -61,6 +61,8 @@ def label(
 
     chosen = _settings(preset, settings, set_)
     recordings = open_recordings(recording, format)
+    if poses is not None and len(recordings) > 1:
+        raise InputError(f"{recording} holds {len(recordings)} recordings, but --poses is of one: give that one")
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_runs")) / sequence.name
         if dry_run:

@@ -142,6 +142,12 @@ class ArraySequence(Sequence):
         return self._scans[index]
 
     @property
+    def names(self) -> list[str]:
+        """The scans' own names where each has another, else their numbers."""
+        names = [scan.name for scan in self._scans]
+        return names if all(names) and len(set(names)) == len(names) else super().names
+
+    @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
         """(len,) seconds or None."""
         return self._stamps
