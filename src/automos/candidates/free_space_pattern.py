@@ -23,6 +23,7 @@ _MIN_POINTS = 100
 _TIME_BINS = 360
 _MICRO_ROW = np.radians(0.05)
 _ELEVATION_BIN = np.radians(0.25)
+_LONGEST_GAP = np.radians(2.5)
 _SECTORS = 180
 
 
@@ -113,23 +114,25 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
 
 def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> float | None:
     """Return the radians between firings of one beam; None where neighbours in a row keep no common distance."""
-    gaps = np.concatenate([_neighbour_gaps(a, e) for a, e in zip(azimuths, elevations, strict=True)])
-    gaps = gaps[(gaps > np.radians(0.02)) & (gaps < np.radians(3.0))]
-    if len(gaps) < 100:
-        return None
     edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
-    counts = np.histogram(gaps, edges)[0]
-    around_mode = np.convolve(counts, np.ones(5), mode="same")
-    k = int(around_mode.argmax())
-    if around_mode[k] < 0.4 * len(gaps):
-        return None
-    near_mode = gaps[(gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])]
-    return float(np.median(near_mode))
+    best_share, step = 0.0, None
+    for shift in (0.0, 0.5):  # a beam on the border of two rows would be torn apart
+        gaps = np.concatenate([_neighbour_gaps(a, e, shift) for a, e in zip(azimuths, elevations, strict=True)])
+        gaps = gaps[(gaps > edges[0]) & (gaps < edges[-1])]
+        if len(gaps) < 100:
+            continue
+        around_mode = np.convolve(np.histogram(gaps, edges)[0], np.ones(5), mode="same")
+        k = int(around_mode.argmax())
+        share = around_mode[k] / len(gaps)
+        if share > max(best_share, 0.4):
+            near_mode = (gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])
+            best_share, step = share, float(np.median(gaps[near_mode]))
+    return step
 
 
-def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray) -> npt.NDArray:
+def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, shift: float) -> npt.NDArray:
     """Return the azimuth differences of neighbours in rows far thinner than the gap between beams."""
-    micro_row = np.floor(elevation / _MICRO_ROW).astype(np.int64)
+    micro_row = np.floor(elevation / _MICRO_ROW + shift).astype(np.int64)
     order = np.lexsort((azimuth, micro_row))
     same_row = np.diff(micro_row[order]) == 0
     return np.diff(azimuth[order])[same_row]
@@ -153,7 +156,17 @@ def _row_density(
     # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
     most = np.percentile(per_bin.sum(axis=0), 99) / full
     density *= min(1.0, 1.15 * most / density.sum())
+    _fill_silent_bins(density)
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
+
+
+def _fill_silent_bins(density: npt.NDArray) -> None:
+    """Give long runs of empty bins (beams into the sky) the mean density: rows must not close up where nothing was."""
+    is_empty = np.concatenate([[False], density == 0.0, [False]])
+    starts, ends = np.flatnonzero(np.diff(is_empty.astype(np.int8)).reshape(-1)).reshape(-1, 2).T
+    for a, b in zip(starts, ends, strict=True):
+        if (b - a) * _ELEVATION_BIN > _LONGEST_GAP:
+            density[a:b] = density[density > 0.0].mean() * (density > 0.0).mean()
 
 
 def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.float32]) -> BeamPattern:

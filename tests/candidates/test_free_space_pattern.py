@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from automos.candidates.free_space_pattern import learn_pattern, raw_points, rough_turn_of, turn_of
+from automos.geometry import se3_exp, transform
+from automos.scan import Frame
+
+
+def frame_of(azimuth, elevation, seed=0, time=None, motion=None):
+    ranges = np.random.default_rng(seed).uniform(5.0, 50.0, len(azimuth))
+    points = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], 1)
+    points = (ranges[:, None] * points).astype(np.float32)
+    return Frame(points, np.arange(len(points)), len(points), np.eye(4), 0.0, time, motion)
+
+
+def grid(elevations_deg, step_deg):
+    azimuth, elevation = np.meshgrid(np.radians(np.arange(-180.0, 180.0, step_deg)), np.radians(elevations_deg))
+    return azimuth.ravel(), elevation.ravel()
+
+
+@pytest.mark.parametrize(
+    ("elevations", "step"),
+    [
+        (np.arange(-15.0, 16.0, 2.0), 0.2),
+        (np.linspace(-22.5, 22.5, 128), 0.3515625),
+        (np.concatenate([np.linspace(-25.0, -8.8, 32), np.linspace(-8.3, 2.0, 32)]), 0.1728),
+    ],
+    ids=["16 sparse beams", "128 even beams", "64 beams in two blocks"],
+)
+def test_rows_and_columns_of_spinning_sensors_are_found(elevations, step):
+    rng = np.random.default_rng(1)
+    azimuth, elevation = grid(elevations, step)
+    kept = rng.random(len(azimuth)) < 0.8  # a fifth of the rays returns nothing
+    pattern = learn_pattern([frame_of(azimuth[kept], elevation[kept] + rng.normal(0.0, 1e-4, kept.sum()))])
+    assert pattern.n_columns == pytest.approx(360.0 / step, rel=0.02)
+    assert pattern.n_rows == pytest.approx(len(elevations), rel=0.2)
+    rows = pattern.row_of_sine[((np.sin(np.radians(elevations)) + 1.0) * 2048).astype(int)]
+    assert (np.diff(rows) > 0).all()
+    assert rows[0] >= -0.5
+    assert rows[-1] <= pattern.n_rows + 0.5
+
+
+def test_a_pattern_that_never_repeats_gets_square_cells_of_one_ray():
+    rng = np.random.default_rng(2)
+    pattern = learn_pattern([frame_of(rng.uniform(-0.6, 0.6, 24_000), rng.uniform(-0.6, 0.6, 24_000))])
+    spacing = np.sqrt(1.2 * 1.2 / 24_000)  # radians
+    assert pattern.column_width == pytest.approx(spacing, rel=0.2)
+    assert pattern.row_height == pytest.approx(spacing, rel=0.2)
+
+
+def test_when_a_spinning_sensor_looks_where_is_learnt():
+    azimuth, elevation = grid(np.arange(-15.0, 16.0, 2.0), 0.4)
+    time = (-azimuth / (2.0 * np.pi)).astype(np.float32)  # clockwise, from behind
+    pattern = learn_pattern([frame_of(azimuth, elevation, time=time, motion=np.zeros(6))])
+    left = int(rough_turn_of(np.float32(0.0), np.float32(1.0)) * 360)
+    assert pattern.sweep_time[left] == pytest.approx(-0.25, abs=0.01)
+
+
+def test_directions_without_a_fixed_time_get_none():
+    rng = np.random.default_rng(3)
+    azimuth, elevation = rng.uniform(-0.6, 0.6, 9000), rng.uniform(-0.6, 0.6, 9000)
+    time = rng.uniform(-0.5, 0.5, 9000).astype(np.float32)
+    pattern = learn_pattern([frame_of(azimuth, elevation, time=time, motion=np.zeros(6))])
+    assert not pattern.sweep_time.any()
+
+
+def test_raw_points_undo_the_compensation():
+    rng = np.random.default_rng(4)
+    raw = rng.uniform(-40.0, 40.0, (2000, 3))
+    time, motion = rng.uniform(-0.5, 0.5, 2000), np.array([1.2, 0.1, 0.0, 0.0, 0.01, 0.05])
+    compensated = np.stack([transform(se3_exp(t * motion), p[None])[0] for t, p in zip(time, raw, strict=True)])
+    frame = Frame(
+        compensated.astype(np.float32), np.arange(2000), 2000, np.eye(4), 0.0, time.astype(np.float32), motion
+    )
+    np.testing.assert_allclose(raw_points(frame), raw, atol=0.03)
+
+
+def test_turns_are_azimuths():
+    angles = np.linspace(-np.pi + 1e-3, np.pi - 1e-3, 1001)
+    turns = [turn_of(np.float32(np.cos(a)), np.float32(np.sin(a))) for a in angles]
+    np.testing.assert_allclose(turns, (angles + np.pi) / (2.0 * np.pi), atol=3e-6)
+    rough = [rough_turn_of(np.float32(np.cos(a)), np.float32(np.sin(a))) for a in angles]
+    assert (np.diff(rough) > 0).all()
+    assert 0.0 <= min(rough) <= max(rough) < 1.0
