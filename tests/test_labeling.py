@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -90,20 +89,39 @@ def test_changed_scans_are_labelled_again(recording, tmp_path):
     assert len(predictions(tmp_path / "out")["000003.label"]) == scan.stat().st_size // 4
 
 
-def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, tmp_path):
+KILLED_WHILE_SAVING = """
+import os, signal, sys
+import numpy as np
+from automos.cli import main
+
+def save_some(file, save=np.savez, saved=[], enough=int(sys.argv.pop()), **arrays):
+    if len(saved) == enough:
+        file.write(b"half")
+        file.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+    saved.append(file.name)
+    save(file, **arrays)
+
+np.savez = save_some
+main()
+"""
+
+
+# one file of the odometry, twelve of the candidates, twelve of the instances, one of the tracks, twelve of the labels
+@pytest.mark.parametrize(("n_saved", "stage"), [(5, "candidates"), (20, "instances"), (30, "labels")])
+def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, tmp_path, n_saved, stage):
     run(recording, tmp_path / "straight")
     out = tmp_path / "out"
-    command = "from automos.cli import main; main()"
-    options = [recording, "--out", out, "--preset", "paper", "--poses", tmp_path / "poses.txt", "--workers", "1"]
-    process = subprocess.Popen([sys.executable, "-c", command, "label", *options], stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
-    while process.poll() is None and len(list(out.glob("stages/instances-*/[!.]*.npz"))) < 3:
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
+    options = ["--out", out, "--preset", "paper", "--poses", tmp_path / "poses.txt", "--workers", "1", str(n_saved)]
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED_WHILE_SAVING, "label", recording, *options], capture_output=True, check=False
+    )
+    assert killed.returncode == -signal.SIGKILL
+    (half,) = out.rglob(".*")
+    assert half.parent.name.startswith(stage)
     assert not (out / RUN_FILE).exists()
     saved = {path: path.stat().st_mtime_ns for path in out.glob("stages/*/[!.]*.npz")}
+    assert len(saved) == n_saved
 
     run(recording, out)
     assert predictions(out) == predictions(tmp_path / "straight")
