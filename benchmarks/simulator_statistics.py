@@ -23,6 +23,8 @@ from automos.scan import Sequence
 PAIRS = (("kitti_0005", "city"), ("kitti_0027", "country"))
 MAX_RANGE = 80.0
 """Metres at which the real recordings are cut off."""
+FIELD = (-23.6, 2.0)
+"""Degrees of elevation both look at: the real unit's beams point half a degree higher than its maker publishes."""
 RANGES = (0.0, 5.0, 10.0, 20.0, 30.0, 50.0, MAX_RANGE)
 N_BEAMS = 64
 BEAM_GROUP = 8
@@ -81,12 +83,14 @@ def patches(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def scan_statistics(points: np.ndarray, ring: np.ndarray) -> dict[str, float]:
     """Return the statistics of one scan."""
     away = np.linalg.norm(points, axis=1)
-    near = (away > 1.4) & (away < MAX_RANGE)  # the real recordings hold no returns nearer
-    points, ring, away = points[near], ring[near], away[near]
+    kept = (away > 1.4) & (away < MAX_RANGE)  # the real recordings hold no returns nearer
+    points, ring, away = points[kept], ring[kept], away[kept]
     order = in_beam_order(points, ring)
     points, ring, away = points[order], ring[order], away[order]
+    elevation = np.degrees(np.arcsin(points[:, 2] / away))
+    seen_by_both = away[(elevation > FIELD[0]) & (elevation < FIELD[1])]
     out = {"points per scan": float(len(points))}
-    share = np.histogram(away, RANGES)[0] / len(away)
+    share = np.histogram(seen_by_both, RANGES)[0] / len(seen_by_both)
     out |= {f"share at {a:.0f}-{b:.0f} m": float(s) for a, b, s in zip(RANGES[:-1], RANGES[1:], share, strict=True)}
     out["share of ground"] = float(ground_mask(points).mean())
     rates = np.bincount(ring, minlength=N_BEAMS) / np.bincount(ring).max()

@@ -11,7 +11,6 @@ from automos.simulation.sensing.scene import EGO, Hits, Scene
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import box, join
 
-
 LEVEL = 0  # the beam at elevation 0 in `clean_sensor`
 T_BODY_SENSOR = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1.0], [0, 0, 0, 1]])
 
@@ -62,7 +61,7 @@ def test_a_mover_is_seen_where_it_is_at_the_beams_own_time(ground, crate, clean_
 
 
 def test_a_turning_body_is_seen_at_the_angle_of_the_beams_time(ground, crate, clean_sensor):
-    # The face of a 2 m cube 10 m away, turned by 0.25 rad at mid-sweep: (x, y) . (cos 0.25, sin 0.25) = 10 cos 0.25 - 1.
+    # The face of a 2 m cube at x = 10, turned by 0.25 rad at mid-sweep: x cos 0.25 + y sin 0.25 = 10 cos 0.25 - 1.
     state = straight([10.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     state[:, 3] = 0.25 + 1.0 * (0.05 * np.arange(len(state)) - 0.05)
     pattern, hits = sweep(make_world(ground, [(crate, state)]), clean_sensor)
@@ -97,7 +96,9 @@ def test_sorting_beams_by_sector_loses_no_hit(ground, crate, clean_sensor):
         state, _, _ = world.motion.at(time)
         boxes = [crate.frames[0].moved(*s[:3], yaw=s[3]) for s in state]
         origin = np.tile((world.ego.at(time) @ T_BODY_SENSOR)[:3, 3].astype(np.float32), (len(rows), 1))
-        Scene(join([ground, *boxes]), 0).cast(origin, pattern.direction[rows], slow, rows, np.full(len(rows), 0.5, np.float32))
+        Scene(join([ground, *boxes]), 0).cast(
+            origin, pattern.direction[rows], slow, rows, np.full(len(rows), 0.5, np.float32)
+        )
     own = hits.object == EGO
     assert np.abs(hits.distance - slow.distance)[~own].max() < 0.05
     assert (hits.object > 0).sum() > 50

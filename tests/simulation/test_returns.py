@@ -37,7 +37,9 @@ def test_range_noise_is_the_sensors_and_beams_keep_their_bias():
 
 def test_a_grey_target_is_seen_every_other_time_at_the_sensors_reach():
     tint = 0.1 / 0.42  # plaster darkened to 10 %
-    share = [seen(HDL, hits_at(HDL, r, tint=tint)).is_return.mean() for r in (0.7 * HDL.reach, HDL.reach, 1.3 * HDL.reach)]
+    share = [
+        seen(HDL, hits_at(HDL, r, tint=tint)).is_return.mean() for r in (0.7 * HDL.reach, HDL.reach, 1.3 * HDL.reach)
+    ]
     assert share[0] > 0.97
     assert share[1] == pytest.approx(0.5, abs=0.05)
     assert share[2] < 0.02

@@ -25,6 +25,8 @@ SHAKE_SPEED = 2.5
 """m/s from which on a road shakes the body fully; slower, in proportion."""
 BUMPS = (2.0, 20.0)
 """Metres, wavelengths of the unevenness."""
+BODY_INERTIA = 0.12
+"""Seconds over which a body evens out the corners of its wheels' motion."""
 SETTLING = 0.25
 """Seconds in which the suspension follows."""
 
@@ -76,15 +78,20 @@ def ride(state: Array, speed: Array, rng: np.random.Generator, unevenness: float
 
 def _smooth(state: Array) -> Array:
     """Return the states averaged over a quarter of a second: a body has no corners in its motion."""
-    from scipy.ndimage import gaussian_filter1d
-
-    return gaussian_filter1d(state, 0.12 / DT, axis=0, mode="nearest")
+    return _gaussian(state, BODY_INERTIA)
 
 
 def _settle(values: Array) -> Array:
+    return _gaussian(values, SETTLING)
+
+
+def _gaussian(values: Array, seconds: float) -> Array:
+    """Return `values` (T, ...) smoothed over time; beyond the ends they are taken to go on as they went."""
     from scipy.ndimage import gaussian_filter1d
 
-    return gaussian_filter1d(values, SETTLING / DT, mode="nearest")
+    margin = min(int(5 * seconds / DT), len(values) - 1)
+    padded = np.pad(values, [(margin, margin)] + [(0, 0)] * (values.ndim - 1), mode="reflect", reflect_type="odd")
+    return gaussian_filter1d(padded, seconds / DT, axis=0)[margin : margin + len(values)]
 
 
 def ego_body(roof: float = 1.42) -> Mesh:

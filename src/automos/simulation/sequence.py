@@ -166,7 +166,8 @@ class SimulatedSequence(Sequence):
         half = 0.5 * self.sensor.period
         before, _ = self.world.object_states(self.stamps[index] - half)
         after, _ = self.world.object_states(self.stamps[index] + half)
-        return np.linalg.norm(after[:, :3] - before[:, :3], axis=1) > MOVING_NOW * self.sensor.period
+        moved = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
+        return (moved > MOVING_NOW * self.sensor.period) & ~self._verdicts.is_static
 
     def _labels(self, index: int, is_moving, is_static) -> npt.NDArray[np.uint32]:  # type: ignore[no-untyped-def]
         cast = self._cast(index)

@@ -22,8 +22,8 @@ CERTAIN_MOTION = 0.5
 """Metres between two observed places from which on an annotator calls an object moving."""
 CERTAIN_REST = 0.1
 """Metres below which an annotator calls it static; in between it is unlabeled."""
-_SIGHT_HEIGHTS = (0.35, 0.85)
-"""Heights, as shares of the object's, of the points that are looked at."""
+_SIGHTS = np.array([[0.0, 0.0, 0.2], *([0.4 * x, 0.4 * y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.2, 0.35))])
+"""(L, 3) points of an object that are looked at: shares of its size, from its middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +47,18 @@ def judge(world: World, still: Scene, sensor: Sensor, T_site_sensor: Array, stam
     n_parked, n_movers = len(world.parked), len(world.movers)
     first = np.full((n_movers, 3), np.nan)
     moved = np.zeros(n_movers)
+    half = 0.5 * sensor.period
     for T, time in zip(T_site_sensor, stamps, strict=True):
         state, _, present = world.motion.at(float(time))
         seen = np.flatnonzero(present)
         seen = seen[_in_sight(world, still, sensor, T, state, seen)]
-        new = seen[np.isnan(first[seen, 0])]
-        first[new] = state[new, :3]
-        moved[seen] = np.maximum(moved[seen], np.linalg.norm(state[seen, :3] - first[seen], axis=1))
+        sweep = [world.motion.at(float(time) + side * half)[0][seen, :3] for side in (-1.0, 1.0)]
+        new = np.isnan(first[seen, 0])
+        first[seen[new]] = sweep[0][new]
+        moved[seen] = np.maximum(moved[seen], np.linalg.norm(sweep[1] - first[seen], axis=1))
+    was_seen = ~np.isnan(first[:, 0])
     is_moving = np.concatenate([np.zeros(n_parked, bool), moved > CERTAIN_MOTION])
-    is_static = np.concatenate([np.ones(n_parked, bool), moved < CERTAIN_REST])
+    is_static = np.concatenate([np.ones(n_parked, bool), was_seen & (moved < CERTAIN_REST)])
     return Verdicts(is_moving, is_static)
 
 
@@ -65,11 +68,9 @@ def _in_sight(
     """Return (len(rows),) bool: whether any looked-at point of each mover is within reach and not hidden."""
     if len(rows) == 0:
         return np.zeros(0, bool)
-    local = np.array(
-        [[(*(world.movers[k].center[:2]), h * world.movers[k].size[2]) for h in _SIGHT_HEIGHTS] for k in rows]
-    )
+    local = np.array([world.movers[k].center + _SIGHTS * world.movers[k].size for k in rows])  # (M, L, 3)
     pose = transforms(state[rows])
-    targets = np.einsum("mij,mhj->mhi", pose[:, :3, :3], local) + pose[:, None, :3, 3]
+    targets = np.einsum("mij,mlj->mli", pose[:, :3, :3], local) + pose[:, None, :3, 3]
     line = targets - T[:3, 3]
     distance = np.linalg.norm(line, axis=2)
     direction = (line / distance[..., None]).reshape(-1, 3).astype(np.float32)

@@ -13,7 +13,7 @@ from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
 from automos.simulation.terrain import Terrain
 from automos.simulation.traffic.agents import Agent, Signal
-from automos.simulation.traffic.driving import drive
+from automos.simulation.traffic.driving import drive_unharmed
 from automos.simulation.traffic.motion import Motion, follow, transforms
 
 Array = npt.NDArray[np.float64]
@@ -140,11 +140,11 @@ class Site:
 
         The ground reaches `reach` metres beyond the roads; `unevenness` is that of the road under the ego.
         """
-        record = drive(self.agents, self.signals, duration)
-        motion = follow(self.agents, record, self.terrain, self.rng)
+        agents, record = drive_unharmed(self.agents, self.signals, duration)
+        motion = follow(agents, record, self.terrain, self.rng)
         ego_motion = ride(motion.state[:, 0], record.v[:, 0], self.rng, unevenness)
         others = np.arange(1, motion.state.shape[1])
-        movers = [part for agent in self.agents for part in agent.parts]
+        movers = [part for agent in agents for part in agent.parts]
         ground = self.terrain.mesh(reach)
         states = np.array([s for _, s in self._parked]).reshape(-1, 6)
         standing = [

@@ -24,7 +24,7 @@ _BUILDERS = (city, motorway, junction, campus, scooters, hills, narrow, canyon, 
 SCENARIOS: dict[str, Callable[[np.random.Generator, float], World]] = {build.__name__: build for build in _BUILDERS}
 """Builders by name: (random generator, seconds) to world."""
 
-DURATION_STEP = 20.0
+DURATION_STEP = 10.0
 """Seconds to which durations are rounded up, so that short and long runs of a seed begin alike."""
 
 

@@ -63,7 +63,7 @@ def side_streets(rng: np.random.Generator, main: Path, spacing: tuple[float, flo
 
 def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
     for side in (-1.0, 1.0):
-        roadside.place_buildings(site, main, side, 9.9, (3, 5), gap_chance=0.55, gaps=(6.0, 20.0))
+        roadside.place_buildings(site, main, side, 9.9, (3, 5), gap_chance=0.6, gaps=(8.0, 26.0))
         roadside.place_buildings(site, main, side, 38.0, (2, 6), widths=(14.0, 30.0), gap_chance=0.7, gaps=(5.0, 25.0))
         planting.place_trees(site, main, side * 6.2, (11.0, 24.0))
         planting.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)

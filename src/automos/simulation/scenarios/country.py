@@ -36,7 +36,7 @@ def _furnish(site: Site, main: Path, tracks: list[Path]) -> None:
         planting.scatter_bushes(site, main, (side * 5.5, side * 14.0), (3.0, 8.0))
         planting.place_thickets(site, main, (side * 8.0, side * 12.0), (2.5, 9.0), (1.8, 4.0))
         planting.place_thickets(site, main, (side * 13.0, side * 19.0), (1.5, 5.0), (2.5, 6.0))
-        planting.place_thickets(site, main, (side * 22.0, side * 40.0), (1.5, 5.0), (3.0, 7.0))
+        planting.place_thickets(site, main, (side * 22.0, side * 40.0), (2.5, 7.0), (3.0, 7.0))
         for offset, spacing in (
             (8.0, (9.0, 30.0)),
             (15.0, (6.0, 14.0)),

@@ -74,13 +74,14 @@ def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
 
 def make_thicket(rng: np.random.Generator, radius: float, height: float) -> Mesh:
     """Return a tall shrub or young tree, leafy from the ground up: what grows at the edge of a wood."""
-    up = rng.random(1000) ** 0.8
+    n = 600
+    up = rng.random(n) ** 0.8
     shape = np.sqrt(np.clip(1.15 - up**2, 0.05, 1.0))
-    angle, out = rng.uniform(0, 2 * np.pi, 1000), radius * shape * np.sqrt(rng.random(1000))
+    angle, out = rng.uniform(0, 2 * np.pi, n), radius * shape * np.sqrt(rng.random(n))
     lumps = 1.0 + 0.25 * np.sin(3.0 * angle + rng.uniform(0, 6.0)) * np.sin(2.5 * up * height)
     centers = np.column_stack([out * lumps * np.cos(angle), out * lumps * np.sin(angle), 0.1 + up * height])
     stem = rod((0, 0, 0), (0, 0, 0.7 * height), 0.05, Material.BARK, end_radius=0.01, sections=5)
-    return join([stem, leaves(centers, 0.30, rng)])
+    return join([stem, leaves(centers, 0.38, rng)])
 
 
 def make_hedge(rng: np.random.Generator, length: float, height: float, depth: float = 0.7) -> Mesh:

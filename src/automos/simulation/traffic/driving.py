@@ -30,10 +30,16 @@ ACCELERATE = 1.5
 """m/s^2."""
 HARD_BRAKE = 6.0
 """m/s^2, all a vehicle can do."""
+REACTION = 0.4
+"""Seconds in which a driver who is too fast for a bend slows down to it."""
 STANDSTILL_GAP = 1.5
 """Metres kept to whoever stands ahead."""
 SIDE_GAP = 0.25
 """Metres between two outlines from which on they are in each other's way."""
+TOUCH = 0.15
+"""Metres by which outlines may overlap, being rows of discs, before they count as touching."""
+CHECK_EVERY = 4
+"""Steps between two looks for touching outlines."""
 ASIDE = (0.8, 1.2)
 """m/s at which people step aside, and metres they do so at most."""
 
@@ -99,6 +105,17 @@ class _Now(NamedTuple):
 
 def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
     """Return the motion of all `agents` over `duration` seconds. Cost: steps x agents x neighbours."""
+    lines, crew = _tables(agents)
+    row = {id(agent.path): int(p) for agent, p in zip(agents, crew.path, strict=True)}
+    lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
+    n_steps = int(np.ceil(duration / DT)) + 2
+    shape = (n_steps, len(agents))
+    record = Drive(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
+    _drive(lines, crew, lights.reshape(-1, 5).astype(np.float64), record.s, record.v, record.side, record.present)
+    return record
+
+
+def _tables(agents: list[Agent]) -> tuple[_Lines, _Crew]:
     paths = list({id(agent.path): agent.path for agent in agents}.values())
     row = {id(path): k for k, path in enumerate(paths)}
     lines = _Lines(
@@ -111,12 +128,7 @@ def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
     columns["path"] = np.array([row[id(a.path)] for a in agents])
     columns["initial"] = np.array([a.speed if a.initial is None else a.initial for a in agents])
     crew = _Crew(**{name: values.astype(_CREW_TYPES.get(name, np.float64)) for name, values in columns.items()})
-    lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
-    n_steps = int(np.ceil(duration / DT)) + 2
-    shape = (n_steps, len(agents))
-    record = Drive(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
-    _drive(lines, crew, lights.reshape(-1, 5).astype(np.float64), record.s, record.v, record.side, record.present)
-    return record
+    return lines, crew
 
 
 def _bend_speed(path: Path) -> Array:
@@ -126,6 +138,49 @@ def _bend_speed(path: Path) -> Array:
     for k in range(len(limit) - 2, -1, -1):
         limit[k] = min(limit[k], np.sqrt(limit[k + 1] ** 2 + 2.0 * 0.7 * BRAKE * STEP))
     return limit
+
+
+def drive_unharmed(agents: list[Agent], signals: list[Signal], duration: float) -> tuple[list[Agent], Drive]:
+    """Return the agents that get through `duration` seconds without touching each other, and their motion.
+
+    Of two that would touch, the later in the list was never there; the first agent always stays.
+    """
+    while True:
+        record = drive(agents, signals, duration)
+        lines, crew = _tables(agents)
+        harmed = np.zeros(len(agents), np.bool_)
+        for t in range(0, len(record.s), CHECK_EVERY):
+            now = _Now(record.s[t], record.v[t], record.side[t], record.present[t], *np.empty((2, len(agents))))
+            _mark_touching(lines, crew, now, harmed)
+        if not harmed.any():
+            return agents, record
+        agents = [agent for agent, is_harmed in zip(agents, harmed, strict=True) if not is_harmed]
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark_touching(lines, crew, now, harmed):  # type: ignore[no-untyped-def]
+    """Set `harmed` for the later of any two outlines that overlap, unless both are on foot."""
+    for a in range(len(now.s)):
+        now.x[a], now.y[a], _ = _place(lines, crew.path[a], now.s[a], now.side[a])
+    for b in range(1, len(now.s)):
+        for a in range(b):
+            if (
+                not (now.present[a] and now.present[b])
+                or (crew.on_foot[a] and crew.on_foot[b])
+                or harmed[a]
+                or harmed[b]
+            ):
+                continue
+            reach = crew.front[a] + crew.rear[a] + crew.front[b] + crew.rear[b]
+            if np.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) > reach:
+                continue
+            least = 0.5 * (crew.width[a] + crew.width[b]) - TOUCH
+            for i in range(_n_discs(a, crew)):
+                ax, ay, _ = _disc(a, i, lines, crew, now)
+                for j in range(_n_discs(b, crew)):
+                    bx, by, _ = _disc(b, j, lines, crew, now)
+                    if np.hypot(ax - bx, ay - by) < least:
+                        harmed[b] = True
 
 
 @numba.njit(cache=True, nogil=True)
@@ -181,6 +236,7 @@ def _advance(a, time, lines, crew, lights, now, follows):  # type: ignore[no-unt
         gap, lead = halt, 0.0
     desired = STANDSTILL_GAP + speed * crew.headway[a] + speed * (speed - lead) / (2.0 * np.sqrt(ACCELERATE * BRAKE))
     pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
+    pull = min(pull, (wish - speed) / (ACCELERATE * REACTION)) if speed > wish else pull
     new = max(speed + DT * min(max(ACCELERATE * pull, -HARD_BRAKE), 1.8), 0.0)
     return (0.0 if new < 0.02 and pull < 0.05 else new), side
 
