@@ -31,14 +31,14 @@ class RefineSettings(_Group):
     max_range: float = Field(80.0, gt=0, description="m, points used")
     min_points: int = Field(3, ge=1, description="points that make a surfel")
     submap_every: float = Field(0.5, gt=0, description="s between the middles of submaps")
-    submap_length: float = Field(0.5, ge=0, description="s of scans in a submap")
-    lags: tuple[float, ...] = Field((0.5, 1.0, 2.0, 3.0), description="s between a scan and the submaps it is laid on")
-    max_distance: float = Field(40.0, gt=0, description="m between a scan and the submaps it is laid on")
+    submap_length: float = Field(0.3, ge=0, description="s of scans in a submap")
+    lags: tuple[float, ...] = Field((0.5, 1.0, 2.0), description="s between a scan and the submaps it is laid on")
+    max_distance: float = Field(20.0, gt=0, description="m between a scan and the submaps it is laid on")
     kernels: tuple[float, ...] = Field(
-        (0.5, 0.2, 0.2, 0.2), min_length=1, description="m, one round each: residuals much longer count little"
+        (0.5, 0.2, 0.1, 0.1), min_length=1, description="m, one round each: residuals much longer count little"
     )
     converged: float = Field(0.003, ge=0, description="m, a round that moves no scan further is the last")
-    noise: float = Field(0.05, gt=0, description="m, deviation of a surfel on a perfect surface")
+    noise: float = Field(0.02, gt=0, description="m, deviation of a surfel on a perfect surface")
     close: float = Field(0.1, gt=0, description="m, surfels nearer to a surface than this lie on it")
     max_surfels: int = Field(2500, ge=100, description="surfels of a scan laid on one submap, at most")
     min_matched: int = Field(50, ge=6, description="surfels on surfaces a scan and a submap need in common")
@@ -79,7 +79,7 @@ class OdometrySettings(_Group):
     points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")
     max_iterations: int = Field(500, ge=1, description="of one registration")
     convergence: float = Field(
-        1e-2, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
+        1e-3, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
     )
     initial_threshold: float = Field(2.0, gt=0, description="m, deviation from constant motion expected at the start")
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
@@ -91,7 +91,10 @@ class OdometrySettings(_Group):
     )
     timing_stretches: int = Field(2, ge=1, description="places of the recording where ways to time points are tried")
     timing_scans: int = Field(16, ge=3, description="scans at each")
-    timing_surfels: int = Field(1200, ge=100, description="surfels of a scan laid on one submap, at most")
+    timing_refinement: RefineSettings = Field(
+        RefineSettings(kernels=(0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=1200),
+        description="how poses are made to suit each way: wide enough not to overlook what does not fit",
+    )
     timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
     timing_gain: float = Field(0.04, ge=0, lt=1, description="share by which another way must fold scans better")
     max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
@@ -277,6 +280,13 @@ class JudgeSettings(_Group):
     min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
     noise: float = Field(0.1, gt=0, description="m, scatter of a box's centre that no track is without")
+    sparse_points: int = Field(10, ge=0, description="a track of fewer points in most scans is sparse")
+    sparse_min_observations: int = Field(4, ge=2, description="scans a sparse track must be seen in")
+    sparse_min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last")
+    sparse_min_straightness: float = Field(0.7, ge=0, le=1, description="distance over length of a sparse track's path")
+    carried_reach: float = Field(4.0, ge=0, description="m from the sensor: how far the own vehicle may reach")
+    carried_spread: float = Field(0.4, ge=0, description="m, how much its parts may change their distance")
+    carried_travel: float = Field(5.0, gt=0, description="m the sensor must have gone for that to tell")
 
 
 class CompletionSettings(_Group):
@@ -322,6 +332,7 @@ class FreeSpaceSettings(_Group):
     hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")
     hit_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
     clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
+    near_miss: float = Field(0.25, gt=0, description="m, a see-through counts in full if a row of rays came so near")
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
@@ -364,7 +375,7 @@ class Settings(_Group):
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
-        "odometry": {"refine": False, "convergence": 1e-3},
+        "odometry": {"refine": False},
         "candidates": {"method": "erasor"},
         "instances": {"method": "hdbscan"},
         "tracking": {"method": "paper"},

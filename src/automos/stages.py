@@ -127,7 +127,9 @@ def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str],
         verdicts = judge_by_trajectory(tracks, tracking.verdict)
     else:
         tracks = follow_objects(zip(trajectory.stamps, detections, strict=True), tracking.follow)
-        verdicts = judge_by_evidence(tracks, detections, trajectory.stamps, tracking.judge)
+        verdicts = judge_by_evidence(
+            tracks, detections, trajectory.stamps, trajectory.T_level_sensor[:, :3, 3], tracking.judge
+        )
     return {**tracks.to_arrays(), **verdicts.to_arrays()}
 
 

@@ -14,14 +14,21 @@ from automos.tracking.verdict import Verdict, Verdicts
 
 
 def judge_by_evidence(
-    tracks: Tracks, detections: Sequence[Detections], stamps: npt.NDArray[np.float64], settings: JudgeSettings
+    tracks: Tracks,
+    detections: Sequence[Detections],
+    stamps: npt.NDArray[np.float64],
+    sensor: npt.NDArray[np.float64],
+    settings: JudgeSettings,
 ) -> Verdicts:
     """Return moving for tracks whose places were seen empty and that went somewhere.
 
     Static things are seen through too: foliage, edges, thin poles. But only part of their points are, and what is left
     of them does not travel: their speed is not significant against its own scatter and their path turns back on
     itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
-    straight; it must have left its place either way.
+    straight; it must have left its place either way. Of sparse tracks, a few points a scan, more is asked: they must be
+    seen in most scans, and go straight. What keeps its place beside the sensor is part of the vehicle itself.
+
+    stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
     n = len(tracks)
     evidence = _rows(tracks, detections)
@@ -44,7 +51,19 @@ def judge_by_evidence(
             share >= settings.sure_share
             or (significance >= settings.min_significance and straightness >= settings.min_straightness)
         )
-        if is_witnessed and goes_somewhere:
+        scans = tracks.scan[rows][seen]
+        is_sparse = np.median(points) < settings.sparse_points
+        is_steady = (
+            len(center) >= settings.sparse_min_observations
+            and len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
+            and straightness >= settings.sparse_min_straightness
+        )
+        if (
+            is_witnessed
+            and goes_somewhere
+            and (is_steady or not is_sparse)
+            and not _is_carried(center, sensor[scans], settings)
+        ):
             verdict[k] = Verdict.MOVING
         confidence[k] = (
             _confidence(share, significance, settings) if verdict[k] == Verdict.MOVING else 1.0 - 0.5 * share
@@ -68,6 +87,14 @@ def motion(
     scatter = center - center.mean(axis=0) - t[:, None] * velocity
     error = np.sqrt(((scatter**2).sum(axis=1).mean() + noise**2) / spread)
     return float(np.linalg.norm(velocity) / error), distance / max(float(steps), 1e-6), distance
+
+
+def _is_carried(center: npt.NDArray[np.float64], sensor: npt.NDArray[np.float64], settings: JudgeSettings) -> bool:
+    """Return whether `center` (T, 3) kept its distance to the moving `sensor` (T, 3), near enough to be its vehicle."""
+    if np.linalg.norm(sensor[-1] - sensor[0]) < settings.carried_travel:
+        return False
+    distance = np.linalg.norm(center - sensor, axis=1)
+    return bool(np.median(distance) < settings.carried_reach and np.std(distance) < settings.carried_spread)
 
 
 def _confidence(share: float, significance: float, settings: JudgeSettings) -> float:
