@@ -1,0 +1,87 @@
+"""The verdict by evidence: what left its place and went somewhere has moved."""
+
+import numpy as np
+import pytest
+
+from automos.detections import Detections
+from automos.geometry import Boxes
+from automos.settings import JudgeSettings
+from automos.tracking.judge import judge_by_evidence, motion
+from automos.tracking.tracks import Tracks
+from automos.tracking.verdict import Verdict
+
+STAMPS = 0.1 * np.arange(20)
+FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))
+
+
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None):
+    """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
+    scans = np.arange(len(center)) if scans is None else np.asarray(scans)
+    center = np.column_stack([center, np.zeros(len(center))])
+    size = np.tile([1.0, 1.0, 1.0], (len(center), 1))
+    table = Tracks(
+        np.zeros(len(scans), np.int64), scans, np.zeros(len(scans), np.int64), center, size,
+        np.zeros(len(scans)), np.zeros((len(scans), 3)),
+    )  # fmt: skip
+    found = {s: Boxes(center[i : i + 1], size[i : i + 1], np.zeros(1), np.ones(1)) for i, s in enumerate(scans)}
+    counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
+    none = Detections(Boxes.empty(), np.zeros(0), np.zeros(0), np.zeros(0))
+    return table, [Detections(found[s], *counts) if s in found else none for s in range(20)]
+
+
+def verdict_on(sensor=FAR_SENSOR, **track):
+    tracks, detections = one_track(**track)
+    return judge_by_evidence(tracks, detections, STAMPS, sensor, JudgeSettings()).verdict[0]
+
+
+STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
+SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
+
+
+@pytest.mark.parametrize(
+    ("track", "expected"),
+    [
+        ({"center": STRAIGHT}, Verdict.MOVING),
+        ({"center": STRAIGHT, "moved": 0.6, "stayed": 0.1}, Verdict.MOVING),
+        ({"center": STRAIGHT, "moved": 0.3, "stayed": 0.6}, Verdict.STATIC),
+        ({"center": SHAKING, "moved": 0.6}, Verdict.STATIC),
+        ({"center": 0.01 * STRAIGHT}, Verdict.STATIC),
+        ({"center": STRAIGHT[:1]}, Verdict.STATIC),
+        ({"center": STRAIGHT, "n_points": 4}, Verdict.MOVING),
+        ({"center": STRAIGHT[::4], "n_points": 4, "scans": range(0, 20, 4)}, Verdict.STATIC),
+        ({"center": STRAIGHT[::4], "scans": range(0, 20, 4)}, Verdict.MOVING),
+    ],
+    ids=[
+        "a car that drives",
+        "half of it seen through, but straight",
+        "most of it hit again",
+        "foliage that shakes",
+        "something that stays within a decimetre",
+        "seen once",
+        "a few points, in every scan",
+        "a few points, in every fourth scan",
+        "many points, in every fourth scan",
+    ],
+)
+def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
+    assert verdict_on(**track) == expected
+
+
+def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():
+    sensor = np.column_stack([STRAIGHT, np.full(20, 1.7)])
+    beside = {"center": STRAIGHT + np.array([1.0, 1.0])}
+    ahead = {"center": STRAIGHT + np.array([12.0, 0.0])}
+    assert verdict_on(sensor, **beside) == Verdict.STATIC
+    assert verdict_on(sensor, **ahead) == Verdict.MOVING
+
+
+def test_motion_of_a_straight_line_by_hand():
+    # x = 0, 1, 2 m at 0, 1, 2 s: 1 m/s, no scatter; standard error = noise / sqrt(sum (t - 1)^2) = 0.1 / sqrt(2).
+    significance, straightness, distance = motion(np.array([[0.0, 0], [1, 0], [2, 0]]), np.array([0.0, 1, 2]), 0.1)
+    assert significance == pytest.approx(10 * np.sqrt(2))
+    assert (straightness, distance) == (1.0, 2.0)
+
+
+def test_a_way_there_and_back_is_not_straight():
+    _, straightness, distance = motion(np.array([[0.0, 0], [1, 0], [0, 0]]), np.array([0.0, 1, 2]), 0.1)
+    assert (straightness, distance) == (0.0, 0.0)
