@@ -12,6 +12,9 @@ from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path
 from automos.simulation.world import Site
 
+CAR = 2.4
+"""Metres around the middle of a standing thing that nothing grows in."""
+
 
 @lru_cache(maxsize=8)
 def _tree_templates(seed: int) -> tuple[Mesh, ...]:
@@ -38,6 +41,8 @@ def place_trees(
 ) -> None:
     """Plant trees along a path; with `sway` (radians) they rock in the wind."""
     for x, y, _ in along(site, path, offset, spacing, clearance):
+        if not site.is_free(x, y, CAR):
+            continue
         if sway > 0:
             site.sway(a_tree(site, size=size), x, y, sway)
         else:
@@ -52,7 +57,7 @@ def scatter_bushes(
         off = site.rng.uniform(min(offsets), max(offsets))
         x, y = x - off * np.sin(heading), y + off * np.cos(heading)
         radius = site.rng.uniform(0.4, 1.3)
-        if site.terrain.road_distance(np.array([[x, y]]))[0] < radius + 0.5:
+        if site.terrain.road_distance(np.array([[x, y]]))[0] < radius + 0.5 or not site.is_free(x, y, radius + CAR):
             continue
         bush = vegetation.make_bush(site.rng, radius, radius * site.rng.uniform(1.0, 1.9))
         if sway > 0:
@@ -70,7 +75,7 @@ def place_thickets(
     for x, y, heading in along(site, path, 0.0, spacing, -np.inf):
         off = rng.uniform(min(offsets), max(offsets))
         x, y = x - off * np.sin(heading), y + off * np.cos(heading)
-        if site.terrain.road_distance(np.array([[x, y]]))[0] > 2.5:
+        if site.terrain.road_distance(np.array([[x, y]]))[0] > 2.5 and site.is_free(x, y, 1.5 + CAR):
             site.add(templates[int(rng.integers(8))].scaled(rng.uniform(0.8, 1.2)), x, y, rng.uniform(0, 2 * np.pi))
 
 
@@ -82,7 +87,8 @@ def scatter_tufts(site: Site, path: Path, offsets: tuple[float, float], per_metr
     xy, _ = path.at(rng.uniform(0, path.length, n), rng.uniform(min(offsets), max(offsets), n))
     free = site.terrain.road_distance(xy) > 1.0
     for (x, y), z in zip(xy[free], site.terrain.height(xy[free]), strict=True):
-        site.add(templates[int(rng.integers(len(templates)))], x, y, rng.uniform(0, 2 * np.pi), z=z)
+        if site.is_free(x, y, CAR):
+            site.add(templates[int(rng.integers(len(templates)))], x, y, rng.uniform(0, 2 * np.pi), z=z)
 
 
 def place_hedges(site: Site, path: Path, offset: float, share: float) -> None:
@@ -93,7 +99,9 @@ def place_hedges(site: Site, path: Path, offset: float, share: float) -> None:
         length = rng.uniform(5.0, 8.0)
         if rng.random() < share:
             (ends, _), height = path.at([s, s + 0.5 * length, s + length], offset), rng.uniform(0.8, 2.0)
-            if site.terrain.road_distance(ends).min() > 0.8:
+            if site.terrain.road_distance(ends).min() > 0.8 and site.is_free(
+                float(ends[1, 0]), float(ends[1, 1]), 0.5 * length + 1.0
+            ):
                 turn = float(np.arctan2(*(ends[2] - ends[0])[::-1]))
                 x, y = ends[0].tolist()
                 site.add(vegetation.make_hedge(rng, length, height), x, y, turn)

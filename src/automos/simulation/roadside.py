@@ -66,6 +66,9 @@ def place_houses(site: Site, path: Path, offset: float, spacing: tuple[float, fl
     for x, y, heading in along(site, path, offset, spacing, 8.0):
         turn = heading if side > 0 else heading + np.pi
         site.add(buildings.make_house(rng), x, y, turn)
+        along_front, inward = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+        for a, b in ((2.0, 2.0), (2.0, 8.0), (7.0, 2.0), (7.0, 8.0), (12.0, 3.0)):  # nothing grows in it
+            site.reserve(*(np.array([x, y]) + a * along_front + b * inward))
         front = np.array([x, y]) + 7.0 * np.array([np.sin(turn), -np.cos(turn)])
         if site.terrain.road_distance(front[None])[0] > 1.0:
             fence = (

@@ -30,6 +30,13 @@ def country(rng: np.random.Generator, duration: float) -> World:
 
 def _furnish(site: Site, main: Path, tracks: list[Path]) -> None:
     rng = site.rng
+    for track in tracks:
+        roadside.park_row(site, track, 3.2, 0.3, start=15.0)
+        road_users.add_standers(site, track, rng.uniform(-3.0, 3.0), 1)
+    for x, y, heading in roadside.along(site, main, -5.3, (60.0, 140.0), 0.8):
+        site.park(vehicles.make_car(rng), x, y, heading + rng.normal(0.0, 0.05))
+    for side in (-1.0, 1.0):
+        roadside.place_houses(site, main, side * 17.0, (60.0, 160.0))
     for side in (-1.0, 1.0):
         planting.scatter_tufts(site, main, (side * 4.2, side * 9.0), 2.5)
         planting.scatter_tufts(site, main, (side * 8.0, side * 22.0), 1.2)
@@ -37,18 +44,8 @@ def _furnish(site: Site, main: Path, tracks: list[Path]) -> None:
         planting.place_thickets(site, main, (side * 8.0, side * 12.0), (2.5, 9.0), (1.8, 4.0))
         planting.place_thickets(site, main, (side * 13.0, side * 19.0), (1.5, 5.0), (2.5, 6.0))
         planting.place_thickets(site, main, (side * 22.0, side * 40.0), (2.5, 7.0), (3.0, 7.0))
-        for offset, spacing in (
-            (8.0, (9.0, 30.0)),
-            (15.0, (6.0, 14.0)),
-            (30.0, (7.0, 16.0)),
-        ):
+        for offset, spacing in ((8.0, (9.0, 30.0)), (15.0, (6.0, 14.0)), (30.0, (7.0, 16.0))):
             planting.place_trees(site, main, side * offset, spacing, clearance=2.0)
         planting.place_hedges(site, main, side * 7.5, 0.15)
-        roadside.place_houses(site, main, side * 17.0, (60.0, 160.0))
         for x, y, heading in roadside.along(site, main, side * 4.6, (50.0, 50.0), 0.4):
             site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
-    for track in tracks:
-        roadside.park_row(site, track, 3.2, 0.3, start=15.0)
-        road_users.add_standers(site, track, rng.uniform(-3.0, 3.0), 1)
-    for x, y, heading in roadside.along(site, main, -5.3, (60.0, 140.0), 0.8):
-        site.park(vehicles.make_car(rng), x, y, heading + rng.normal(0.0, 0.05))
