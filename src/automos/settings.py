@@ -33,12 +33,12 @@ class RefineSettings(_Group):
     submap_every: float = Field(0.5, gt=0, description="s between the middles of submaps")
     submap_length: float = Field(0.3, ge=0, description="s of scans in a submap")
     lags: tuple[float, ...] = Field((0.5, 1.0, 2.0), description="s between a scan and the submaps it is laid on")
-    max_distance: float = Field(20.0, gt=0, description="m between a scan and the submaps it is laid on")
+    max_distance: float = Field(25.0, gt=0, description="m between a scan and the submaps it is laid on")
     kernels: tuple[float, ...] = Field(
         (0.5, 0.2, 0.1, 0.1), min_length=1, description="m, one round each: residuals much longer count little"
     )
     converged: float = Field(0.003, ge=0, description="m, a round that moves no scan further is the last")
-    noise: float = Field(0.02, gt=0, description="m, deviation of a surfel on a perfect surface")
+    noise: float = Field(0.03, gt=0, description="m, deviation of a surfel on a perfect surface")
     close: float = Field(0.1, gt=0, description="m, surfels nearer to a surface than this lie on it")
     max_surfels: int = Field(2500, ge=100, description="surfels of a scan laid on one submap, at most")
     min_matched: int = Field(50, ge=6, description="surfels on surfaces a scan and a submap need in common")
@@ -96,7 +96,7 @@ class OdometrySettings(_Group):
         description="how poses are made to suit each way: wide enough not to overlook what does not fit",
     )
     timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
-    timing_gain: float = Field(0.04, ge=0, lt=1, description="share by which another way must fold scans better")
+    timing_gain: float = Field(0.03, ge=0, lt=1, description="share by which another way must fold scans better")
     max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
@@ -335,7 +335,7 @@ class FreeSpaceSettings(_Group):
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
     support: float = Field(0.3, gt=0, description="m, in range between points that are of one thing")
     support_per_metre: float = Field(0.02, ge=0, description="added to it per metre of range")
-    lone_weight: float = Field(0.4, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
+    lone_weight: float = Field(0.5, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
 

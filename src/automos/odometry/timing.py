@@ -21,7 +21,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import chain
+from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.odometry.sweeps import surfels_of, usable_points
@@ -71,7 +71,7 @@ def choose_timing(
     # Scans may have been left out, so that a sweep takes half the time between two: start between all and half of it.
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=0.7) for seam in SEAMS_DEG for turn in (-1, 1)]
     rough = replace(_best_folding(circle, stretches, 0.0, settings, pool), share=1.0)
-    finer = [replace(rough, seam_deg=rough.seam_deg + turn) for turn in (-45.0, 45.0)]
+    finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
     guesses = [*untimed, rough, *finer, replace(rough, share=0.5)]
     return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
 
@@ -118,8 +118,12 @@ def _moving_stretches(
         if bend.mean() < settings.timing_motion:
             continue
         raw = [usable_points(scan, file_timing, np.zeros(6), settings) for scan in scans]
-        surfels = [surfels_of(*part, settings.refinement) for part in raw]
-        yield Stretch(surfels, np.zeros((length, 6)), T, gaps, clock.period, 0.0)
+        surfels = [surfels_of(*part, settings.timing_refinement) for part in raw]
+        stretch = Stretch(surfels, np.zeros((length, 6)), T, gaps, clock.period, 0.0)
+        if poses is None:
+            missing = missing_distance(stretch, settings.refinement)
+            stretch = replace(stretch, T_world_sensor=lengthen(T, missing))
+        yield stretch
         n_found += 1
         if n_found == settings.timing_stretches:
             return
@@ -151,10 +155,7 @@ def _misfit(stretch: Stretch, guess: SweepTiming, settings: OdometrySettings) ->
     twists = guess.share * step_twists(stretch.T_world_sensor, stretch.gaps)
     surfels = [_timed(s, guess, twist) for s, twist in zip(stretch.surfels, twists, strict=True)]
     timed = Stretch(surfels, twists, stretch.T_world_sensor, stretch.gaps, stretch.period, guess.share)
-    refinement = settings.refinement.model_copy(
-        update={"kernels": settings.refinement.kernels[-2:], "max_surfels": settings.timing_surfels}
-    )
-    links = refine_poses(timed, np.zeros(len(timed), bool), refinement)[2]
+    links = refine_poses(timed, np.zeros(len(timed), bool), settings.timing_refinement)[2]
     return float(np.log(np.median(links.thickness) / np.median(links.share))) if len(links.share) else 0.0
 
 
