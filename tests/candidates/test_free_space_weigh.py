@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.candidates.free_space_vote import BLOCKED, HIT, THROUGH, WEAK
-from automos.candidates.free_space_weigh import ONE, find_open, sum_votes, weigh_looks
+from automos.candidates.free_space_weigh import ONE, find_open, find_seen_through, sum_votes, weaken_lone, weigh_looks
 
 
 def net_of(before, after, stay_weight=0.25):
@@ -33,11 +33,11 @@ def test_see_throughs_and_hits_are_counted():
     assert net_of([1, -1, 0], [0.5, -1])[1:] == (2, 2)
 
 
-def vote_of(code, other_range=10.0, own_range=10.0, height=5.0, row_height=0.006):
+def vote_of(code, other_range=10.0, own_range=10.0, height=5.0, row_height=0.006, miss=0.0):
     votes = np.zeros(1, np.int8)
-    arrays = (np.array([v], np.float32) for v in (other_range, own_range, height))
-    ranges, own, heights = arrays
-    weigh_looks(np.array([code], np.uint8), ranges, own, heights, np.float32(row_height), 0.5, np.arange(1), votes)
+    ranges, own, heights, misses = (np.array([v], np.float32) for v in (other_range, own_range, height, miss))
+    pitch, near = np.float32(row_height), 0.25
+    weigh_looks(np.array([code], np.uint8), ranges, misses, own, heights, pitch, near, 0.5, np.arange(1), votes)
     return votes[0] / ONE
 
 
@@ -67,3 +67,15 @@ def test_points_hit_by_all_asked_are_closed():
     votes = np.array([[-ONE, -ONE, ONE, 0], [-ONE, 0, -ONE, 0], [ONE, ONE, ONE, ONE]], np.int8)
     is_asked = np.array([True, True, False])
     assert find_open(votes, is_asked, 2).tolist() == [1, 2, 3]
+
+
+def test_a_row_of_rays_that_passed_half_a_metre_off_counts_half():
+    assert vote_of(THROUGH, miss=0.5) == pytest.approx(0.5, abs=0.02)
+
+
+def test_lone_points_are_believed_less_and_hits_as_before():
+    votes = np.array([[ONE, ONE], [-ONE, ONE]], np.int8)
+    ids = find_seen_through(votes)
+    weaken_lone(votes, ids, np.array([False, True]), 0.5)
+    assert ids.tolist() == [0, 1]
+    assert votes.tolist() == [[ONE // 2, ONE], [-ONE, ONE]]

@@ -19,8 +19,8 @@ import numpy.typing as npt
 from automos.candidates.ego_body import EgoBody, find_ego_body
 from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points
-from automos.candidates.free_space_vote import look_through
-from automos.candidates.free_space_weigh import find_open, sum_votes, weigh_looks
+from automos.candidates.free_space_vote import find_supported, look_through
+from automos.candidates.free_space_weigh import find_open, find_seen_through, sum_votes, weaken_lone, weigh_looks
 from automos.candidates.ground import fit_ground, is_on_ground
 from automos.geometry import inverse
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
@@ -164,6 +164,11 @@ class FreeSpace:
         for k in np.flatnonzero(~first):
             self._add_votes(index, mine, ids, own_ranges, heights, order[k], others[order[k]], votes[k])
 
+        ids = find_seen_through(votes)
+        support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
+        is_supported = find_supported(mine.objects[:, ids], mine.motion, self.pattern, mine.image, *support)
+        weaken_lone(votes, ids, is_supported, self.settings.lone_weight)
+
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
         sum_votes(votes, int(np.searchsorted(order, index)), self.settings.stay_weight, net, through, hits)
         is_object = mine.kind == OBJECT
@@ -195,9 +200,12 @@ class FreeSpace:
         T = (self._T_sensor_level[other_index] @ self.frames.T_level_sensor[index])[:3].astype(np.float32)
         tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
         points = mine.objects if len(ids) == mine.objects.shape[1] else mine.objects[:, ids]
-        codes, ranges = np.empty(len(ids), np.uint8), np.empty(len(ids), np.float32)
-        look_through(points, T, other.motion, self.pattern, self.pyramid, other.image, tolerances, codes, ranges)
-        weigh_looks(codes, ranges, own_ranges, heights, np.float32(self.pattern.row_height), s.weak_weight, ids, votes)
+        codes = np.empty(len(ids), np.uint8)
+        ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
+        scan = (other.motion, self.pattern, self.pyramid, other.image)
+        look_through(points, T, *scan, tolerances, codes, ranges, misses)
+        pitch = np.float32(self.pattern.row_height)
+        weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, votes)
 
 
 def _scatter(values: npt.NDArray, is_object: npt.NDArray[np.bool_]) -> npt.NDArray:

@@ -86,7 +86,39 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
 
 
 @numba.njit(cache=True, nogil=True)
-def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges):  # type: ignore[no-untyped-def]
+def find_supported(points, motion, pattern, image, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
+    """Return (K,) bool: which of a scan's own `points` (3, K) float32 go on to the rows above or below and sideways.
+
+    A twig, a wire or the edge of a slab fits between the rays of other scans; what other rays of the same scan met as
+    well does not. `motion`, `pattern` and `image` are the scan's.
+    """
+    h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
+    buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    T = np.eye(4, dtype=np.float32)
+    n_points = points.shape[1]
+    is_supported = np.zeros(n_points, np.bool_)
+    for start in range(0, n_points, _BLOCK):
+        stop = min(start + _BLOCK, n_points)
+        _aim(points, start, stop - start, T, motion, pattern, buffers, bins, columns)
+        for i in range(start, stop):
+            r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
+            if row < np.float32(0.0) or row >= h:
+                continue
+            v, q = int(row), r * per_unit
+            near = (tolerance + tolerance_per_metre * r) * per_unit
+            goes_up, goes_sideways = False, False
+            for b in range(max(v - 2, 0), min(v + 3, h)):
+                for a in range(u - 2, u + 3):
+                    ray = image.rays[b, a - w if a >= w else a]
+                    if abs(np.float32(ray[0]) - q) < near or abs(np.float32(ray[1]) - q) < near:
+                        goes_up |= b != v and abs(a - u) < 2
+                        goes_sideways |= a != u and abs(b - v) < 2
+            is_supported[i] = goes_up and goes_sideways
+    return is_supported
+
+
+@numba.njit(cache=True, nogil=True)
+def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges, misses):  # type: ignore[no-untyped-def]
     """Write for each of `points` what the scan of `image` says, and its range from there.
 
     Parameters
@@ -96,7 +128,8 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
     motion : (6,) float32, of the image's sensor during its sweep; zeros where unknown.
     pattern, pyramid, image : of the other scan.
     tolerances : float32: margin behind a point, hit, both with their growth per metre, and width that must be clear.
-    codes, ranges : (K,) uint8 and float32, written.
+    codes, ranges, misses : (K,) uint8, float32 metres from the other sensor, float32 metres between the point and the
+        nearest row of rays; written.
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
     h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
@@ -112,6 +145,7 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
             if r < np.float32(1.0) or row < np.float32(0.0) or row >= h:
                 continue
             v = int(row)
+            misses[i] = abs(row - v - np.float32(0.5)) * np.float32(pattern.row_height) * r
             near, far = np.float32(image.around[v, u, 0]), np.float32(image.around[v, u, 1])
             if far == np.float32(0.0):
                 continue

@@ -17,18 +17,20 @@ ONE = 64
 
 
 @numba.njit(cache=True, nogil=True)
-def weigh_looks(codes, ranges, own_ranges, heights, row_height, weak_weight, ids, votes):  # type: ignore[no-untyped-def]
+def weigh_looks(codes, ranges, misses, own_ranges, heights, row_height, near_miss, weak_weight, ids, votes):  # type: ignore[no-untyped-def]
     """Write one scan's say on each point as a vote: -ONE for a hit, up to ONE for a see-through, 0 for nothing.
 
     A see-through weighs less where the other scan looked from more than twice as far (its rays are sparser than the
-    point's own), and where the point is lower above the ground than two of the other scan's rows (a ray that grazed the
-    ground). A weak one counts only from about as far at least as the point was seen.
+    point's own), where no row of its rays came near the point (a parked car fits between two rows of a sparse sensor),
+    and where the point is lower above the ground than two rows (a ray that grazed the ground). A weak one counts only
+    from about as far at least as the point was seen.
 
     Parameters
     ----------
-    codes, ranges : (J,) what the scan says (`look_through`) and from how far, metres.
+    codes, ranges, misses : (J,) what the scan says (`look_through`), from how far and how near a row came, metres.
     own_ranges, heights : (K,) metres, of all points, from their own sensor position and above the ground.
     row_height : radians between the sensor's rows.
+    near_miss : metres, how near a row of rays must come for a full vote.
     weak_weight : of a weak see-through.
     ids : (J,) which points were asked about.
     votes : (K,) int8, written at `ids`.
@@ -39,7 +41,7 @@ def weigh_looks(codes, ranges, own_ranges, heights, row_height, weak_weight, ids
             votes[i] = -ONE
         elif codes[j] == THROUGH or codes[j] == WEAK:
             ratio = ranges[j] / max(own_ranges[i], 1.0)
-            vote = min(1.0, 2.0 / max(ratio, 1e-3))
+            vote = min(1.0, 2.0 / max(ratio, 1e-3)) * min(1.0, near_miss / max(misses[j], 1e-3))
             if heights[i] > -0.3:  # further down than that the ground is a guess
                 vote *= min(max(0.5 * heights[i] / max(row_height * ranges[j], 1e-3), 0.0), 1.0)
             if codes[j] == WEAK:
@@ -62,6 +64,27 @@ def find_open(votes, is_asked, sure_hits):  # type: ignore[no-untyped-def]
                 is_through[i] |= votes[k, i] > 0
                 n_hits[i] += votes[k, i] < 0
     return np.flatnonzero(is_through | (n_hits < sure_hits))
+
+
+@numba.njit(cache=True, nogil=True)
+def find_seen_through(votes):  # type: ignore[no-untyped-def]
+    """Return the ids (J,) of the points with any see-through in `votes` (P, K) int8."""
+    n_scans, n = votes.shape
+    is_through = np.zeros(n, np.bool_)
+    for k in range(n_scans):
+        for i in range(n):
+            is_through[i] |= votes[k, i] > 0
+    return np.flatnonzero(is_through)
+
+
+@numba.njit(cache=True, nogil=True)
+def weaken_lone(votes, ids, is_supported, weight):  # type: ignore[no-untyped-def]
+    """Multiply the see-throughs of the points `ids` (J,) by `weight` where they are not supported (J,) bool."""
+    for j in range(len(ids)):
+        if not is_supported[j]:
+            for k in range(len(votes)):
+                if votes[k, ids[j]] > 0:
+                    votes[k, ids[j]] = np.int8(weight * votes[k, ids[j]] + 0.5)
 
 
 @numba.njit(cache=True, nogil=True)

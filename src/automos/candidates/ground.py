@@ -155,24 +155,22 @@ def _walk_outwards(  # type: ignore[no-untyped-def]
                 continue
             ahead = r - r_last
             expected = z + slope * ahead
-            allowed = min(step + max_bend * ahead, max_step)
-            if abs(low - expected) <= allowed:
-                is_ground[j, k] = True
-                run = 0
-            else:
+            rise = min(step + max_bend * ahead, max_step)
+            fall = step + max_slope * ahead  # nothing but ground lies lower than the ground, so less is asked of it
+            if not expected - fall <= low <= expected + rise:
                 is_flat = highest[j, k] - low < 2.0 * step
                 follows = run > 0 and abs(low - z_run) <= step + max_slope * (r - r_run) and r - r_run < 10.0 * ring
                 run = (run + 1 if follows else 1) if is_flat else 0
                 z_run, r_run = low, r
-                if run < 5 or abs(low - expected) > step + max_slope * ahead:
+                if run < 5 or abs(low - expected) > fall:
                     continue
-                is_ground[j, k] = True
-            if is_ground[j, k]:
-                new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -max_slope), max_slope)
-                weight = min(ahead / 4.0, 0.5)
-                slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else 0.0
-                z, r_last = low, r
-                sight = max(sight, (low - ghost_depth) / r)
+            run = 0
+            is_ground[j, k] = True
+            new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -max_slope), max_slope)
+            weight = min(ahead / 4.0, 0.5)
+            slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else 0.0
+            z, r_last = low, r
+            sight = max(sight, (low - ghost_depth) / r)
 
 
 @numba.njit(cache=True, nogil=True)
