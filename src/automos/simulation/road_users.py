@@ -22,7 +22,17 @@ def a_vehicle(rng: np.random.Generator, heavy: float = 0.12) -> tuple[tuple[Thin
         if kind < 0.7:
             return (vehicles.make_bus(rng),), (0.0,)
         return vehicles.make_tractor_and_trailer(rng), (0.0, vehicles.TRAILER_GAP)
-    return ((vehicles.make_van(rng) if rng.random() < 0.12 else vehicles.make_car(rng)),), (0.0,)
+    light = rng.random()
+    if light < 0.04:
+        return (people.make_motorcyclist(rng),), (0.0,)
+    return ((vehicles.make_van(rng) if light < 0.16 else vehicles.make_car(rng)),), (0.0,)
+
+
+def add_tram(site: Site, path: Path, start: float, speed: float, initial: float | None = None) -> None:
+    """Put an articulated tram of three cars on a path."""
+    parts = tuple(vehicles.make_tram_car(site.rng, vehicles.TRAM_CAR) for _ in range(3))
+    gaps = tuple((vehicles.TRAM_CAR + 0.5) * k for k in range(3))
+    add_agent(site, Agent(parts, path, start, speed, initial, gaps=gaps, wander=0.0))
 
 
 @lru_cache(maxsize=4)

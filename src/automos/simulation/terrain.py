@@ -133,18 +133,17 @@ class Terrain:
         centers = np.concatenate([road.center.xy[::4] for road in self.roads]) if keep is None else keep
         tree = cKDTree(centers)
         low, high = centers.min(axis=0) - reach, centers.max(axis=0) + reach
-        parts = [self._kerb_lines()] if self.kerb > 0 else []
+        parts = [self._edges()]
         for spacing, inner, outer in ((1.2, -np.inf, 9.0), (3.0, 9.0, 30.0), (9.0, 30.0, np.inf)):
             grid = _jittered_grid(low, high, spacing, rng)
             near, _ = tree.query(grid, distance_upper_bound=reach)
             grid = grid[np.isfinite(near)]
             distance = self.road_distance(grid)
-            free = np.abs(distance) > 0.6 if self.kerb > 0 else np.ones(len(grid), bool)
-            parts.append(grid[(distance >= inner) & (distance < outer) & free])
+            parts.append(grid[(distance >= inner) & (distance < outer) & (np.abs(distance) > 0.6)])
         return np.concatenate(parts)
 
-    def _kerb_lines(self) -> Array:
-        """Return (2K, 2) vertices just inside and just outside every kerb, in pairs across it."""
+    def _edges(self) -> Array:
+        """Return (2K, 2) vertices just inside and just outside every road's edge, in pairs across it."""
         from scipy.spatial import cKDTree
 
         edges = np.concatenate([r.center.beside(s * r.half_width).xy[::2] for r in self.roads for s in (-1.0, 1.0)])

@@ -33,6 +33,8 @@ def canyon(rng: np.random.Generator, duration: float) -> World:
     back = main.reversed()
     inner, outer = main.beside(-0.5 * LANE), main.beside(-1.5 * LANE)
     site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, initial=START, wander=0.08))
+    road_users.add_tram(site, inner, LEAD_IN + site.rng.uniform(15.0, 45.0), SPEED, START)
+    road_users.add_tram(site, back.beside(-0.5 * LANE), 0.5 * length - site.rng.uniform(20.0, 60.0), SPEED)
     for lane in (inner, outer):
         road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=START)
     for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):

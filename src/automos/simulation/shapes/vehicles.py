@@ -221,7 +221,11 @@ def make_bus(rng: np.random.Generator) -> Thing:
     return Thing("bus", (mesh,), axles=(-2.8, 3.1))
 
 
-def make_tram_car(rng: np.random.Generator, length: float = 9.5) -> Thing:
+TRAM_CAR = 9.5
+"""Metres, length of one section of a tram."""
+
+
+def make_tram_car(rng: np.random.Generator, length: float = TRAM_CAR) -> Thing:
     """Return one section of an articulated tram."""
     half, height = 1.2, 3.4
     front = 0.5 * length
