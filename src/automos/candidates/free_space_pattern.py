@@ -101,8 +101,10 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     if not azimuths:
         half_degree = np.radians(0.5)
         return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
-    step = _azimuth_step(azimuths, elevations)
-    density, edges = _row_density(azimuths, elevations, step)  # rows per bin, for one ray per row and azimuth step
+    step, kept = _azimuth_step(azimuths, elevations)
+    density, edges = _row_density(
+        azimuths, elevations, step, kept
+    )  # rows per bin, for one ray per row and azimuth step
     if step is None:  # no beam repeats: square cells, one ray in each
         step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
         density = density * step
@@ -112,10 +114,13 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     return _make_pattern(centres, step, _time_of_direction(azimuths, times))
 
 
-def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> float | None:
-    """Return the radians between firings of one beam; None where neighbours in a row keep no common distance."""
+def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> tuple[float | None, float]:
+    """Return the radians between firings of one beam and the share of rays that were kept in a thinned-out scan.
+
+    None and 1 where neighbours in a row keep no common distance.
+    """
     edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
-    best_share, step = 0.0, None
+    best_share, step, kept = 0.0, None, 1.0
     for shift in (0.0, 0.5):  # a beam on the border of two rows would be torn apart
         gaps = np.concatenate([_neighbour_gaps(a, e, shift) for a, e in zip(azimuths, elevations, strict=True)])
         gaps = gaps[(gaps > edges[0]) & (gaps < edges[-1])]
@@ -127,7 +132,8 @@ def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) ->
         if share > max(best_share, 0.4):
             near_mode = (gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])
             best_share, step = share, float(np.median(gaps[near_mode]))
-    return step
+            kept = float((gaps < 1.5 * step).sum() / (gaps < 6.5 * step).sum())
+    return step, kept
 
 
 def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, shift: float) -> npt.NDArray:
@@ -139,7 +145,7 @@ def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, shift: float) 
 
 
 def _row_density(
-    azimuths: list[npt.NDArray], elevations: list[npt.NDArray], step: float | None
+    azimuths: list[npt.NDArray], elevations: list[npt.NDArray], step: float | None, kept: float
 ) -> tuple[npt.NDArray, npt.NDArray]:
     """Return rows per elevation bin and the bins' edges; rays per radian of azimuth and bin where `step` is None."""
     low, high = min(e.min() for e in elevations), max(e.max() for e in elevations)
@@ -150,12 +156,12 @@ def _row_density(
         v = np.minimum(((elevation - low) / _ELEVATION_BIN).astype(np.int64), n_bins - 1)
         counts[i] = np.bincount(v * _SECTORS + u, minlength=n_bins * _SECTORS).reshape(n_bins, _SECTORS)
     per_bin = counts.transpose(1, 0, 2).reshape(n_bins, -1)  # (bins, frames x sectors)
-    full = 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
+    full = kept * 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
     # Sky and open roads return nothing: only sectors that return anything tell how dense the beams are.
     density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin]) / full
     # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
     most = np.percentile(per_bin.sum(axis=0), 99) / full
-    density *= min(1.0, 1.15 * most / density.sum())
+    density *= min(1.0, most / density.sum())
     _fill_silent_bins(density)
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
 
