@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.simulation import road_users, roadside
+from automos.simulation import planting, road_users, roadside
 from automos.simulation.shapes import vehicles
 from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road, Terrain, make_hills
@@ -44,6 +44,7 @@ def canyon(rng: np.random.Generator, duration: float) -> World:
             site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
         )
         road_users.add_walkers(site, main.beside(side * 8.8), int(length / 18.0), 0.5)
+        planting.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
         roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
         roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
     return site.finish(duration)
