@@ -84,6 +84,7 @@ class OdometrySettings(_Group):
     initial_threshold: float = Field(2.0, gt=0, description="m, deviation from constant motion expected at the start")
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
     start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
+    start_convergence: float = Field(1e-4, gt=0, description="m, the same as `convergence` for these, at most")
     time: Literal["auto", "file", "azimuth", "none"] = Field(
         "auto",
         description="where the points' times come from for motion compensation: the file, the azimuth, or none "

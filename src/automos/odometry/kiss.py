@@ -62,7 +62,11 @@ def register_scans(
 def _first_twist(
     sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the (6,) motion per usual gap at the start: forwards over a few scans from rest, then backwards."""
+    """Return the (6,) motion per usual gap at the start: forwards over a few scans from rest, then backwards.
+
+    A registration that starts far off moves on in small steps, so here it must not be content with little.
+    """
+    settings = settings.model_copy(update={"convergence": min(settings.convergence, settings.start_convergence)})
     n = min(settings.start_scans, len(sequence))
     scans = [sequence[i] for i in range(n)]
     twist = np.zeros(6)

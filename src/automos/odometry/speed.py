@@ -35,9 +35,9 @@ def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoo
     T, period = stretch.T_world_sensor, stretch.period
     steps = inverse(T[:-1]) @ T[1:]
     forward = _forward(steps, settings)
-    lags = [max(round(lag / period), 1) for lag in settings.speed_lags]
+    lags = sorted({min(max(round(lag / period), 1), len(stretch) - 1) for lag in settings.speed_lags})
     starts = np.arange(0, len(stretch) - max(lags), max(round(settings.submap_every / period), 1))
-    if forward is None or len(starts) < 2:
+    if forward is None:
         return np.zeros((len(steps), 3))
     surfels = without_body(stretch.surfels, settings)
     clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * period

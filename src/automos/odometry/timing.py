@@ -100,7 +100,7 @@ def _moving_stretches(
 ) -> Iterator[Stretch]:
     """Yield stretches of the recording in which the sensor moves, as surfels of the points as they came."""
     length = min(settings.timing_scans, len(sequence))
-    if length < 3:
+    if length < settings.timing_scans // 2:
         return
     starts = dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0))
     file_timing = _file_timing(sequence, clock) or SweepTiming()
@@ -121,9 +121,8 @@ def _moving_stretches(
         surfels = [surfels_of(*part, settings.timing_refinement) for part in raw]
         stretch = Stretch(surfels, np.zeros((length, 6)), T, gaps, clock.period, 0.0)
         if poses is None:
-            missing = missing_distance(stretch, settings.refinement)
-            stretch = replace(stretch, T_world_sensor=lengthen(T, missing))
-        yield stretch
+            stretch = stretch.moved(lengthen(T, missing_distance(stretch, settings.refinement)))
+        yield refine_poses(stretch, np.zeros(length, bool), settings.refinement)[0]
         n_found += 1
         if n_found == settings.timing_stretches:
             return
