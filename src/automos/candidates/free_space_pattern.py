@@ -24,7 +24,7 @@ _TIME_BINS = 360
 _MICRO_ROW = np.radians(0.05)
 _ELEVATION_BIN = np.radians(0.25)
 _LONGEST_GAP = np.radians(2.5)
-_SECTORS = 180
+_SECTORS = 90
 
 
 class BeamPattern(NamedTuple):
@@ -122,8 +122,10 @@ def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) ->
     edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
     best_share, step, kept = 0.0, None, 1.0
     for shift in (0.0, 0.5):  # a beam on the border of two rows would be torn apart
-        gaps = np.concatenate([_neighbour_gaps(a, e, shift) for a, e in zip(azimuths, elevations, strict=True)])
-        gaps = gaps[(gaps > edges[0]) & (gaps < edges[-1])]
+        parts = [_neighbour_gaps(a, e, shift) for a, e in zip(azimuths, elevations, strict=True)]
+        at, gaps = np.concatenate(parts, axis=1)
+        is_usual = (gaps > edges[0]) & (gaps < edges[-1])
+        at, gaps = at[is_usual], gaps[is_usual]
         if len(gaps) < 100:
             continue
         around_mode = np.convolve(np.histogram(gaps, edges)[0], np.ones(5), mode="same")
@@ -132,16 +134,20 @@ def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) ->
         if share > max(best_share, 0.4):
             near_mode = (gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])
             best_share, step = share, float(np.median(gaps[near_mode]))
-            kept = float((gaps < 1.5 * step).sum() / (gaps < 6.5 * step).sum())
+            # Where a whole sector returns, every second ray is missing only if they were taken out.
+            sector = ((at + np.pi) / (2.0 * np.pi) * _SECTORS).astype(np.int64) % _SECTORS
+            single = np.bincount(sector, gaps < 1.5 * step, _SECTORS)
+            near = np.bincount(sector, gaps < 6.5 * step, _SECTORS)
+            kept = float(np.percentile(single[near > 0] / near[near > 0], 90))
     return step, kept
 
 
 def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, shift: float) -> npt.NDArray:
-    """Return the azimuth differences of neighbours in rows far thinner than the gap between beams."""
+    """Return (2, K) azimuths and how far on the next ray is, in rows far thinner than the gap between beams."""
     micro_row = np.floor(elevation / _MICRO_ROW + shift).astype(np.int64)
     order = np.lexsort((azimuth, micro_row))
     same_row = np.diff(micro_row[order]) == 0
-    return np.diff(azimuth[order])[same_row]
+    return np.stack([azimuth[order][:-1][same_row], np.diff(azimuth[order])[same_row]])
 
 
 def _row_density(
@@ -160,7 +166,7 @@ def _row_density(
     # Sky and open roads return nothing: only sectors that return anything tell how dense the beams are.
     density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin]) / full
     # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
-    most = np.percentile(per_bin.sum(axis=0), 99) / full
+    most = np.percentile(per_bin.sum(axis=0), 95) / full
     density *= min(1.0, most / density.sum())
     _fill_silent_bins(density)
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
