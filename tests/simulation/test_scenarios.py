@@ -8,7 +8,7 @@ import pytest
 from automos import simulation
 from automos.geometry import iou_3d, points_in_boxes, transform
 from automos.labels import Label
-from automos.simulation.sequence import _upright_boxes
+from automos.simulation.annotations import upright_boxes
 
 N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}
@@ -62,7 +62,7 @@ def test_vehicles_do_not_drive_through_each_other(sequence):
     for time in np.arange(0.5, 0.1 * N_SCANS, 1.0):
         states, present = world.object_states(time)
         rows = np.flatnonzero(present & np.isin(kinds, list(VEHICLES)))
-        iou = iou_3d(*(2 * [_upright_boxes(world, rows, states[rows])]))
+        iou = iou_3d(*(2 * [upright_boxes(world, rows, states[rows])]))
         pairs = np.argwhere(np.triu(iou, 1) > 0.1)
         crashes = [set(kinds[rows[pair]]) for pair in pairs if set(kinds[rows[pair]]) != {"truck", "trailer"}]
         assert crashes == [], f"at {time} s"

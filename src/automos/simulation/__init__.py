@@ -5,8 +5,9 @@
 >>> scan, labels = sequence[3], sequence.truth(3)
 """
 
-from automos.simulation.api import FORMAT, SCENARIOS, SENSORS, simulate
-from automos.simulation.sequence import Annotations, SimulatedSequence
+from automos.simulation.annotations import Annotations
+from automos.simulation.api import SCENARIOS, SENSORS, simulate
+from automos.simulation.sequence import FORMAT, SimulatedSequence
 from automos.simulation.write import write
 
 __all__ = ["FORMAT", "SCENARIOS", "SENSORS", "Annotations", "SimulatedSequence", "simulate", "write"]

@@ -9,8 +9,6 @@ from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
 from automos.simulation.sensing.sensors import SENSORS as _SENSORS
 from automos.simulation.sequence import SimulatedSequence
 
-FORMAT = 1
-"""Counts up whenever equal arguments no longer give equal bytes."""
 SCENARIOS: tuple[str, ...] = tuple(_SCENARIOS)
 """Names of the scenarios."""
 SENSORS: tuple[str, ...] = tuple(_SENSORS)

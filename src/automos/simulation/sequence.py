@@ -11,9 +11,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes, inverse, make_transform, rotation_between, transform, wrap_angle
+from automos.geometry import inverse, make_transform, rotation_between
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan, Sequence
+from automos.simulation.annotations import Annotations, upright_boxes
 from automos.simulation.scenarios import build_world
 from automos.simulation.sensing.cast import Caster
 from automos.simulation.sensing.returns import measure
@@ -25,34 +26,14 @@ from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]
 
+FORMAT = 2
+"""Counts up whenever equal arguments no longer give equal bytes."""
 MOUNT_TILT = 0.006
 """Radians, standard deviation of the sensor's tilt in its mount."""
 MOVING_NOW = 0.15
 """m/s above which a body moves at this moment."""
 CASTS_KEPT = 3
 """How many casts a process remembers, so that a scan and its truth cost one."""
-
-
-@dataclass(frozen=True, eq=False)
-class Annotations:
-    """The objects of which a scan holds points, in the level frame at mid-sweep.
-
-    Attributes
-    ----------
-    boxes : K upright boxes around the whole objects; the score is 1.
-    ids : (K,) int32 instance ids, constant over the sequence, as in the upper 16 bits of the labels.
-    kinds : K names.
-    is_moving : (K,) bool, moves at some time while observed.
-    is_moving_now : (K,) bool.
-    n_points : (K,) int64 points of this scan on it.
-    """
-
-    boxes: Boxes
-    ids: npt.NDArray[np.int32]
-    kinds: tuple[str, ...]
-    is_moving: npt.NDArray[np.bool_]
-    is_moving_now: npt.NDArray[np.bool_]
-    n_points: npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +112,7 @@ class SimulatedSequence(Sequence):
         states, _ = self.world.object_states(self.stamps[index])
         T_level_site = self.T_level_world @ inverse(self._T_site_sensor(self.stamps[0]))
         return Annotations(
-            boxes=_upright_boxes(self.world, rows, states[rows]).transformed(T_level_site),
+            boxes=upright_boxes(self.world, rows, states[rows]).transformed(T_level_site),
             ids=(rows + 1).astype(np.int32),
             kinds=tuple(self.world.objects[k].kind for k in rows),
             is_moving=self._verdicts.is_moving[rows],
@@ -141,7 +122,7 @@ class SimulatedSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
-        return f"{super().fingerprint()}:{self.sensor.name}:{self.seed}:{self._compensated}"
+        return f"{super().fingerprint()}:{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}"
 
     # ------------------------------------------------------------------------------------------------ inner workings
     @property
@@ -245,22 +226,3 @@ def _compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_s
     """Return the points as seen from where the sensor is at mid-sweep."""
     T = (inverse(T_site_middle) @ T_site_sensor)[pattern.column]
     return (np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]).astype(np.float32)
-
-
-def _upright_boxes(world: World, rows: npt.NDArray, states: Array) -> Boxes:
-    """Return site-frame upright boxes around objects `rows`, grown where a body pitches or rolls."""
-    if len(rows) == 0:
-        return Boxes.empty()
-    center, size = [], []
-    for k, state in zip(rows, states, strict=True):
-        thing = world.objects[k]
-        level = state.copy()
-        level[3] = 0.0
-        low, high = thing.bounds
-        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-        corners = transform(transforms(level), corners)
-        a, b = corners.min(axis=0), corners.max(axis=0)
-        turned = transforms(np.array([*state[:3], state[3], 0.0, 0.0]))
-        center.append(transform(turned, (0.5 * (a + b) - state[:3])[None])[0])
-        size.append(b - a)
-    return Boxes(np.array(center), np.array(size), wrap_angle(states[:, 3]), np.ones(len(rows)))

@@ -21,7 +21,7 @@ from automos.atomic import atomic_path, write_text
 from automos.errors import InputError
 from automos.parallel import map_in_order
 from automos.pose_files import write_kitti
-from automos.simulation.sequence import SimulatedSequence
+from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"
 _FOLDERS = ("velodyne", "labels", "labels_now", "boxes")
@@ -61,8 +61,6 @@ def write(
 
 
 def _description(sequence: SimulatedSequence) -> dict[str, object]:
-    from automos.simulation.api import FORMAT
-
     return {
         "format": FORMAT,
         "scenario": sequence.scenario,

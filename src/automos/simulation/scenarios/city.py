@@ -85,8 +85,8 @@ def _populate(site: Site, main: Path, duration: float) -> None:
     for lane in (with_ego, oncoming):
         road_users.pull_out(site, lane, SPEED, 2.85, (LEAD_IN + 30.0, lane.length - LEAD_IN), 75.0, duration)
         road_users.drive_and_park(site, lane, SPEED, 2.85, (LEAD_IN + 60.0, lane.length - LEAD_IN), 140.0)
-    road_users.fill_lane(site, with_ego, SPEED, (25.0, 75.0))
-    road_users.fill_lane(site, oncoming, SPEED * 1.05, (22.0, 75.0))
+    road_users.fill_lane(site, with_ego, SPEED, (25.0, 75.0), heavy=0.08)
+    road_users.fill_lane(site, oncoming, SPEED * 1.05, (22.0, 75.0), heavy=0.08)
     for lane in (with_ego, oncoming):
         road_users.add_cyclists(site, lane, max(2, int(lane.length / 90.0)), offset=-1.1)
     for side in (-1.0, 1.0):

@@ -15,6 +15,8 @@ from automos.simulation.world import Site, World
 EGO_SPEED = 28.0
 LANES = (24.0, 29.0, 34.0)
 """m/s on the right, middle and left lane."""
+START = 0.6
+"""Share of their speed at which all start: a slow stretch has just ended."""
 LANE_WIDTH = 3.7
 MEDIAN = 2.0
 """Metres from the axis to the edge of the left lane."""
@@ -46,12 +48,14 @@ def _populate(site: Site, main: Path, duration: float) -> None:
     rng = site.rng
     lanes = [_lane(main, k) for k in range(3)]
     opposite = [_lane(main.reversed(), k) for k in range(3)]
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, wander=0.15))
+    site.agents.append(
+        Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, START * EGO_SPEED, wander=0.15)
+    )
     for k, speed in enumerate(LANES):
         for side in (lanes, opposite):
             heavy = (0.55, 0.05, 0.0)[k]
             _change_lanes(site, side, k, speed)
-            road_users.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05)
+            road_users.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05, initial=START * speed)
             road_users.feed_lane(site, side[k], speed, (2.0, 6.0), duration, heavy=heavy)
 
 
@@ -62,7 +66,7 @@ def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float) -> None:
     for s in np.arange(60.0, lanes[k].length - 250.0, 220.0):
         s += site.rng.uniform(0.0, 100.0)
         path = lanes[k].shifted(s + site.rng.uniform(60.0, 200.0), 110.0, LANE_WIDTH)
-        car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=speed)
+        car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=START * speed)
         road_users.add_agent(site, car, clearance=6.0)
 
 
@@ -75,6 +79,7 @@ def _furnish(site: Site, main: Path, half: float) -> None:
             site.add(furniture.make_guard_rail(16.1), x, y, heading)
         for x, y, heading in roadside.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
             site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
+        planting.place_thickets(site, main, (side * (half + 3.5), side * (half + 9.0)), (4.0, 16.0), (1.2, 3.0))
         planting.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
         planting.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
         planting.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
