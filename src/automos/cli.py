@@ -12,6 +12,7 @@ import yaml
 from rich.console import Console
 from rich.text import Text
 
+from automos.cli_formats import formats_app
 from automos.errors import AutomosError, InputError, SettingsError
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
+app.add_typer(formats_app)
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
 

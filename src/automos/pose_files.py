@@ -205,7 +205,7 @@ def _at_scans(
         gap = _nearest_gap(scan_stamps, pose_stamps)
         tolerance = 0.5 * np.median(np.diff(scan_stamps)) if len(scan_stamps) > 1 else np.inf
         if (gap <= tolerance).all():
-            return _interpolate(pose_stamps, T, scan_stamps)
+            return interpolate_poses(pose_stamps, T, scan_stamps)
         if len(T) != n_scans:
             worst = int(np.argmax(gap))
             raise InputError(
@@ -225,7 +225,7 @@ def _nearest_gap(times: npt.NDArray[np.float64], pose_times: npt.NDArray[np.floa
     return np.minimum(np.abs(pose_times[after] - times), np.abs(pose_times[before] - times))
 
 
-def _interpolate(pose_times: npt.NDArray[np.float64], T: Pose, times: npt.NDArray[np.float64]) -> Pose:
+def interpolate_poses(pose_times: npt.NDArray[np.float64], T: Pose, times: npt.NDArray[np.float64]) -> Pose:
     """Return the poses at `times`, linear in translation and rotation between neighbours, constant beyond the ends.
 
     A pose stream of 100 Hz picked by nearest time would be up to 5 ms off, 10 cm at 20 m/s.

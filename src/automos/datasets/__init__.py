@@ -1,8 +1,8 @@
 """What comes in: recordings found by looking at a path, one module per format, imported when used.
 
-A format module answers two questions: `find(path)`, the recordings of its format at a path (none: another format), and
-`open_recording(path, codec)`, one of them as a :class:`~automos.scan.Sequence`. Formats are tried in the order of
-`FORMATS`; the codec of the point files is guessed unless the user names it.
+A format module declares its :class:`~automos.datasets.formats.Format` as `FORMAT`. Formats are tried in the order of
+`FORMATS`, from those that nothing else looks like to the plain folder; the codec of point files is guessed unless the
+user names it. A recording inside a file or a set of tables is named as if it lay in a folder: `log.mcap/front/points`.
 """
 
 from __future__ import annotations
@@ -11,17 +11,20 @@ import difflib
 import importlib
 from collections.abc import Iterable
 from pathlib import Path
-from types import ModuleType
 
 from automos.datasets.codecs import CODECS
+from automos.datasets.formats import Format
 from automos.errors import InputError
 from automos.scan import Sequence
 
-FORMATS: dict[str, str] = {
-    "kitti": "KITTI odometry / SemanticKITTI: velodyne/, and where present poses.txt, calib.txt, times.txt, labels/",
-    "folder": "a plain folder of point files, and where present poses.txt, calib.txt, times.txt, labels/",
-}
-"""Layouts of recordings, name and description, in the order they are tried; each is a module of this package."""
+FORMATS: tuple[str, ...] = ("argoverse2", "kitti", "folder")
+"""Formats of recordings in the order they are tried; each is a module of this package."""
+
+
+def load_format(name: str) -> Format:
+    """Return what the reader `name`, one of `FORMATS`, declares of itself."""
+    declared: Format = importlib.import_module(f"automos.datasets.{name}").FORMAT
+    return declared
 
 
 def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
@@ -37,12 +40,12 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     InputError
         No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
     """
-    module, codec, found = _find(Path(path), format)
+    reader, codec, found = _find(Path(path), format)
     if len(found) > 1:
         raise InputError(
             f"{path} holds {len(found)} recordings ({_few(p.name for p in found)}); give one, as {found[0]}"
         )
-    return module.open_recording(found[0], codec)
+    return _open(reader, found[0], codec)
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
@@ -50,20 +53,26 @@ def open_recordings(path: str | Path, format: str | None = None) -> list[Sequenc
 
     Parameters and errors are those of `open_sequence`.
     """
-    module, codec, found = _find(Path(path), format)
-    return [module.open_recording(recording, codec) for recording in found]
+    reader, codec, found = _find(Path(path), format)
+    return [_open(reader, recording, codec) for recording in found]
 
 
-def _find(path: Path, format: str | None) -> tuple[ModuleType, str | None, list[Path]]:
-    """Return the module that reads `path`, the codec the user asked for, and the recordings there (at least one)."""
-    layouts, codec = _resolve(format)
+def _open(reader: Format, path: Path, codec: str | None) -> Sequence:
+    return reader.open(path, codec) if reader.has_codecs else reader.open(path)
+
+
+def _find(path: Path, format: str | None) -> tuple[Format, str | None, list[Path]]:
+    """Return the format that reads `path`, the codec the user asked for, and the recordings there (at least one)."""
+    names, codec = _resolve(format)
+    for name in names:
+        reader = load_format(name)
+        if codec is not None and not reader.has_codecs:
+            continue
+        found = reader.find(path)
+        if found:
+            return reader, codec, found
     if not path.exists():
         raise InputError(f"{path} does not exist; check the path")
-    for layout in layouts:
-        module = importlib.import_module(f"automos.datasets.{layout}")
-        found = module.find(path)
-        if found:
-            return module, codec, found
     raise InputError(_nothing_found(path, format))
 
 

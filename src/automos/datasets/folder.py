@@ -14,6 +14,7 @@ from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import find_time_unit, time_column, to_scan
 from automos.datasets.files import holds_point_files, list_scans
+from automos.datasets.formats import Format
 from automos.errors import InputError
 from automos.pose_files import lines_of_scans, read_calib, read_poses
 from automos.scan import Pose, Scan, Sequence
@@ -191,3 +192,12 @@ def _warn_of_viewpoint(path: Path) -> None:
 
     if not np.allclose(read_header(path).viewpoint, np.eye(4)):
         logger.warning("%s has a VIEWPOINT; it is not applied, points are taken as they are in the sensor frame", path)
+
+
+FORMAT = Format(
+    layout="a folder of .bin, .pcd, .ply, .npy or text files, and where present poses.txt, calib.txt, times.txt",
+    truth="labels/*.label",
+    find=find,
+    open=open_recording,
+    has_codecs=True,
+)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from automos.datasets.files import natural_key
 from automos.datasets.folder import FolderSequence
+from automos.datasets.formats import Format
 
 _SCANS = "velodyne"
 
@@ -43,3 +44,12 @@ class KittiSequence(FolderSequence):
         # KITTI itself keeps the poses of sequences/SS in poses/SS.txt of the root.
         source = self.source.resolve()
         return [*super()._pose_files(), source.parent.parent / "poses" / f"{source.name}.txt"]
+
+
+FORMAT = Format(
+    layout="KITTI odometry, SemanticKITTI: velodyne/, and where present poses.txt, calib.txt, times.txt",
+    truth="labels/*.label",
+    find=find,
+    open=open_recording,
+    has_codecs=True,
+)

@@ -1,0 +1,171 @@
+"""Argoverse 2 Sensor logs: sensors/lidar/*.feather, calibration, ego poses, boxes, and per-point flow where it is.
+
+The files hold both 32-beam sensors' points in the vehicle's frame, carried to one time. The points are brought back to
+the frame of the upper sensor, from which they were seen: rays start there, not on the rear axle.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.box_truth import judge_boxes, paint_boxes
+from automos.datasets.columns import to_scan
+from automos.datasets.formats import Format, import_extra
+from automos.datasets.listed import ListedSequence
+from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
+from automos.errors import InputError
+from automos.geometry import Boxes, inverse, points_in_boxes, transform
+from automos.labels import Label, pack
+from automos.scan import Pose, Scan
+
+_SCANS = Path("sensors") / "lidar"
+_CALIBRATION = Path("calibration") / "egovehicle_SE3_sensor.feather"
+_POSES = "city_SE3_egovehicle.feather"
+_BOXES = "annotations.feather"
+_FLOW = "flow_labels.feather"
+_SENSOR = "up_lidar"
+
+Table = dict[str, npt.NDArray]
+
+
+def find(path: Path) -> list[Path]:
+    """Return the logs at `path`: itself, or those in it by name."""
+    if (path / _SCANS).is_dir():
+        return [path]
+    return sorted(p for p in path.iterdir() if (p / _SCANS).is_dir()) if path.is_dir() else []
+
+
+class Argoverse2Sequence(ListedSequence):
+    """One log. Points are in the upper sensor's frame; poses are the vehicle's, carried over to it."""
+
+    def __init__(self, source: Path):
+        """List the sweeps of log `source`."""
+        files = sorted((source / _SCANS).glob("[!.]*.feather"))
+        try:
+            self._nanoseconds = np.array([int(file.stem) for file in files], np.int64)
+        except ValueError:
+            raise InputError(f"{source / _SCANS} must hold sweeps named by their time in nanoseconds only") from None
+        super().__init__(source, files, stamps=1e-9 * self._nanoseconds)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = range(len(self))[index]
+        path = self._files[index]
+        scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
+        points = transform(inverse(self._T_ego_sensor), scan.points)
+        return Scan(points, scan.intensity, scan.time, scan.ring, scan.stamp, scan.name)
+
+    @property
+    def is_compensated(self) -> bool:
+        """Sweeps are published motion-compensated."""
+        return True
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor; None without poses."""
+        if not (self.source / _POSES).exists():
+            return None
+        return sensor_poses(self._T_city_ego, self._T_ego_sensor)
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return (N,) uint32 labels of sweep `index`; None where the log has none for it.
+
+        Where the log has per-point flow of its first sweep, its dynamic flags are the truth of that sweep and there is
+        none of the others: the flags say what moves at that moment, boxes what moves at some time. Else the boxes are.
+        """
+        index = range(len(self))[index]
+        if (self.source / _FLOW).exists():
+            return self._from_flow() if index == 0 else None
+        return self._from_boxes(index) if (self.source / _BOXES).exists() else None
+
+    # ------------------------------------------------------------------------------------------------------- tables
+    @cached_property
+    def _T_ego_sensor(self) -> Pose:
+        path = self.source / _CALIBRATION
+        table = _read(path)
+        rows = np.flatnonzero(table["sensor_name"] == _SENSOR)
+        if len(rows) != 1:
+            raise InputError(
+                f"{path} must name the sensor {_SENSOR!r} once; it names {', '.join(table['sensor_name'])}"
+            )
+        return _transforms(table)[rows[0]]
+
+    @cached_property
+    def _T_city_ego(self) -> Pose:
+        path = self.source / _POSES
+        table = _read(path)
+        assert self.stamps is not None
+        return poses_at(self.stamps, 1e-9 * table["timestamp_ns"], _transforms(table), path)
+
+    def _from_flow(self) -> npt.NDArray[np.uint32]:
+        path = self.source / _FLOW
+        is_dynamic = _read(path)["dynamic"]
+        scan = self[0]
+        if len(is_dynamic) != len(scan):
+            raise InputError(f"{path} holds {len(is_dynamic)} rows, but sweep {scan.name} has {len(scan)} points")
+        label = np.where(is_dynamic, Label.MOVING, Label.STATIC)
+        instance = np.zeros(len(scan), np.int64)
+        if (self.source / _BOXES).exists():
+            boxes, _, ids = self._boxes(0)
+            owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), boxes)
+            instance[owner >= 0] = ids[owner[owner >= 0]]
+        return pack(label, instance)
+
+    def _from_boxes(self, index: int) -> npt.NDArray[np.uint32] | None:
+        boxes, labels, ids = self._boxes(index)
+        if len(ids) == 0 and self._nanoseconds[index] not in self._annotations["timestamp_ns"]:
+            return None
+        return paint_boxes(self[index], self._T_ego_sensor, boxes, labels, ids)
+
+    def _boxes(self, index: int) -> tuple[Boxes, npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+        """Return the boxes of sweep `index` in the vehicle's frame, their labels and ids."""
+        table = self._annotations
+        rows = np.flatnonzero(table["timestamp_ns"] == self._nanoseconds[index])
+        yaw = np.arctan2(table["R10"][rows], table["R00"][rows])
+        size = np.column_stack([table[f"{side}_m"][rows] for side in ("length", "width", "height")])
+        boxes = Boxes(table["center"][rows], size, yaw, np.ones(len(rows)))
+        return boxes, table["label"][rows], table["id"][rows]
+
+    @cached_property
+    def _annotations(self) -> Table:
+        table = _read(self.source / _BOXES)
+        T_ego_box = _transforms(table)
+        seconds = 1e-9 * table["timestamp_ns"]
+        poses = _read(self.source / _POSES)
+        T_city_ego = poses_at(seconds, 1e-9 * poses["timestamp_ns"], _transforms(poses), self.source / _POSES)
+        _, ids = np.unique(table["track_uuid"], return_inverse=True)
+        table["id"] = ids + 1
+        table["center"] = T_ego_box[:, :3, 3]
+        table["R00"], table["R10"] = T_ego_box[:, 0, 0], T_ego_box[:, 1, 0]
+        table["label"] = judge_boxes(table["id"], seconds, (T_city_ego @ T_ego_box)[:, :3, 3])
+        return table
+
+
+def _read(path: Path) -> Table:
+    """Return the columns of one feather file."""
+    feather, arrow = import_extra("pyarrow.feather", "arrow"), import_extra("pyarrow", "arrow")
+    try:
+        table = feather.read_table(path, memory_map=False)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; a log needs it: download the log again") from None
+    except (OSError, arrow.ArrowInvalid) as error:
+        raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _transforms(table: Table) -> Pose:
+    """Return the (R, 4, 4) transforms of a table's rows."""
+    translation = np.column_stack([table[f"t{axis}_m"] for axis in "xyz"])
+    return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]))
+
+
+FORMAT = Format(
+    layout="Argoverse 2 Sensor log: sensors/lidar/*.feather, calibration/, city_SE3_egovehicle.feather",
+    truth="dynamic flags of flow_labels.feather, else annotations.feather",
+    find=find,
+    open=Argoverse2Sequence,
+    needs="arrow",
+)

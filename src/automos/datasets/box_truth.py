@@ -1,0 +1,97 @@
+"""Boxes that people drew, made into a label for every point: the truth of recordings that came without one per point.
+
+As SemanticKITTI has it, an object that moves at any time of the recording is moving in every scan. Boxes are drawn a
+few centimetres off and rest on the ground: what lies just outside a mover's box or at its very bottom is unlabeled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import Boxes, points_in_boxes, transform
+from automos.labels import Label, pack
+from automos.scan import Pose, Scan
+
+PACE = 1.0
+"""Seconds over which a box must get on to have moved; a shorter track is judged over its whole length."""
+MOVED = 0.5
+"""Metres: a box that gets further than this within PACE moves. Argoverse 2 calls points above 0.5 m/s dynamic."""
+STOOD = 0.25
+"""Metres: a box that never gets further than this within PACE stands; between the two nobody can tell."""
+MARGIN = 0.3
+"""Metres around a mover's box that are left unlabeled."""
+SOLE = 0.2
+"""Metres at the bottom of a mover's box that are left unlabeled: wheels, feet and the ground between them."""
+
+
+def judge_boxes(
+    track: npt.NDArray[np.int64], time: npt.NDArray[np.float64], center_world: npt.NDArray[np.float64]
+) -> npt.NDArray[np.uint8]:
+    """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED where that cannot be told.
+
+    Parameters
+    ----------
+    track : (R,) which object each box is of.
+    time : (R,) seconds.
+    center_world : (R, 3) metres, in a frame that stands still.
+
+    Returns
+    -------
+    (R,) uint8.
+    """
+    label = np.empty(len(track), np.uint8)
+    order = np.lexsort((time, track))
+    for rows in np.split(order, np.flatnonzero(np.diff(track[order])) + 1):
+        if len(rows):
+            label[rows] = _judge(time[rows], center_world[rows])
+    return label
+
+
+def _judge(time: npt.NDArray[np.float64], center: npt.NDArray[np.float64]) -> Label:
+    later = np.minimum(np.searchsorted(time, time + PACE - 1e-6), len(time) - 1)
+    steps = np.linalg.norm(center[later] - center, axis=1)
+    seconds = np.maximum((time[later] - time) / PACE, 1.0)  # boxes further apart than PACE: metres per PACE
+    got_on = float((steps / seconds).max())
+    if got_on > MOVED:
+        return Label.MOVING
+    return Label.STATIC if got_on < STOOD and time[-1] - time[0] >= 0.5 * PACE else Label.UNLABELED
+
+
+def paint_boxes(
+    scan: Scan,
+    T_boxes_sensor: Pose,
+    boxes: Boxes,
+    labels: npt.NDArray[np.uint8],
+    instances: npt.NDArray[np.int64],
+) -> npt.NDArray[np.uint32]:
+    """Return the labels of a scan's points from the boxes drawn around its objects.
+
+    Parameters
+    ----------
+    T_boxes_sensor : (4, 4), from the scan's frame to that of the boxes, in which they stand upright.
+    boxes, labels, instances : (K,) boxes, the `Label` of each, and its id from 1 on.
+
+    Returns
+    -------
+    (N,) uint32 as SemanticKITTI stores them; STATIC outside all boxes, UNLABELED for points without a return.
+    """
+    points = transform(T_boxes_sensor, np.where(scan.is_valid[:, None], scan.points, np.float32(0.0)))
+    is_mover = labels != Label.STATIC
+    label = np.full(len(scan), Label.STATIC, np.uint8)
+    instance = np.zeros(len(scan), np.int64)
+
+    inside_static = points_in_boxes(points, boxes[~is_mover])
+    instance[inside_static >= 0] = instances[~is_mover][inside_static[inside_static >= 0]]
+
+    movers, label_of, instance_of = boxes[is_mover], labels[is_mover], instances[is_mover]
+    label[points_in_boxes(points, movers, MARGIN) >= 0] = Label.UNLABELED
+    owner = points_in_boxes(points, movers)
+    inside = owner >= 0
+    bottom = movers.center[owner[inside], 2] - 0.5 * movers.size[owner[inside], 2]
+    is_sole = points[inside, 2] < bottom + SOLE
+    label[inside] = np.where(is_sole, Label.UNLABELED, label_of[owner[inside]])
+    instance[inside] = instance_of[owner[inside]]
+
+    label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
+    return pack(label, instance)

@@ -1,0 +1,53 @@
+import importlib
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from automos.cli import app
+from automos.datasets import CODECS, FORMATS, load_format
+from automos.datasets.formats import import_extra
+from automos.errors import MissingExtraError
+
+EXTRAS = ("pyarrow", "rosbags", "laspy", "lazrs")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_declares_what_it_looks_like_and_what_it_needs(name, tmp_path):
+    declared = load_format(name)
+    assert declared.layout
+    assert declared.find(tmp_path) == []
+    assert declared.find(tmp_path / "nowhere") == []
+
+
+def test_all_readers_can_be_asked_without_any_optional_package(tmp_path):
+    program = (
+        f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))\n"
+        "from pathlib import Path\nfrom automos.datasets import FORMATS, load_format\n"
+        f"print(sum(len(load_format(name).find(Path({str(tmp_path)!r}))) for name in FORMATS))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert run.stdout.strip() == "0"
+
+
+def test_a_missing_package_is_told_with_the_command_that_installs_it():
+    with pytest.raises(MissingExtraError, match=r"^nothing_of_the_kind is not .* pip install 'automos\[ros\]'$"):
+        import_extra("nothing_of_the_kind.inner", "ros")
+
+
+def test_every_extra_that_a_reader_names_is_one_of_the_package():
+    tomllib = pytest.importorskip("tomllib")
+    root = importlib.import_module("pathlib").Path(__file__).parents[2]
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert {load_format(name).needs for name in FORMATS} - {None} <= set(extras)
+
+
+def test_the_command_lists_every_format_and_what_it_needs(monkeypatch):
+    monkeypatch.setattr("automos.cli_formats.output", Console(width=200, markup=False))
+    run = CliRunner().invoke(app, ["formats"])
+    assert run.exit_code == 0, run.output
+    words = set(run.output.split())
+    assert {*FORMATS, *CODECS} <= words
+    assert "automos[arrow]" in words
