@@ -1,0 +1,197 @@
+"""ROS 1 bags, ROS 2 bags and MCAP files: the PointCloud2 messages of one topic.
+
+The only such topic is taken; of several, one is named as if the bag were a folder: `log.mcap/front/points`. Scans are
+in the order in which they were recorded and stamped by their headers.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.columns import Columns, find_time_unit, time_column, to_scan
+from automos.datasets.formats import Format, import_extra
+from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.point_cloud2 import read_columns
+from automos.errors import AutomosError, InputError
+from automos.scan import Scan, Sequence
+
+logger = logging.getLogger(__name__)
+
+_SUFFIXES = (".bag", ".mcap", ".db3")
+_TYPE = "sensor_msgs/msg/PointCloud2"
+
+
+def find(path: Path) -> list[Path]:
+    """Return the bags at `path`: itself, a topic of it, or those that lie in it by name."""
+    if _is_bag(path):
+        return [path]
+    if not path.exists():
+        return [path] if any(_is_bag(parent) for parent in path.parents) else []
+    return sorted(p for p in path.iterdir() if not p.name.startswith(".") and _is_bag(p)) if path.is_dir() else []
+
+
+def _is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return (path / "metadata.yaml").exists() and any(p.suffix in _SUFFIXES for p in path.iterdir())
+    return path.suffix in _SUFFIXES and path.is_file()
+
+
+class RosbagSequence(Sequence):
+    """The point clouds of one topic, found once, read when asked for."""
+
+    source: Path
+
+    def __init__(self, path: Path):
+        """Find the messages of the bag at `path`, or of the topic that `path` names below the bag.
+
+        Raises
+        ------
+        InputError
+            A damaged bag, no or several topics of PointCloud2, or stamps that run backwards.
+        """
+        bag = path if path.exists() else next(parent for parent in path.parents if _is_bag(parent))
+        wanted = None if path == bag else path.relative_to(bag).as_posix()
+        self.source = bag
+        self._threads = threading.local()
+        with _told(bag):
+            self._topic = _choose_topic(self._reader, bag, wanted)
+            self._recorded, headers, self._sizes = self._index()
+        self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
+        if len(self._recorded) == 0:
+            raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
+        self._stamps = self._choose_stamps(headers)
+
+    def __len__(self) -> int:
+        return len(self._recorded)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = range(len(self))[index]
+        columns = self._columns(index)
+        unit = self._time_unit if time_column(columns) is not None else None
+        return to_scan(columns, self._where(index), self.names[index], float(self._stamps[index]), unit)
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds, of the messages' headers; of their recording where the headers have none."""
+        return self._stamps
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the bag's files do, or the topic."""
+        files = sorted(self.source.iterdir()) if self.source.is_dir() else [self.source]
+        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(files)}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "_threads"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _threads=threading.local())
+
+    # ------------------------------------------------------------------------------------------------------ messages
+    @property
+    def _reader(self) -> Any:
+        """The opened bag; one for each thread, as readers are not made to be shared."""
+        if not hasattr(self._threads, "reader"):
+            anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
+            # Bags of early ROS 2 do not tell their types; this one has not changed since.
+            types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+            reader = anyreader.AnyReader([self.source], default_typestore=types)
+            reader.open()
+            self._threads.reader = reader
+        return self._threads.reader
+
+    def _connections(self) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype == _TYPE]
+
+    def _index(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """Return (N,) times of recording (ns), headers' stamps (s) and sizes (bytes) of all messages, in order."""
+        rows = [
+            (recorded, _header_stamp(raw, self._reader.is2), len(raw))
+            for _, recorded, raw in self._reader.messages(connections=self._connections())
+        ]
+        recorded, headers, sizes = zip(*rows, strict=True) if rows else ((), (), ())
+        return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, np.int64)
+
+    def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        if len(headers) > 1 and headers.min() == headers.max():
+            logger.warning(
+                "%s, topic %s: headers have no stamps; the times of recording are taken", self.source, self._topic
+            )
+            headers = (1e-9 * self._recorded).astype(np.float64)
+        require_increasing(headers, self.names, self._where())
+        return headers
+
+    def _columns(self, index: int) -> Columns:
+        recorded = int(self._recorded[index])
+        which = index - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
+        with _told(self.source):
+            messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
+            for k, (_, _, raw) in enumerate(messages):
+                if k == which:
+                    return read_columns(self._reader.deserialize(raw, _TYPE), f"{self._where()}, scan {index}")
+        raise InputError(f"{self.source} has changed since it was opened; run the command again")
+
+    @cached_property
+    def _time_unit(self) -> float | None:
+        """Seconds per count of the points' times, found once: a scan of few points may not tell."""
+        times = time_column(self._columns(int(np.argmax(self._sizes))))
+        return None if times is None else find_time_unit(times)
+
+    def _where(self, index: int | None = None) -> Path:
+        return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")
+
+
+def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
+    """Return the topic to read: the one that is `wanted`, else the only one of PointCloud2."""
+    clouds = sorted({c.topic for c in reader.connections if c.msgtype == _TYPE})
+    if wanted is not None:
+        match = next((topic for topic in clouds if topic.strip("/") == wanted), None)
+        if match is None:
+            raise InputError(f"{bag} has no topic /{wanted} of point clouds; it has: {', '.join(clouds) or 'none'}")
+        return match
+    if not clouds:
+        others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:10]) or "none"
+        raise InputError(f"{bag} has no topic of type {_TYPE}; its topics are: {others}")
+    if len(clouds) > 1:
+        first = bag / clouds[0].strip("/")
+        raise InputError(f"{bag} has {len(clouds)} topics of point clouds ({', '.join(clouds)}); give one, as {first}")
+    return clouds[0]
+
+
+def _header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
+    """Return the seconds in a message's header, without decoding what follows."""
+    big = is_ros2 and raw[1] == 0
+    seconds, nanoseconds = np.frombuffer(raw, ">u4" if big else "<u4", 2, offset=4).tolist()
+    return seconds + 1e-9 * nanoseconds
+
+
+@contextmanager
+def _told(bag: Path) -> Iterator[None]:
+    """Turn whatever the reader of bags stumbles over into one sentence: damaged files break it in many ways."""
+    try:
+        yield
+    except AutomosError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{bag} cannot be read as a ROS bag ({reason}); it may be cut short: copy it again, or repair it with "
+            "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
+        ) from error
+
+
+FORMAT = Format(
+    layout="ROS 1 .bag, ROS 2 bag (folder, .db3, .mcap), MCAP; of several LiDARs give one: log.mcap/front/points",
+    truth="",
+    find=find,
+    open=RosbagSequence,
+    needs="ros",
+)

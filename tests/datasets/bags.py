@@ -1,0 +1,97 @@
+"""Bags written by rosbags, for tests only."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+CODES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+
+
+def columns_of(scan, time="t"):
+    """Return a driver's columns of a scan: x, y, z, intensity, nanoseconds, ring."""
+    return {
+        **{axis: scan.points[:, k] for k, axis in enumerate("xyz")},
+        "intensity": scan.intensity,
+        time: np.round(scan.time.astype(float) * 1e9).astype(np.uint32),
+        "ring": scan.ring,
+    }
+
+
+def cloud(columns, height=1, big_endian=False, gap=3, row_padding=0):
+    """Return the parts of a PointCloud2 of columns (N,), `gap` bytes before each field, rows padded."""
+    order = ">" if big_endian else "<"
+    names, formats, offsets, at = [], [], [], 0
+    for name, column in columns.items():
+        at += gap
+        names.append(name)
+        formats.append(column.dtype.newbyteorder(order))
+        offsets.append(at)
+        at += column.dtype.itemsize
+    dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at + gap})
+    n = len(next(iter(columns.values())))
+    points = np.zeros(n, dtype)
+    for name, column in columns.items():
+        points[name] = column
+    rows = points.view(np.uint8).reshape(height, -1) if n else np.zeros((height, 0), np.uint8)
+    rows = np.pad(rows, ((0, 0), (0, row_padding)))
+    return SimpleNamespace(
+        height=height,
+        width=n // height,
+        fields=[(name, offset, CODES[f.str[1:]]) for name, offset, f in zip(names, offsets, formats, strict=True)],
+        is_bigendian=big_endian,
+        point_step=dtype.itemsize,
+        row_step=rows.shape[1],
+        data=rows.reshape(-1),
+    )
+
+
+def write_bag(path, topics):
+    """Write `topics` (name to a list of (recorded ns, header s, cloud)) as what the path's suffix says.
+
+    .bag is ROS 1, .mcap and .db3 are one file, without a suffix it is ROS 2's folder.
+    """
+    types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_JAZZY)
+    folder = path.with_suffix("") if path.suffix in (".mcap", ".db3") else path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".bag":
+        writer = Writer1(path)
+    else:
+        plugin = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
+        writer = Writer2(folder, version=9, storage_plugin=plugin)
+    with writer:
+        for topic, messages in topics.items():
+            connection = writer.add_connection(topic, "sensor_msgs/msg/PointCloud2", typestore=types)
+            for recorded, stamp, parts in messages:
+                message = _message(types, stamp, parts, path.suffix == ".bag")
+                serialize = types.serialize_ros1 if path.suffix == ".bag" else types.serialize_cdr
+                writer.write(connection, recorded, serialize(message, message.__msgtype__))
+    if folder != path:
+        next(folder.glob(f"*{path.suffix}")).rename(path)
+        (folder / "metadata.yaml").unlink()
+        folder.rmdir()
+    return path
+
+
+def _message(types, stamp, parts, is_ros1):
+    nanoseconds = round(stamp * 1e9)
+    time = types.types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
+    header = {"stamp": time, "frame_id": "lidar"} | ({"seq": 0} if is_ros1 else {})
+    field = types.types["sensor_msgs/msg/PointField"]
+    return types.types["sensor_msgs/msg/PointCloud2"](
+        header=types.types["std_msgs/msg/Header"](**header),
+        height=parts.height,
+        width=parts.width,
+        fields=[field(name, offset, code, 1) for name, offset, code in parts.fields],
+        is_bigendian=parts.is_bigendian,
+        point_step=parts.point_step,
+        row_step=parts.row_step,
+        data=parts.data,
+        is_dense=True,
+    )
