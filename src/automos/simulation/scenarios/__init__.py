@@ -8,18 +8,31 @@ from functools import lru_cache
 import numpy as np
 
 from automos.simulation.scenarios.campus import campus
-from automos.simulation.scenarios.canyon import canyon
+from automos.simulation.scenarios.canyon import avenue, canyon
 from automos.simulation.scenarios.city import city
 from automos.simulation.scenarios.country import country
 from automos.simulation.scenarios.hills import hills
 from automos.simulation.scenarios.junction import junction
-from automos.simulation.scenarios.motorway import motorway
+from automos.simulation.scenarios.motorway import motorway, slowdown
 from automos.simulation.scenarios.narrow import narrow
 from automos.simulation.scenarios.scooters import scooters
 from automos.simulation.scenarios.waiting import waiting
 from automos.simulation.world import World
 
-_BUILDERS = (city, motorway, junction, campus, scooters, hills, narrow, canyon, waiting, country)
+_BUILDERS = (
+    city,
+    motorway,
+    slowdown,
+    junction,
+    campus,
+    scooters,
+    hills,
+    narrow,
+    canyon,
+    avenue,
+    waiting,
+    country,
+)
 
 SCENARIOS: dict[str, Callable[[np.random.Generator, float], World]] = {build.__name__: build for build in _BUILDERS}
 """Builders by name: (random generator, seconds) to world."""

@@ -1,4 +1,8 @@
-"""A street canyon: long smooth façades, hardly a corner, dense traffic at the ego's speed. Odometry may slip here."""
+"""Street canyons: dense traffic at the ego's speed. Along smooth façades odometry is tempted to drive with the traffic.
+
+`canyon` is long smooth walls and little else; `avenue` is shorter houses with trees before them, which tell where
+along the street one is.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from automos.simulation.shapes import vehicles
 from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road, Terrain, make_hills
 from automos.simulation.traffic.agents import Agent
-from automos.simulation.traffic.paths import through
+from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 SPEED = 11.0
@@ -20,7 +24,30 @@ LANE = 3.3
 
 
 def canyon(rng: np.random.Generator, duration: float) -> World:
-    """Return a straight four-lane street between smooth walls of buildings."""
+    """Return a straight four-lane street between long smooth walls of buildings."""
+    site, main = _street(rng, duration)
+    for side in (-1.0, 1.0):
+        roadside.place_buildings(
+            site, main, side, 10.4, (6, 9), widths=(40.0, 90.0), gap_chance=0.2, gaps=(3.0, 7.0), smooth=True
+        )
+        _furnish(site, main, side)
+    return site.finish(duration)
+
+
+def avenue(rng: np.random.Generator, duration: float) -> World:
+    """Return the same street with rows of trees and with gaps between the buildings."""
+    site, main = _street(rng, duration)
+    for side in (-1.0, 1.0):
+        roadside.place_buildings(
+            site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
+        )
+        planting.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
+        _furnish(site, main, side)
+    return site.finish(duration)
+
+
+def _street(rng: np.random.Generator, duration: float) -> tuple[Site, Path]:
+    """Return a site with a street full of vehicles, and the street's line."""
     length = SPEED * duration + 2 * LEAD_IN
     main = through([(0.0, 0.0), (length, 0.0)])
     terrain = Terrain(
@@ -39,12 +66,11 @@ def canyon(rng: np.random.Generator, duration: float) -> World:
         road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=START)
     for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):
         road_users.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
-    for side in (-1.0, 1.0):
-        roadside.place_buildings(
-            site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
-        )
-        road_users.add_walkers(site, main.beside(side * 8.8), int(length / 18.0), 0.5)
-        planting.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
-        roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
-        roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
-    return site.finish(duration)
+    return site, main
+
+
+def _furnish(site: Site, main: Path, side: float) -> None:
+    """Put people, lamps and what stands on pavements on one side of the street."""
+    road_users.add_walkers(site, main.beside(side * 8.8), int(main.length / 18.0), 0.5)
+    roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
+    roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))

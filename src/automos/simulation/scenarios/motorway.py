@@ -1,4 +1,8 @@
-"""A motorway: nearly everything moves, and fast; little stands still to hold on to."""
+"""Motorways: nearly everything moves, and fast; little stands still to hold on to.
+
+On `motorway` all are in full flight from the first scan, between bare verges; on `slowdown` all pick up speed after a
+slow stretch, between shrubs.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,8 @@ from automos.simulation.world import Site, World
 EGO_SPEED = 28.0
 LANES = (24.0, 29.0, 34.0)
 """m/s on the right, middle and left lane."""
-START = 0.6
-"""Share of their speed at which all start: a slow stretch has just ended."""
+SLOW = 0.6
+"""Share of their speed at which all leave a slow stretch."""
 LANE_WIDTH = 3.7
 MEDIAN = 2.0
 """Metres from the axis to the edge of the left lane."""
@@ -25,6 +29,15 @@ LEAD_IN = 260.0
 
 def motorway(rng: np.random.Generator, duration: float) -> World:
     """Return three lanes each way with a barrier between, rails, gantries, a bridge now and then."""
+    return _build(rng, duration, start=1.0, is_bare=True)
+
+
+def slowdown(rng: np.random.Generator, duration: float) -> World:
+    """Return a motorway with shrubs along it, on which a slow stretch has just ended."""
+    return _build(rng, duration, start=SLOW, is_bare=False)
+
+
+def _build(rng: np.random.Generator, duration: float, start: float, is_bare: bool) -> World:
     main = through(winding(rng, EGO_SPEED * duration + 2 * LEAD_IN, (300.0, 500.0), (2.0, 9.0)), radius=900.0)
     half = MEDIAN + 3 * LANE_WIDTH + 2.5  # with hard shoulder
     terrain = Terrain(
@@ -35,8 +48,11 @@ def motorway(rng: np.random.Generator, duration: float) -> World:
         seed=int(rng.integers(1 << 30)),
     )
     site = Site(terrain, rng)
-    _populate(site, main, duration)
+    _populate(site, main, duration, start)
     _furnish(site, main, half)
+    if not is_bare:
+        for side in (-1.0, 1.0):
+            planting.place_thickets(site, main, (side * (half + 3.5), side * (half + 9.0)), (4.0, 16.0), (1.2, 3.0))
     return site.finish(duration, reach=110.0, unevenness=0.2)
 
 
@@ -44,29 +60,30 @@ def _lane(main: Path, k: int) -> Path:
     return main.beside(-(MEDIAN + (2.5 - k) * LANE_WIDTH))
 
 
-def _populate(site: Site, main: Path, duration: float) -> None:
+def _populate(site: Site, main: Path, duration: float, start: float) -> None:
+    """Fill both carriageways; all start at the share `start` of their speed."""
     rng = site.rng
     lanes = [_lane(main, k) for k in range(3)]
     opposite = [_lane(main.reversed(), k) for k in range(3)]
     site.agents.append(
-        Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, START * EGO_SPEED, wander=0.15)
+        Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, start * EGO_SPEED, wander=0.15)
     )
     for k, speed in enumerate(LANES):
         for side in (lanes, opposite):
             heavy = (0.55, 0.05, 0.0)[k]
-            _change_lanes(site, side, k, speed)
-            road_users.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05, initial=START * speed)
+            _change_lanes(site, side, k, speed, start)
+            road_users.fill_lane(site, side[k], speed, (30.0, 110.0), heavy=heavy, spread=0.05, initial=start * speed)
             road_users.feed_lane(site, side[k], speed, (2.0, 6.0), duration, heavy=heavy)
 
 
-def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float) -> None:
+def _change_lanes(site: Site, lanes: list[Path], k: int, speed: float, start: float) -> None:
     """Put in some cars that move over to the next lane on the left."""
     if k == 2:
         return
     for s in np.arange(60.0, lanes[k].length - 250.0, 220.0):
         s += site.rng.uniform(0.0, 100.0)
         path = lanes[k].shifted(s + site.rng.uniform(60.0, 200.0), 110.0, LANE_WIDTH)
-        car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=START * speed)
+        car = Agent((vehicles.make_car(site.rng),), path, s, speed * 1.1, initial=start * speed)
         road_users.add_agent(site, car, clearance=6.0)
 
 
@@ -79,7 +96,6 @@ def _furnish(site: Site, main: Path, half: float) -> None:
             site.add(furniture.make_guard_rail(16.1), x, y, heading)
         for x, y, heading in roadside.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
             site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
-        planting.place_thickets(site, main, (side * (half + 3.5), side * (half + 9.0)), (4.0, 16.0), (1.2, 3.0))
         planting.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
         planting.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
         planting.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
