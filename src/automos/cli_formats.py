@@ -2,16 +2,52 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 import typer
 from rich.console import Console
 
 formats_app = typer.Typer()
+console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
+
+Results = Annotated[Path, typer.Argument(help="a results folder of automos label")]
+Recording = Annotated[Path, typer.Argument(help="the recording that the results were made from")]
+Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
 
 
 @formats_app.command()
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
-    from automos.datasets.listing import readers
+    from automos.export.listing import format_tables
 
-    output.print(readers())
+    for table in format_tables():
+        output.print(table)
+
+
+@formats_app.command()
+def export(
+    results: Results,
+    recording: Recording,
+    to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
+    out: Annotated[Path | None, typer.Option(help="file or folder to write [default: RESULTS/export/FORMAT]")] = None,
+    format: Format = None,
+) -> None:
+    """Write labels, boxes and tracks in the format of another tool.
+
+    [bold]Examples[/bold]
+
+    automos export automos_runs/log my_log/ --to pcd                points with their labels
+
+    automos export automos_runs/log my_log/ --to cvat --out task/   boxes to correct in CVAT
+
+    automos export automos_runs/11 kitti/sequences/11 --to semantickitti --out submission.zip
+    """
+    from automos.datasets import open_recordings
+    from automos.export import export_run
+    from automos.progress import StageProgress
+
+    with StageProgress(console, to) as progress:
+        for written in export_run(results, open_recordings(recording, format), to, out, progress):
+            output.print(written)

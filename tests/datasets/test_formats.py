@@ -3,11 +3,8 @@ import subprocess
 import sys
 
 import pytest
-from rich.console import Console
-from typer.testing import CliRunner
 
-from automos.cli import app
-from automos.datasets import CODECS, FORMATS, load_format
+from automos.datasets import FORMATS, load_format
 from automos.datasets.formats import import_extra
 from automos.errors import MissingExtraError
 
@@ -42,12 +39,3 @@ def test_every_extra_that_a_reader_names_is_one_of_the_package():
     root = importlib.import_module("pathlib").Path(__file__).parents[2]
     extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert {load_format(name).needs for name in FORMATS} - {None} <= set(extras)
-
-
-def test_the_command_lists_every_format_and_what_it_needs(monkeypatch):
-    monkeypatch.setattr("automos.cli_formats.output", Console(width=200, markup=False))
-    run = CliRunner().invoke(app, ["formats"])
-    assert run.exit_code == 0, run.output
-    words = set(run.output.split())
-    assert {*FORMATS, *CODECS} <= words
-    assert "automos[arrow]" in words

@@ -1,1 +1,83 @@
-"""What goes out: files that other tools read."""
+"""What goes out: files that other tools read, one module per format, imported when used."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automos.errors import InputError
+
+if TYPE_CHECKING:
+    from automos.export.formats import Export
+    from automos.scan import Sequence as ScanSequence
+
+EXPORTS: tuple[str, ...] = (
+    "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
+    "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
+)  # fmt: skip
+"""Formats that results are written in; each is a module of this package."""
+
+
+def load_export(name: str) -> Export:
+    """Return what the writer `name`, one of `EXPORTS`, declares of itself.
+
+    Raises
+    ------
+    InputError
+        There is no such format.
+    """
+    if name not in EXPORTS:
+        near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
+        raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
+    declared: Export = importlib.import_module(f"automos.export.{name}").EXPORT
+    return declared
+
+
+def export_run(
+    folder: Path,
+    sequences: Sequence[ScanSequence],
+    format: str,
+    out: Path | None = None,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> list[Path]:
+    """Write the results in `folder` in another format; return the files or folders that were written.
+
+    Parameters
+    ----------
+    folder : a results folder; of several recordings, the folder that holds one results folder of each one's name.
+    sequences : the recordings that the results were made from.
+    format : one of `EXPORTS`.
+    out : file or folder to write; for several recordings the folder to write one of each name into, a zip excepted,
+        which takes them all. Where not given, `folder / "export" / format`.
+
+    Raises
+    ------
+    InputError
+        Results that do not belong to the recordings, an unknown format, or a place that cannot be written.
+    """
+    from automos.export.run_files import RunFiles
+
+    export = load_export(format)
+    written = []
+    for sequence in sequences:
+        run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress)
+        place = _place(out or folder / "export" / format, export, sequence.name, len(sequences))
+        if place.is_file() != bool(export.suffix) and place.exists():
+            kind = "a folder" if place.is_dir() else "a file"
+            raise InputError(f"{place} is {kind}: choose another --out")
+        export.write(run, place)
+        if place not in written:
+            written.append(place)
+    return written
+
+
+def _place(out: Path, export: Export, name: str, n_recordings: int) -> Path:
+    """Return the file or folder that one recording's results are written to."""
+    if export.suffix == ".zip":  # one for all recordings
+        return out if out.suffix == ".zip" else out / "predictions.zip"
+    if export.suffix:
+        return out if out.suffix == export.suffix and n_recordings == 1 else out / f"{name}{export.suffix}"
+    return out if n_recordings == 1 else out / name

@@ -1,0 +1,27 @@
+"""What a writer declares of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from automos.export.run_files import RunFiles
+
+
+@dataclass(frozen=True)
+class Export:
+    """A format that results are written in: the constant `EXPORT` of each module that writes one.
+
+    Attributes
+    ----------
+    writes : what it makes, in one line.
+    write : takes a run and the folder (or file) to write; what is there already is replaced, never mixed with.
+    needs : the extra to install, None where the core suffices.
+    suffix : of the one file it writes; empty where it writes a folder.
+    """
+
+    writes: str
+    write: Callable[[RunFiles, Path], None]
+    needs: str | None = None
+    suffix: str = ""

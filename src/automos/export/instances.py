@@ -1,0 +1,23 @@
+"""Track ids alone, for those who know classes already: one NumPy file per scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automos.atomic import atomic_path
+from automos.export.formats import Export
+from automos.export.run_files import RunFiles
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write `out / <name>.npy` for every scan: (N,) uint32, the moving object each point is on, 0 for none."""
+    out.mkdir(parents=True, exist_ok=True)
+    for index in run.each("writing instances"):
+        ids = run.instances(index, len(run.scan(index)))
+        with atomic_path(out / f"{run.names[index]}.npy") as temporary, temporary.open("wb") as file:
+            np.save(file, ids.astype(np.uint32))
+
+
+EXPORT = Export(writes="folder of .npy: track id of every point, 0 for none", write=write)

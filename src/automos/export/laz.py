@@ -1,0 +1,56 @@
+"""Compressed LAS files, one per scan, for the tools of surveyors.
+
+LAS keeps coordinates as whole numbers of a step, here a tenth of a millimetre; what is no number becomes 0, 0, 0, which
+is how drivers write "no return". The label is the classification and, with the instance, an extra dimension.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automos.atomic import atomic_path
+from automos.datasets.formats import import_extra
+from automos.export.formats import Export
+from automos.export.point_columns import point_columns
+from automos.export.run_files import RunFiles
+
+STEP = 1e-4
+"""Metres: the grid of the coordinates; 32 bits reach 214 km."""
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write every scan as `out / <name>.laz` with the columns of `point_columns`."""
+    laspy = import_extra("laspy", "las")
+    import_extra("lazrs", "las")
+    out.mkdir(parents=True, exist_ok=True)
+    for index in run.each("writing .laz"):
+        columns = point_columns(run, index)
+        header = laspy.LasHeader(version="1.4", point_format=6)
+        header.scales, header.offsets = np.full(3, STEP), np.zeros(3)
+        extra = {name: columns[name] for name in ("label", "ring", "instance") if name in columns}
+        header.add_extra_dims([laspy.ExtraBytesParams(name, column.dtype) for name, column in extra.items()])
+        las = laspy.LasData(header)
+        xyz = np.column_stack([columns[axis] for axis in "xyz"])
+        xyz = np.where(np.isfinite(xyz).all(axis=1)[:, None], xyz, np.float32(0.0))
+        las.x, las.y, las.z = xyz.astype(np.float64).T
+        las.classification = columns["label"].astype(np.uint8)
+        if "intensity" in columns:
+            las.intensity = _to_16_bits(columns["intensity"])
+        if "time" in columns:
+            las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
+        for name, column in extra.items():
+            las[name] = column
+        with atomic_path(out / f"{run.names[index]}.laz") as temporary, temporary.open("wb") as file:
+            las.write(file, do_compress=True)
+
+
+def _to_16_bits(intensity: np.ndarray) -> np.ndarray:
+    """Return (N,) uint16: intensities of 0 to 1 spread over 16 bits, others as they are, in bounds."""
+    finite = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
+    is_share = len(finite) > 0 and finite.max() <= 1.0
+    return np.clip(np.round(finite * (65535.0 if is_share else 1.0)), 0, 65535).astype(np.uint16)
+
+
+EXPORT = Export(writes="folder of .laz: classification, gps_time, extra dimensions", write=write, needs="las")

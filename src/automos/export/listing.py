@@ -1,0 +1,45 @@
+"""All formats as tables: what `automos formats` shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from automos.datasets import FORMATS, load_format
+from automos.datasets.codecs import CODECS
+from automos.export import EXPORTS, load_export
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def format_tables() -> Iterator[Table]:
+    """Yield the formats of recordings, the kinds of point files, and the formats that results are written in."""
+    recordings = _table("recordings that are read", "--format", "what it looks like", "truth", "needs")
+    for name in FORMATS:
+        format = load_format(name)
+        recordings.add_row(name, format.layout, format.truth or "-", _needs(format.needs))
+    yield recordings
+    files = _table("point files that are read", "--format", "what it is")
+    for name, description in CODECS.items():
+        files.add_row(name, description)
+    yield files
+    results = _table("formats that results are written in", "--to", "what it makes", "needs")
+    for name in EXPORTS:
+        export = load_export(name)
+        results.add_row(name, export.writes, _needs(export.needs))
+    yield results
+
+
+def _table(title: str, *headings: str) -> Table:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    return table
+
+
+def _needs(extra: str | None) -> str:
+    """Return what to install for a format, as pip calls it."""
+    return "-" if extra is None else f"automos[{extra}]"

@@ -1,0 +1,69 @@
+"""The recording with its labels as ROS 2 messages: one MCAP file that players and viewers open as it is.
+
+Clouds have the fields of `point_columns`; time is called `t`, as drivers call it, in nanoseconds after the first point.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import atomic_path
+from automos.datasets.formats import import_extra
+from automos.export.formats import Export
+from automos.export.point_columns import packed_rows, point_columns
+from automos.export.run_files import RunFiles
+
+TOPIC, FRAME = "/automos/points", "lidar"
+_DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write all scans as sensor_msgs/PointCloud2 on topic /automos/points into the file `out`."""
+    rosbag2, typesys = import_extra("rosbags.rosbag2", "ros"), import_extra("rosbags.typesys", "ros")
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
+        bag = Path(scratch) / "bag"
+        with rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection(TOPIC, "sensor_msgs/msg/PointCloud2", typestore=types)
+            for index in run.each("writing .mcap"):
+                columns = point_columns(run, index)
+                if "time" in columns:
+                    seconds = columns.pop("time").astype(np.float64)
+                    columns["t"] = np.round(1e9 * seconds).astype(np.uint32)
+                nanoseconds = round(1e9 * run.stamps[index])
+                message = _cloud(types.types, columns, nanoseconds)
+                writer.write(connection, nanoseconds, types.serialize_cdr(message, message.__msgtype__))
+        with atomic_path(out) as temporary:
+            next(bag.glob("*.mcap")).replace(temporary)
+
+
+def _cloud(types: dict[str, Any], columns: dict[str, npt.NDArray], nanoseconds: int) -> Any:
+    rows = packed_rows(columns)
+    time = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
+    make_field = types["sensor_msgs/msg/PointField"]
+    fields = [
+        make_field(name, rows.dtype.fields[name][1], _DATATYPES[column.dtype.str[1:]], 1)  # type: ignore[index]
+        for name, column in columns.items()
+    ]
+    return types["sensor_msgs/msg/PointCloud2"](
+        header=types["std_msgs/msg/Header"](time, FRAME),
+        height=1,
+        width=len(rows),
+        fields=fields,
+        is_bigendian=False,
+        point_step=rows.dtype.itemsize,
+        row_step=rows.nbytes,
+        data=rows.view(np.uint8).reshape(-1),
+        is_dense=bool(all(np.isfinite(columns[axis]).all() for axis in "xyz")),
+    )
+
+
+EXPORT = Export(
+    writes="ROS 2 MCAP: PointCloud2 with fields label and instance", write=write, needs="ros", suffix=".mcap"
+)

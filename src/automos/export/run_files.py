@@ -1,0 +1,228 @@
+"""A results folder and the recording it was made from, read back for everything that is written from them.
+
+Boxes of annotation tools stand upright, but a sensor may be mounted at a tilt. They are therefore given in the scan's
+*upright* frame: the sensor's without roll and pitch. Its origin and heading are the sensor's, and z points up.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.evaluation.report import find_predictions, read_prediction
+from automos.geometry import Boxes, inverse, make_transform, transform
+from automos.labels import Label
+from automos.pose_files import read_poses
+from automos.scan import Points, Pose, Scan, Sequence
+from automos.workspace import Workspace
+
+VERDICTS = ("unknown", "static", "moving")
+"""Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanBoxes:
+    """The objects of one scan.
+
+    Attributes
+    ----------
+    boxes : (K,) in the frame that was asked for; the score is the confidence of the verdict.
+    ids : (K,) int64 track ids, from 1.
+    verdict : (K,) int8, index into `VERDICTS`.
+    velocity : (K, 3) metres per second, in the same frame.
+    observed : (K,) bool, False where the object was followed through a scan without points of it.
+    """
+
+    boxes: Boxes
+    ids: npt.NDArray[np.int64]
+    verdict: npt.NDArray[np.int8]
+    velocity: npt.NDArray[np.float64]
+    observed: npt.NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+class RunFiles:
+    """The labels, tracks and poses in a results folder, scan by scan, with the recording's points."""
+
+    def __init__(
+        self,
+        folder: Path,
+        sequence: Sequence,
+        progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    ):
+        """Take a results folder and the recording it was made from.
+
+        Raises
+        ------
+        InputError
+            The folder holds no labels, or those of a recording of other scans.
+        """
+        self.folder = folder
+        self.sequence = sequence
+        self.names = sequence.names
+        self._progress = progress
+        self._predictions = find_predictions(folder, sequence.name, is_only=True)
+        missing = [name for name in self.names if not (self._predictions / f"{name}.label").exists()]
+        if missing:
+            raise InputError(
+                f"{self._predictions} has no {missing[0]}.label: {folder} was made from another recording than "
+                f"{sequence.name}, or not to its end; give the recording it was made from, or label again"
+            )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def each(self, what: str) -> Iterator[int]:
+        """Yield the index of every scan, telling the progress."""
+        for index in range(len(self)):
+            yield index
+            self._progress(what, index + 1, len(self))
+
+    # -------------------------------------------------------------------------------------------------------- points
+    def scan(self, index: int) -> Scan:
+        """Return scan `index` as the recording has it."""
+        return self.sequence[index]
+
+    def packed(self, index: int, n_points: int) -> npt.NDArray[np.uint32]:
+        """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
+        return read_prediction(self._predictions / f"{self.names[index]}.label", n_points)
+
+    def labels(self, index: int, n_points: int) -> npt.NDArray[np.uint16]:
+        """Return (n_points,) uint16 of `Label`."""
+        return (self.packed(index, n_points) & 0xFFFF).astype(np.uint16)
+
+    def instances(self, index: int, n_points: int) -> npt.NDArray[np.int64]:
+        """Return (n_points,) the id of the track that each moving point belongs to, 0 for none.
+
+        Raises
+        ------
+        InputError
+            Neither the label files nor the run's stages tell.
+        """
+        packed = self.packed(index, n_points)
+        if (packed >> 16).any():
+            return (packed >> 16).astype(np.int64)
+        is_moving = (packed & 0xFFFF) == Label.MOVING
+        if not is_moving.any():
+            return np.zeros(n_points, np.int64)
+        run = Workspace(self.folder).read_run()
+        key = run.get("stages", {}).get("labels")
+        path = self.folder / "stages" / f"labels-{key}" / f"{self.names[index]}.npz"
+        if not path.exists():
+            raise InputError(
+                f"{self.folder} does not tell which object each moving point is on; label again with "
+                "--set output.track_ids=true"
+            )
+        tracks = Workspace(self.folder).stage("labels", str(key)).load(self.names[index], "track")["track"]
+        return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
+
+    def points_upright(self, scan: Scan, index: int) -> Points:
+        """Return the (N, 3) points of `scan` in its upright frame; NaN stays NaN."""
+        return transform(self.T_upright_sensor(index), scan.points)
+
+    # --------------------------------------------------------------------------------------------------------- poses
+    @cached_property
+    def T_world_sensor(self) -> Pose:
+        """(len, 4, 4) the run's poses."""
+        return read_poses(self.folder / "poses.txt", len(self))
+
+    @cached_property
+    def T_level_world(self) -> Pose:
+        """(4, 4) from the poses' world to the frame of the boxes, z up."""
+        T_world_level = np.array(self._tracks_file["T_world_level"], np.float64)
+        return inverse(T_world_level)
+
+    def T_level_sensor(self, index: int) -> Pose:
+        """Return (4, 4): where the sensor was at scan `index`, in the level frame."""
+        return self.T_level_world @ self.T_world_sensor[index]
+
+    def T_level_upright(self, index: int) -> Pose:
+        """Return (4, 4): the sensor's place and heading, without its roll and pitch."""
+        T = self.T_level_sensor(index)
+        # A sensor on its side may look up along its x-axis, which then has no heading.
+        forward = T[:3, 0] if abs(T[2, 0]) < 0.9 else T[:3, 2]
+        c, s = forward[:2] / np.linalg.norm(forward[:2])
+        return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], T[:3, 3])
+
+    def T_upright_sensor(self, index: int) -> Pose:
+        """Return (4, 4): the turn by which the sensor's z-axis comes to point up."""
+        return inverse(self.T_level_upright(index)) @ self.T_level_sensor(index)
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds; ten scans a second where the recording has no clock."""
+        stamps = self.sequence.stamps
+        return 0.1 * np.arange(len(self), dtype=np.float64) if stamps is None else stamps
+
+    # -------------------------------------------------------------------------------------------------------- tracks
+    def boxes_level(self, index: int) -> ScanBoxes:
+        """Return the objects of scan `index` in the level frame."""
+        rows = self._rows_of_scan[index]
+        table = self._table
+        boxes = Boxes(table["center"][rows], table["size"][rows], table["yaw"][rows], table["confidence"][rows])
+        return ScanBoxes(
+            boxes, table["id"][rows], table["verdict"][rows], table["velocity"][rows], table["observed"][rows]
+        )
+
+    def boxes_upright(self, index: int) -> ScanBoxes:
+        """Return the objects of scan `index` in its upright frame."""
+        level = self.boxes_level(index)
+        T = inverse(self.T_level_upright(index))
+        velocity = level.velocity @ T[:3, :3].T
+        return ScanBoxes(level.boxes.transformed(T), level.ids, level.verdict, velocity, level.observed)
+
+    @property
+    def tracks(self) -> dict[int, tuple[str, float]]:
+        """Verdict and confidence of every track, by id."""
+        return {track["id"]: (track["verdict"], track["confidence"]) for track in self._tracks_file["tracks"]}
+
+    @cached_property
+    def _tracks_file(self) -> dict[str, Any]:
+        path = self.folder / "tracks.json"
+        try:
+            return json.loads(path.read_text())
+        except FileNotFoundError:
+            raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+
+    @cached_property
+    def _table(self) -> dict[str, npt.NDArray]:
+        """All boxes of all tracks, a row each, by scan, then track."""
+        rows = [
+            (
+                *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
+                *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
+            )
+            for track in self._tracks_file["tracks"]
+            for box in track["boxes"]
+        ]
+        table = np.array(rows, np.float64).reshape(-1, 15)
+        table = table[np.lexsort((table[:, 1], table[:, 0]))]
+        return {
+            "scan": table[:, 0].astype(np.int64),
+            "id": table[:, 1].astype(np.int64),
+            "verdict": table[:, 2].astype(np.int8),
+            "confidence": table[:, 3],
+            "observed": table[:, 4] > 0,
+            "yaw": table[:, 5],
+            "center": table[:, 6:9],
+            "size": table[:, 9:12],
+            "velocity": table[:, 12:15],
+        }
+
+    @cached_property
+    def _rows_of_scan(self) -> list[slice]:
+        edges = np.searchsorted(self._table["scan"], np.arange(len(self) + 1))
+        return [slice(start, end) for start, end in pairwise(edges)]

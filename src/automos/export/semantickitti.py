@@ -1,0 +1,55 @@
+"""A zip as SemanticKITTI's benchmark wants it: sequences/SS/predictions/NNNNNN.label.
+
+Its validation asks for the directories as entries of their own, for files named by six digits, and for four bytes per
+point. A recording whose name is no sequence number is written as sequence 00.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from automos.atomic import atomic_path
+from automos.errors import InputError
+from automos.export.formats import Export
+from automos.export.run_files import RunFiles
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write the zip `out`; a zip that is there already gets this sequence added, or in place of the one it has.
+
+    Raises
+    ------
+    InputError
+        Scans that are not named by numbers.
+    """
+    stray = next((name for name in run.names if not name.isdecimal()), None)
+    if stray is not None:
+        raise InputError(f"{run.sequence.name} has a scan named {stray!r}; the benchmark names scans by six digits")
+    name = run.sequence.name
+    sequence = f"{int(name):02d}" if name.isdecimal() else "00"
+    folder = f"sequences/{sequence}/predictions/"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for directory in ("sequences/", f"sequences/{sequence}/", folder):
+            archive.writestr(zipfile.ZipInfo(directory), b"")
+        if out.exists():
+            _copy_others(out, archive, f"sequences/{sequence}/")
+        for index in run.each("writing zip"):
+            packed = run.packed(index, len(run.scan(index))) & 0xFFFF
+            entry = zipfile.ZipInfo(f"{folder}{int(run.names[index]):06d}.label")
+            archive.writestr(entry, packed.astype("<u4").tobytes(), zipfile.ZIP_DEFLATED)
+
+
+def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
+    """Copy the other sequences of zip `old`, that a benchmark's sequences may be written one after the other."""
+    try:
+        with zipfile.ZipFile(old) as before:
+            for entry in before.infolist():
+                if entry.filename != "sequences/" and not entry.filename.startswith(without):
+                    archive.writestr(entry, before.read(entry))
+    except zipfile.BadZipFile:
+        raise InputError(f"{old} is no zip; remove it or choose another --out") from None
+
+
+EXPORT = Export(writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip")

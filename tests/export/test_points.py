@@ -1,0 +1,195 @@
+"""What is written of every point is read back, by the library that others read it with where there is one."""
+
+import zipfile
+
+import numpy as np
+import pytest
+from made_run import INSTANCES, LABELS, make_run, make_scans
+
+from automos.datasets import open_sequence
+from automos.datasets.codecs import read_columns
+from automos.errors import InputError, MissingExtraError
+from automos.export import EXPORTS, export_run, load_export
+
+
+@pytest.fixture
+def run(tmp_path):
+    return make_run(tmp_path / "run")
+
+
+def export(run, format, out):
+    (written,) = export_run(run.folder, [run.sequence], format, out)
+    return written
+
+
+def assert_columns(columns, index):
+    """Assert that `columns` are the scan's, bit by bit, with its labels and instances."""
+    scan = make_scans()[index]
+    np.testing.assert_array_equal(np.column_stack([columns[axis] for axis in "xyz"]), scan.points)
+    for name in ("intensity", "time", "ring"):
+        np.testing.assert_array_equal(columns[name], getattr(scan, name))
+    assert columns["label"].tolist() == LABELS[index]
+    assert columns["instance"].tolist() == INSTANCES[index]
+
+
+@pytest.mark.parametrize("format", ["pcd", "ply"])
+def test_point_files_hold_all_columns_in_the_scans_order(run, tmp_path, format):
+    folder = export(run, format, tmp_path / "out")
+    for index in range(3):
+        assert_columns(read_columns(folder / f"{index:06d}.{format}", format), index)
+    assert len(list(folder.iterdir())) == 3
+    np.testing.assert_array_equal(open_sequence(folder)[2].points, make_scans()[2].points)
+
+
+def test_parquet_holds_all_scans_one_after_the_other(run, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = export(run, "parquet", tmp_path / "street.parquet")
+    table = parquet.read_table(path)
+    assert parquet.ParquetFile(path).num_row_groups == 3
+    scan = table["scan"].to_numpy()
+    assert scan.tolist() == [0] * 6 + [2] * 4
+    for index in range(3):
+        rows = scan == index
+        assert_columns({name: table[name].to_numpy()[rows] for name in table.column_names}, index)
+
+
+def test_laz_holds_all_points_on_its_grid_and_labels_as_classification(run, tmp_path):
+    laspy = pytest.importorskip("laspy")
+    pytest.importorskip("lazrs")
+    folder = export(run, "laz", tmp_path / "out")
+    for index, scan in enumerate(make_scans()):
+        las = laspy.read(folder / f"{index:06d}.laz")
+        expected = np.nan_to_num(scan.points, nan=0.0)
+        np.testing.assert_allclose(las.xyz, expected, atol=0.6e-4)
+        assert np.asarray(las.classification).tolist() == LABELS[index]
+        assert las["label"].tolist() == LABELS[index]
+        assert las["instance"].tolist() == INSTANCES[index]
+        assert las["ring"].tolist() == scan.ring.tolist()
+        assert np.asarray(las.intensity).tolist() == scan.intensity.tolist()
+        np.testing.assert_allclose(las.gps_time, scan.stamp + scan.time.astype(float), atol=1e-6)
+
+
+def test_mcap_is_read_back_with_all_points_and_its_labels(run, tmp_path):
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+
+    from automos.datasets.point_cloud2 import read_columns as read_message
+
+    path = export(run, "mcap", tmp_path / "street.mcap")
+    with AnyReader([path]) as reader:
+        messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
+        assert {c.topic: c.msgtype for c in reader.connections} == {"/automos/points": "sensor_msgs/msg/PointCloud2"}
+    for index, message in enumerate(messages):
+        columns = read_message(message, "here")
+        columns["time"] = (columns["t"] * 1e-9).astype(np.float32)
+        assert_columns(columns, index)
+        assert message.is_dense == (index != 2)
+    sequence = open_sequence(path)
+    np.testing.assert_allclose(sequence.stamps, run.stamps, atol=1e-6)
+    np.testing.assert_array_equal(sequence[2].points, make_scans()[2].points)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "street.mcap"]
+
+
+def test_panoptic_labels_have_the_track_in_the_upper_half(run, tmp_path):
+    folder = export(run, "panoptic", tmp_path / "out")
+    for index in range(3):
+        packed = np.fromfile(folder / f"{index:06d}.label", np.uint32)
+        assert (packed & 0xFFFF).tolist() == LABELS[index]
+        assert (packed >> 16).tolist() == INSTANCES[index]
+
+
+def test_instances_alone_are_numpy_files(run, tmp_path):
+    folder = export(run, "instances", tmp_path / "out")
+    assert [np.load(folder / f"{index:06d}.npy").tolist() for index in range(3)] == INSTANCES
+
+
+# --------------------------------------------------------------------------------------------------- the benchmark
+def validate(path, scans_of):
+    """Check a submission as the benchmark's script does: directories, names, sizes. `scans_of`: points per scan."""
+    assert path.suffix == ".zip"
+    with zipfile.ZipFile(path) as archive:
+        infos = {info.filename: info for info in archive.infolist()}
+        assert len(infos) == len(archive.infolist()), "a name twice"
+        assert "sequences/" in infos
+        for sequence, n_points in scans_of.items():
+            assert f"sequences/{sequence}/" in infos
+            assert f"sequences/{sequence}/predictions/" in infos
+            for scan, n in enumerate(n_points):
+                info = infos[f"sequences/{sequence}/predictions/{scan:06d}.label"]
+                assert info.file_size == 4 * n
+        n_files = sum(len(n_points) for n_points in scans_of.values())
+        assert len(infos) == 1 + 2 * len(scans_of) + n_files
+        assert archive.testzip() is None
+
+
+def test_the_benchmarks_zip_has_its_directories_and_a_file_for_every_scan(tmp_path):
+    run = make_run(tmp_path / "run", name="8")
+    path = export(run, "semantickitti", tmp_path / "submission.zip")
+    validate(path, {"08": [6, 0, 4]})
+    with zipfile.ZipFile(path) as archive:
+        labels = np.frombuffer(archive.read("sequences/08/predictions/000000.label"), np.uint32)
+    assert labels.tolist() == LABELS[0]
+
+
+def test_sequences_join_the_same_zip_and_replace_themselves(tmp_path):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in ("11", "12")]
+    (path,) = export_run(tmp_path / "runs", [run.sequence for run in runs], "semantickitti", tmp_path / "all.zip")
+    validate(path, {"11": [6, 0, 4], "12": [6, 0, 4]})
+    export(runs[0], "semantickitti", path)
+    validate(path, {"11": [6, 0, 4], "12": [6, 0, 4]})
+
+
+def test_what_the_benchmark_does_not_take_is_refused(run, tmp_path):
+    scans = make_scans()
+    object.__setattr__(scans[1], "name", "b")
+    other = make_run(tmp_path / "other", scans=scans)
+    with pytest.raises(InputError, match="street has a scan named 'b'"):
+        export(other, "semantickitti", tmp_path / "a.zip")
+    (tmp_path / "b.zip").write_text("no zip")
+    with pytest.raises(InputError, match=r"b.zip is no zip"):
+        export(run, "semantickitti", tmp_path / "b.zip")
+    assert not (tmp_path / "a.zip").exists()
+
+
+# --------------------------------------------------------------------------------------------------- all of them
+@pytest.mark.parametrize("format", EXPORTS)
+def test_results_go_beside_the_run_where_no_place_is_given_and_the_same_again(run, format):
+    extra = {"laz": "laspy", "parquet": "pyarrow", "mcap": "rosbags"}.get(format)
+    if extra:
+        pytest.importorskip(extra)
+    (first,) = export_run(run.folder, [run.sequence], format)
+    assert first.is_relative_to(run.folder / "export" / format)
+    before = content(first)
+    assert before
+    (again,) = export_run(run.folder, [run.sequence], format)
+    assert again == first
+    if format != "mcap":  # its writer names itself and the time in the file
+        assert content(again) == before
+
+
+def content(path):
+    files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
+    return {file.name: file.read_bytes() for file in files}
+
+
+def test_several_recordings_are_written_beside_each_other(tmp_path):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in ("a", "b")]
+    sequences = [run.sequence for run in runs]
+    assert export_run(tmp_path / "runs", sequences, "pcd", tmp_path / "out") == [tmp_path / "out/a", tmp_path / "out/b"]
+    written = export_run(tmp_path / "runs", sequences, "openlabel", tmp_path / "out")
+    assert written == [tmp_path / "out" / "a.json", tmp_path / "out" / "b.json"]
+
+
+def test_an_unknown_format_names_the_nearest_and_a_place_in_the_way_is_told(run, tmp_path):
+    with pytest.raises(InputError, match="unknown format 'semantic-kitti'; did you mean 'semantickitti'"):
+        export_run(run.folder, [run.sequence], "semantic-kitti")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file is a file: choose another --out"):
+        export(run, "pcd", tmp_path / "file")
+
+
+@pytest.mark.parametrize(("format", "module"), [("laz", "laspy"), ("parquet", "pyarrow"), ("mcap", "rosbags.rosbag2")])
+def test_a_missing_package_is_told_with_the_command_that_installs_it(run, tmp_path, monkeypatch, format, module):
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf"pip install 'automos\[{load_export(format).needs}\]'"):
+        export(run, format, tmp_path / "out")

@@ -1,0 +1,86 @@
+import json
+
+import numpy as np
+import pytest
+from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, make_run, make_scans
+
+from automos.errors import InputError
+from automos.export.run_files import VERDICTS, RunFiles
+from automos.geometry import transform
+from automos.scan import ArraySequence
+from automos.tracking.verdict import Verdict
+
+
+@pytest.fixture
+def run(tmp_path):
+    return make_run(tmp_path / "run")
+
+
+def test_labels_and_instances_are_those_of_the_run(run):
+    for i, (label, ids) in enumerate(zip(LABELS, INSTANCES, strict=True)):
+        assert run.labels(i, len(label)).tolist() == label
+        assert run.instances(i, len(label)).tolist() == ids
+
+
+def test_instances_are_read_from_the_labels_where_they_are(run):
+    (run.folder / "stages").rename(run.folder / "gone")
+    with pytest.raises(InputError, match=r"does not tell which object .* --set output.track_ids=true"):
+        run.instances(0, 6)
+    packed = np.array([9, 251 | 7 << 16, 251 | 7 << 16, 0, 9, 251], np.uint32)
+    packed.tofile(run.folder / "predictions" / "000000.label")
+    assert run.instances(0, 6).tolist() == [0, 7, 7, 0, 0, 0]
+
+
+def test_boxes_are_told_scan_by_scan_with_their_verdicts(run):
+    found = run.boxes_level(0)
+    assert found.ids.tolist() == [1, 2]
+    assert [VERDICTS[v] for v in found.verdict] == ["static", "moving"]
+    np.testing.assert_allclose(found.boxes.center, [CENTERS[1, 0], CENTERS[2, 0]])
+    np.testing.assert_allclose(found.boxes.score, [1.0, 0.875])
+    assert [len(run.boxes_level(i)) for i in range(3)] == [2, 1, 1]
+    assert run.boxes_level(1).observed.tolist() == [False]
+    assert tuple(v.name.lower() for v in Verdict) == VERDICTS
+
+
+def test_the_upright_frame_is_the_sensors_with_z_up(run):
+    for i in range(3):
+        T = run.T_level_upright(i)
+        np.testing.assert_allclose(T[:3, 2], [0, 0, 1], atol=1e-12)
+        np.testing.assert_allclose(T[:3, 3], (T_LEVEL_WORLD @ T_WORLD_SENSOR[i])[:3, 3], atol=1e-8)
+        # nothing but roll and pitch is between it and the sensor: 10 and 5 degrees are 11.2 together
+        angle = np.degrees(np.arccos((np.trace(run.T_upright_sensor(i)[:3, :3]) - 1) / 2))
+        assert angle == pytest.approx(11.2, abs=0.1)
+
+
+def test_boxes_and_points_in_the_upright_frame_are_those_in_the_level_frame(run):
+    for i, scan in enumerate(make_scans()):
+        level, upright = run.boxes_level(i), run.boxes_upright(i)
+        T = run.T_level_upright(i)
+        np.testing.assert_allclose(transform(T, upright.boxes.center), level.boxes.center, atol=1e-9)
+        np.testing.assert_allclose(upright.velocity @ T[:3, :3].T, np.tile(VELOCITY, (len(level), 1)), atol=1e-9)
+        forth = transform(T, run.points_upright(scan, i).astype(float))
+        np.testing.assert_allclose(forth, transform(run.T_level_sensor(i), scan.points.astype(float)), atol=1e-4)
+
+
+def test_a_recording_of_other_scans_is_refused(run):
+    other = ArraySequence([np.zeros((1, 3))] * 4, name="other")
+    with pytest.raises(InputError, match=r"has no 000003.label: .* was made from another recording than other"):
+        RunFiles(run.folder, other)
+    with pytest.raises(InputError, match="holds no predictions for street"):
+        RunFiles(run.folder / "nowhere", run.sequence)
+    longer = ArraySequence([np.zeros((7, 3))] * 3, name="longer")
+    with pytest.raises(InputError, match="has 24 bytes, but its scan has 7 points"):
+        RunFiles(run.folder, longer).labels(0, 7)
+
+
+def test_missing_and_damaged_tracks_are_told(run):
+    path = run.folder / "tracks.json"
+    text = path.read_text()
+    path.write_text(text[:100])
+    with pytest.raises(InputError, match=r"tracks.json is damaged"):
+        run.boxes_level(0)
+    path.unlink()
+    with pytest.raises(InputError, match=r"tracks.json is missing"):
+        run.boxes_level(0)
+    path.write_text(json.dumps(json.loads(text) | {"tracks": []}))
+    assert [len(run.boxes_level(i)) for i in range(3)] == [0, 0, 0]

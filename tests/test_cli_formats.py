@@ -1,0 +1,54 @@
+"""The commands about formats, as a user types them."""
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+from worlds import lane, write_bins
+
+from automos.cli import app
+from automos.datasets import CODECS, FORMATS
+from automos.errors import InputError
+from automos.export import EXPORTS
+
+
+def run(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory):
+    """Return a results folder and the recording it was made from."""
+    root = tmp_path_factory.mktemp("labelled")
+    write_bins(lane().sequence, root / "lane")
+    done = run("label", root / "lane", "--out", root / "run", "--workers", 1)
+    assert done.exit_code == 0, done.output
+    return root / "run", root / "lane"
+
+
+def test_formats_lists_all_that_is_read_and_written_and_what_each_needs(monkeypatch):
+    monkeypatch.setattr("automos.cli_formats.output", Console(width=200, markup=False))
+    done = run("formats")
+    assert done.exit_code == 0, done.output
+    words = set(done.output.split())
+    assert {*FORMATS, *CODECS, *EXPORTS} <= words
+    assert {"automos[arrow]", "automos[ros]", "automos[las]"} <= words
+
+
+def test_export_says_where_it_wrote(labelled, tmp_path):
+    done = run("export", *labelled, "--to", "pcd", "--out", tmp_path / "points")
+    assert done.exit_code == 0, done.output
+    assert str(tmp_path / "points") in done.output
+    assert len(list((tmp_path / "points").glob("*.pcd"))) == 12
+
+
+@pytest.mark.parametrize("format", ["panoptic", "cvat", "openlabel", "segments"])
+def test_every_kind_of_result_of_a_real_run_can_be_exported(labelled, tmp_path, format):
+    done = run("export", *labelled, "--to", format, "--out", tmp_path / "out.json")
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "out.json").exists()
+
+
+def test_an_unknown_format_is_told(labelled):
+    done = run("export", *labelled, "--to", "excel")
+    assert isinstance(done.exception, InputError)
+    assert "unknown format 'excel'" in str(done.exception)
