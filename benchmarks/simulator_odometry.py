@@ -1,0 +1,66 @@
+"""Can odometry follow the simulated worlds? KISS-ICP, as the preset `paper` uses it, against the true poses.
+
+    python benchmarks/simulator_odometry.py [--scenarios ...] [--sensor HDL-64E] [--scans 80] [--seed 0] [--json FILE]
+
+KISS-ICP knows nothing of the truth and nothing is refined. Drift is how far the last scan is put from where it is, as
+seen from the first; scenarios in which it is more than 3 % of the way (and 0.1 m) are marked.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from automos import load_settings
+from automos.evaluation.trajectory import errors_over_time, path_length, rotation_angle
+from automos.geometry import inverse
+from automos.odometry import estimate_trajectory
+from automos.scan import ArraySequence
+from automos.simulation import SCENARIOS, SENSORS, simulate
+
+TOLERANCE, SLACK = 0.03, 0.1
+"""Share of the way, and metres beside it, that odometry may be off."""
+
+
+def follow(scenario: str, sensor: str, n_scans: int, seed: int) -> dict[str, float]:
+    """Return the way driven, the drift at its end and the median error over one second, metres and degrees."""
+    world = simulate(scenario, sensor, n_scans, seed)
+    recording = ArraySequence(list(world), world.stamps, name=scenario, is_compensated=world.is_compensated)
+    found = estimate_trajectory(recording, load_settings("paper").odometry).T_world_sensor
+    true = world.reference_poses
+    error = inverse(inverse(true[0]) @ true[-1]) @ inverse(found[0]) @ found[-1]
+    over_second = errors_over_time(found, true, world.stamps, 1.0)
+    return {
+        "way_m": float(path_length(true)[-1]),
+        "drift_m": float(np.linalg.norm(error[:3, 3])),
+        "turn_deg": float(np.degrees(rotation_angle(error[:3, :3]))),
+        "over_1s_m": float(np.median(over_second.translation)) if len(over_second) else float("nan"),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenarios", nargs="+", choices=SCENARIOS, default=list(SCENARIOS))
+    parser.add_argument("--sensor", choices=SENSORS, default="HDL-64E")
+    parser.add_argument("--scans", type=int, default=80)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    rows = {}
+    print(f"{'scenario':12s}{'way, m':>9s}{'drift, m':>10s}{'drift, %':>10s}{'turn, deg':>11s}{'over 1 s, m':>13s}")
+    for scenario in arguments.scenarios:
+        row = rows[scenario] = follow(scenario, arguments.sensor, arguments.scans, arguments.seed)
+        way, drift = row["way_m"], row["drift_m"]
+        percent = f"{100 * drift / way:.1f}" if way > 1.0 else "-"
+        mark = "" if drift <= TOLERANCE * way + SLACK else "  <-- lost"
+        turned = f"{row['turn_deg']:11.2f}{row['over_1s_m']:13.3f}"
+        print(f"{scenario:12s}{way:9.0f}{drift:10.2f}{percent:>10s}{turned}{mark}", flush=True)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
