@@ -51,3 +51,25 @@ def export(
     with StageProgress(console, to) as progress:
         for written in export_run(results, open_recordings(recording, format), to, out, progress):
             output.print(written)
+
+
+@formats_app.command()
+def merge(
+    results: Results,
+    recording: Recording,
+    corrected: Annotated[
+        Path, typer.Argument(help="a SUSTechPOINTS scene, CVAT's export as Datumaro 3D, or a folder of .label files")
+    ],
+    out: Annotated[Path | None, typer.Option(help="folder for the merged results [default: RESULTS/merged]")] = None,
+    format: Format = None,
+) -> None:
+    """Take boxes or labels that were corrected in another tool into the labels, and count what changed."""
+    from automos.datasets import open_sequence
+    from automos.export.merge import merge as merge_corrections
+    from automos.export.run_files import RunFiles
+    from automos.progress import StageProgress
+
+    with StageProgress(console, "merge") as progress:
+        run = RunFiles(results, open_sequence(recording, format), progress)
+        merged = merge_corrections(run, corrected, out or results / "merged")
+    output.print(f"{merged.summary()}\nmerged results in {out or results / 'merged'}")

@@ -52,13 +52,14 @@ def make_scans():
     return scans
 
 
-def make_run(folder, name="street", scans=None):
+def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_motion=np.zeros((3, 6))):  # noqa: B008
     """Write the results into `folder`; return them, read back with the recording."""
     sequence = ArraySequence(scans or make_scans(), STAMPS, name)
     stage = Workspace(folder).stage("labels", "key")
     for scan, label, ids in zip(sequence.names, LABELS, INSTANCES, strict=True):
         stage.save(scan, {"label": np.array(label, np.uint8), "track": np.array(ids, np.int32) - 1})
-    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, np.zeros((3, 6)), SweepTiming(), T_LEVEL_WORLD, {})
+    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, sweep_motion, timing, T_LEVEL_WORLD, {})
+    Workspace(folder).stage("odometry", "first").save("all", trajectory.to_arrays())
     keys = sorted(CENTERS)
     tracks = Tracks(
         track=np.array([track - 1 for track, _ in keys]),
@@ -70,6 +71,6 @@ def make_run(folder, name="street", scans=None):
         velocity=np.tile(VELOCITY, (4, 1)),
     )
     verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([1.0, 0.875]))
-    result = Result(trajectory, tracks, verdicts, sequence.names, {}, {"labels": "key"}, stage)
+    result = Result(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
     write_results(folder, sequence, result, load_settings("paper"))
     return RunFiles(folder, sequence)

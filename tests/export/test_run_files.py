@@ -7,6 +7,7 @@ from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, 
 from automos.errors import InputError
 from automos.export.run_files import VERDICTS, RunFiles
 from automos.geometry import transform
+from automos.odometry.motion import SweepTiming
 from automos.scan import ArraySequence
 from automos.tracking.verdict import Verdict
 
@@ -84,3 +85,17 @@ def test_missing_and_damaged_tracks_are_told(run):
         run.boxes_level(0)
     path.write_text(json.dumps(json.loads(text) | {"tracks": []}))
     assert [len(run.boxes_level(i)) for i in range(3)] == [0, 0, 0]
+
+
+def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog):
+    # a metre forward during the sweep: the first point was measured half a metre behind, the last one half before
+    motion = np.tile([1.0, 0, 0, 0, 0, 0], (3, 1))
+    run = make_run(tmp_path / "run", timing=SweepTiming("file", duration=0.1, share=1.0), sweep_motion=motion)
+    scan = make_scans()[2]
+    points = run.points_at_pose(scan, 2)
+    expected = scan.points + np.outer(scan.time / 0.1 - 0.5, [1, 0, 0])
+    np.testing.assert_allclose(points, expected, atol=1e-5)
+    np.testing.assert_array_equal(scan.points, make_scans()[2].points)
+    (run.folder / "stages").rename(run.folder / "gone")
+    np.testing.assert_array_equal(RunFiles(run.folder, run.sequence).points_at_pose(scan, 2), scan.points)
+    assert "points are written as measured" in caplog.text

@@ -20,6 +20,8 @@ from automos.export.run_files import VERDICTS, RunFiles
 
 ANNOTATIONS = "annotations/default.json"
 CLOUDS = "point_clouds/default"
+_POINT_CLOUD = 6
+"""Datumaro's number for what the items are of; CVAT itself does not ask."""
 
 
 def write(run: RunFiles, out: Path) -> None:
@@ -34,6 +36,7 @@ def write(run: RunFiles, out: Path) -> None:
     labels = [{"name": verdict, "parent": "", "attributes": []} for verdict in VERDICTS]
     document = {
         "info": {},
+        "media_type": _POINT_CLOUD,
         "categories": {"label": {"labels": labels, "attributes": ["occluded"]}, "points": {"items": []}},
         "items": items,
     }

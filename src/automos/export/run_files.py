@@ -7,6 +7,7 @@ Boxes of annotation tools stand upright, but a sensor may be mounted at a tilt. 
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,9 +22,13 @@ from automos.errors import InputError
 from automos.evaluation.report import find_predictions, read_prediction
 from automos.geometry import Boxes, inverse, make_transform, transform
 from automos.labels import Label
+from automos.odometry.frames import make_frame
+from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.workspace import Workspace
+
+logger = logging.getLogger(__name__)
 
 VERDICTS = ("unknown", "static", "moving")
 """Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
@@ -127,9 +132,30 @@ class RunFiles:
         tracks = Workspace(self.folder).stage("labels", str(key)).load(self.names[index], "track")["track"]
         return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
+    def points_at_pose(self, scan: Scan, index: int) -> Points:
+        """Return the (N, 3) points of `scan` as seen from its pose: the sensor's motion during the sweep taken out.
+
+        Boxes were fitted to these. Points that could not be used stay as they are, NaN included; so do all where the
+        run does not tell any more how the sensor moved.
+        """
+        if self._trajectory is None:
+            return scan.points
+        frame = make_frame(scan, self._trajectory, index)
+        points = scan.points.copy()
+        points[frame.kept] = frame.points
+        return points
+
     def points_upright(self, scan: Scan, index: int) -> Points:
-        """Return the (N, 3) points of `scan` in its upright frame; NaN stays NaN."""
-        return transform(self.T_upright_sensor(index), scan.points)
+        """Return `points_at_pose` in the scan's upright frame."""
+        return transform(self.T_upright_sensor(index), self.points_at_pose(scan, index))
+
+    @cached_property
+    def _trajectory(self) -> Trajectory | None:
+        key = Workspace(self.folder).read_run().get("stages", {}).get("odometry")
+        if not (self.folder / "stages" / f"odometry-{key}" / "all.npz").exists():
+            logger.warning("%s holds no stages: points are written as measured, not as seen from one pose", self.folder)
+            return None
+        return Trajectory.from_arrays(Workspace(self.folder).stage("odometry", str(key)).load("all"))
 
     # --------------------------------------------------------------------------------------------------------- poses
     @cached_property
@@ -140,8 +166,7 @@ class RunFiles:
     @cached_property
     def T_level_world(self) -> Pose:
         """(4, 4) from the poses' world to the frame of the boxes, z up."""
-        T_world_level = np.array(self._tracks_file["T_world_level"], np.float64)
-        return inverse(T_world_level)
+        return inverse(np.array(self.tracks_file["T_world_level"], np.float64))
 
     def T_level_sensor(self, index: int) -> Pose:
         """Return (4, 4): where the sensor was at scan `index`, in the level frame."""
@@ -185,10 +210,11 @@ class RunFiles:
     @property
     def tracks(self) -> dict[int, tuple[str, float]]:
         """Verdict and confidence of every track, by id."""
-        return {track["id"]: (track["verdict"], track["confidence"]) for track in self._tracks_file["tracks"]}
+        return {track["id"]: (track["verdict"], track["confidence"]) for track in self.tracks_file["tracks"]}
 
     @cached_property
-    def _tracks_file(self) -> dict[str, Any]:
+    def tracks_file(self) -> dict[str, Any]:
+        """What tracks.json holds."""
         path = self.folder / "tracks.json"
         try:
             return json.loads(path.read_text())
@@ -205,7 +231,7 @@ class RunFiles:
                 *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
                 *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
             )
-            for track in self._tracks_file["tracks"]
+            for track in self.tracks_file["tracks"]
             for box in track["boxes"]
         ]
         table = np.array(rows, np.float64).reshape(-1, 15)

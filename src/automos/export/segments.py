@@ -1,6 +1,7 @@
 """Sequences for Segments.ai: the sample and its cuboid and segmentation labels, as its Python SDK uploads them.
 
-Points stay in the sensor frame; `ego_pose` places each scan in a world with z up, in which the cuboids are.
+Points are in the sensor frame, the sensor's motion during a sweep taken out; `ego_pose` places each scan in a world
+with z up, in which the cuboids are.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def write(run: RunFiles, out: Path) -> None:
     samples, cuboids, segmentations = [], [], []
     for index in run.each("writing sample"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(out / "pointclouds" / f"{name}.pcd", scan_columns(scan, scan.points))
+        write_pcd(out / "pointclouds" / f"{name}.pcd", scan_columns(scan, run.points_at_pose(scan, index)))
         timestamp = round(1e9 * run.stamps[index])
         samples.append(
             {

@@ -1,0 +1,209 @@
+"""What people corrected in another tool, read back: boxes from SUSTechPOINTS and CVAT.
+
+Both give boxes in the scans' upright frames, as they were exported. SUSTechPOINTS keeps the tracks' ids; CVAT numbers
+them anew, so its tracks are recognised by where their boxes are.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos.errors import InputError
+from automos.export.cvat import ANNOTATIONS
+from automos.export.run_files import VERDICTS, RunFiles
+from automos.geometry import Boxes, iou_3d
+
+MAX_TILT = 0.2
+"""Radians a box may be tilted about x or y; tools that fit boxes to points tilt them a little, which is not kept."""
+SAME_OBJECT = 0.3
+"""Intersection over union above which two boxes of a scan are taken to be around the same object."""
+
+
+@dataclass(frozen=True)
+class EditedBox:
+    """One box of one scan, in the scan's upright frame: metres, radians; `verdict` is an index into `VERDICTS`."""
+
+    center: tuple[float, float, float]
+    size: tuple[float, float, float]
+    yaw: float
+    verdict: int
+
+    def to_boxes(self) -> Boxes:
+        """Return it as the only one of a set of boxes."""
+        return Boxes(np.array([self.center]), np.array([self.size]), np.array([self.yaw]), np.ones(1))
+
+
+EditedScan = dict[int, EditedBox]
+"""The boxes of one scan, by track id."""
+
+
+def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
+    """Return the corrected boxes at `path` by scan; scans that the tool left out are not there.
+
+    Parameters
+    ----------
+    path : a SUSTechPOINTS scene or its label folder, or CVAT's export "Datumaro 3D" as a zip, a folder or its JSON.
+    run : the results that the boxes were exported from.
+
+    Raises
+    ------
+    InputError
+        Nothing of the kind is there, it is damaged, or it has boxes of a class that says nothing of motion.
+    """
+    if not path.exists():
+        raise InputError(f"{path} does not exist; check the path")
+    labels = path / "label" if (path / "label").is_dir() else path
+    if labels.is_dir() and any(labels.glob("*.json")) and not (path / ANNOTATIONS).exists():
+        return _read_sustech(labels, run)
+    document = _read_datumaro(path)
+    if document is None:
+        raise InputError(f"{path} is neither a SUSTechPOINTS scene (label/*.json) nor CVAT's export as 'Datumaro 3D'")
+    return _recognise(_parse_datumaro(document, path, run), run)
+
+
+# ------------------------------------------------------------------------------------------------- SUSTechPOINTS
+def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
+    files = {path.stem: path for path in folder.glob("[!.]*.json")}
+    _require_known(files, run, folder)
+    ids = _Ids(run)
+    edits: dict[int, EditedScan] = {}
+    for index, name in enumerate(run.names):
+        if name not in files:
+            continue
+        path = files[name]
+        try:
+            document = json.loads(path.read_text())
+            boxes = document["objs"] if isinstance(document, dict) else document
+            scan: EditedScan = {}
+            for box in boxes:
+                track = ids.of(str(box.get("obj_id", "")))
+                if track in scan:
+                    raise InputError(f"{path} has two boxes with obj_id {box['obj_id']!r}; give each object its own")
+                position, scale, rotation = (_xyz(box["psr"][key]) for key in ("position", "scale", "rotation"))
+                scan[track] = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
+        except InputError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path} is no label file of SUSTechPOINTS ({error}); save the scene again") from None
+        edits[index] = scan
+    return edits
+
+
+def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
+    return float(values["x"]), float(values["y"]), float(values["z"])
+
+
+class _Ids:
+    """Track ids of what a tool calls its objects: numbers are kept, other names and none get new ones."""
+
+    def __init__(self, run: RunFiles) -> None:
+        self._next = max(run.tracks, default=0) + 1
+        self._of: dict[str, int] = {}
+
+    def of(self, name: str) -> int:
+        if name.isdecimal() and int(name) > 0:
+            self._next = max(self._next, int(name) + 1)
+            return int(name)
+        if name in self._of:
+            return self._of[name]
+        self._next += 1
+        if name:
+            self._of[name] = self._next - 1
+        return self._next - 1
+
+
+# ---------------------------------------------------------------------------------------------------------- CVAT
+def _read_datumaro(path: Path) -> dict[str, Any] | None:
+    """Return the annotations of a zip, a folder or a JSON file; None where it is none of them."""
+    try:
+        if path.is_dir():
+            inner = path / ANNOTATIONS
+            return json.loads(inner.read_text()) if inner.exists() else None
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                return json.loads(archive.read(ANNOTATIONS)) if ANNOTATIONS in archive.namelist() else None
+        document = json.loads(path.read_text())
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
+    return document if isinstance(document, dict) and "items" in document else None
+
+
+def _parse_datumaro(document: dict[str, Any], path: Path, run: RunFiles) -> dict[int, EditedScan]:
+    """Return the boxes by scan, under the numbers that CVAT gave the tracks; single shapes have negative ones."""
+    n_shapes = 0
+    edits: dict[int, EditedScan] = {}
+    try:
+        names = [label["name"] for label in document["categories"]["label"]["labels"]]
+        items = {Path(str(item["id"])).name: item for item in document["items"]}
+        _require_known(items, run, path)
+        for index, name in enumerate(run.names):
+            if name not in items:
+                continue
+            edits[index] = {}
+            for box in items[name]["annotations"]:
+                attributes = box.get("attributes", {})
+                if box["type"] != "cuboid_3d" or attributes.get("outside", False):
+                    continue
+                n_shapes += 1
+                track = int(attributes["track_id"]) if "track_id" in attributes else -n_shapes
+                center, size, rotation = (tuple(map(float, box[key])) for key in ("position", "scale", "rotation"))
+                edits[index][track] = _make_box(center, size, rotation, names[box["label_id"]], path)
+    except InputError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path} is no export of CVAT as 'Datumaro 3D' ({error!r}); export it again") from None
+    return edits
+
+
+def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedScan]:
+    """Return `edits` with the run's track ids: each track is the one most of whose boxes lie where its own do."""
+    votes: Counter[tuple[int, int]] = Counter()
+    for index, scan in edits.items():
+        found = run.boxes_upright(index)
+        for track, box in scan.items():
+            overlap = iou_3d(box.to_boxes(), found.boxes)[0]
+            if len(overlap) and overlap.max() > SAME_OBJECT:
+                votes[track, int(found.ids[overlap.argmax()])] += 1
+    known: dict[int, int] = {}
+    for (track, original), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+        if track not in known and original not in known.values():
+            known[track] = original
+    new = max(run.tracks, default=0) + 1
+    for track in sorted({track for scan in edits.values() for track in scan} - known.keys()):
+        known[track], new = new, new + 1
+    return {index: {known[track]: box for track, box in scan.items()} for index, scan in edits.items()}
+
+
+# ----------------------------------------------------------------------------------------------------- both tools
+def _make_box(
+    center: tuple[float, ...], size: tuple[float, ...], rotation: tuple[float, ...], kind: str, path: Path
+) -> EditedBox:
+    if kind.lower() not in VERDICTS:
+        raise InputError(
+            f"{path} has a box of class {kind!r}; classes are {', '.join(VERDICTS)}: change it in the tool"
+        )
+    values = (*center, *size, *rotation)
+    if not np.isfinite(values).all() or min(size) <= 0:
+        raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, all above 0")
+    # A half turn about x or y is how some tools tell a heading beyond 90 degrees; the box is the same.
+    if max(abs(np.sin(rotation[0])), abs(np.sin(rotation[1]))) > np.sin(MAX_TILT):
+        raise InputError(f"{path} has a box at {center} that is tilted by {rotation[:2]} rad; stand it upright")
+    yaw = rotation[2] if np.cos(rotation[0]) * np.cos(rotation[1]) > 0 else -rotation[2]
+    return EditedBox(center, size, float(yaw), VERDICTS.index(kind.lower()))  # type: ignore[arg-type]
+
+
+def _require_known(names: Iterable[str], run: RunFiles, path: Path) -> None:
+    strays = sorted(set(names) - set(run.names))
+    if strays:
+        raise InputError(
+            f"{path} has boxes of a scan {strays[0]!r}, which {run.sequence.name} has not; give the recording that it "
+            "was exported from"
+        )

@@ -1,0 +1,163 @@
+"""Corrections made in another tool, merged into a run's results: new labels and tracks, and a count of what changed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import atomic_path, write_text
+from automos.datasets.folder import read_labels
+from automos.errors import InputError
+from automos.export.edits import EditedScan, read_edits
+from automos.export.relabel import Change, compare, relabel
+from automos.export.run_files import VERDICTS, RunFiles
+from automos.labels import Label, pack, to_mos
+from automos.workspace import RUN_FILE
+
+
+@dataclass
+class Merged:
+    """What a merge changed.
+
+    Attributes
+    ----------
+    boxes : boxes by what was done to them: unchanged, moved, verdict (given another), added, removed; a box may be
+        moved and be given another verdict.
+    points : points by change of label, as "static to moving".
+    scans : how many scans have another label than before.
+    """
+
+    boxes: Counter[str] = field(default_factory=Counter)
+    points: Counter[str] = field(default_factory=Counter)
+    scans: int = 0
+
+    def summary(self) -> str:
+        """Return what changed in a line."""
+        boxes = ", ".join(f"{count} {kind}" for kind, count in sorted(self.boxes.items())) or "none"
+        points = ", ".join(f"{count:,} {kind}" for kind, count in sorted(self.points.items())) or "none"
+        return f"boxes: {boxes}\npoints: {points}\nscans with other labels: {self.scans}"
+
+
+def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
+    """Write the results of `run` with the corrections at `corrected` into `out`; return what changed.
+
+    Parameters
+    ----------
+    corrected : boxes as `automos.export.edits.read_edits` takes them, or a folder of .label files; scans without one
+        stay as they are.
+    out : a results folder: predictions/*.label with track ids, tracks.json, poses.txt and merge.json. `run` stays as it
+        is.
+
+    Raises
+    ------
+    InputError
+        Corrections that do not belong to the recording, or `out` is the run's own folder.
+    """
+    if out.resolve() == run.folder.resolve():
+        raise InputError(f"{out} holds the results that are to be corrected: choose another --out")
+    has_labels = corrected.is_dir() and any(corrected.glob("[!.]*.label"))
+    edits = {} if has_labels else read_edits(corrected, run)
+    (out / "predictions").mkdir(parents=True, exist_ok=True)
+    merged = Merged()
+    for index in run.each("merging"):
+        scan = run.scan(index)
+        before = run.labels(index, len(scan)), run.instances(index, len(scan))
+        if has_labels:
+            after = _from_file(corrected / f"{run.names[index]}.label", before)
+        elif index in edits:
+            changes = compare(run.boxes_upright(index), edits[index])
+            _count_boxes(changes, merged)
+            after = relabel(run.points_upright(scan, index), scan.is_valid, *before, changes)
+        else:
+            after = before
+        _count_points(before[0], after[0], merged)
+        with atomic_path(out / "predictions" / f"{run.names[index]}.label") as temporary:
+            pack(*after).tofile(temporary)
+    _copy_beside(run, out)
+    write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
+    write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
+    return merged
+
+
+def _from_file(
+    path: Path, before: tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]
+) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
+    """Return the labels in a corrected file, of any SemanticKITTI class; without ids, points that move keep theirs."""
+    if not path.exists():
+        return before
+    packed = read_labels(path)
+    if len(packed) != len(before[0]):
+        raise InputError(f"{path} holds {len(packed)} labels, but its scan has {len(before[0])} points")
+    label = to_mos(packed).astype(np.uint16)
+    own = (packed >> 16).astype(np.int64)
+    return label, np.where(label == Label.MOVING, own if own.any() else before[1], 0)
+
+
+def _count_boxes(changes: list[Change], merged: Merged) -> None:
+    for change in changes:
+        merged.boxes.update(change.kinds or ["unchanged"])
+
+
+def _count_points(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16], merged: Merged) -> None:
+    changed = before != after
+    merged.scans += bool(changed.any())
+    pairs, counts = np.unique(np.column_stack([before[changed], after[changed]]), axis=0, return_counts=True)
+    for (was, now), count in zip(pairs, counts, strict=True):
+        merged.points[f"{Label(was).name.lower()} to {Label(now).name.lower()}"] += int(count)
+
+
+def _copy_beside(run: RunFiles, out: Path) -> None:
+    """Copy what the results need to be read again: poses, what the run was, and how the sensor moved in each sweep."""
+    for name in ("poses.txt", "poses.tum", "settings.yaml", RUN_FILE):
+        if (run.folder / name).exists():
+            shutil.copyfile(run.folder / name, out / name)
+    for stage in (run.folder / "stages").glob("odometry-*"):
+        shutil.copytree(stage, out / "stages" / stage.name, dirs_exist_ok=True)
+
+
+def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:
+    """Return tracks.json with the corrected boxes; a track's verdict is that of most of them, a person's is certain."""
+    if not edits:
+        return run.tracks_file
+    boxes: dict[int, list[dict[str, Any]]] = {}
+    verdicts: dict[int, Counter[str]] = {}
+    touched: set[int] = set()
+    before = {(track["id"], box["scan"]): box for track in run.tracks_file["tracks"] for box in track["boxes"]}
+    for index in range(len(run)):
+        found = run.boxes_upright(index)
+        edited = edits.get(index)
+        for change in compare(found, edited) if edited is not None else _unchanged(found):
+            touched |= {change.track} if change.kinds else set()
+            if change.after is None:
+                continue
+            box = before.get((change.track, index), {"observed": True, "velocity": [0.0, 0.0, 0.0]})
+            if change.kinds:
+                level = change.after.to_boxes().transformed(run.T_level_upright(index))
+                shape = {"center": level.center[0], "size": level.size[0]}
+                box = {**box, **{key: value.round(3).tolist() for key, value in shape.items()}}
+                box.update(scan=index, stamp=round(float(run.stamps[index]), 6), yaw=round(float(level.yaw[0]), 3))
+            boxes.setdefault(change.track, []).append(box)
+            verdicts.setdefault(change.track, Counter())[VERDICTS[change.after.verdict]] += 1
+    known = {track["id"]: track for track in run.tracks_file["tracks"]}
+    tracks = [
+        {
+            "id": track,
+            "verdict": verdicts[track].most_common(1)[0][0],
+            "confidence": 1.0 if track in touched else known[track]["confidence"],
+            "boxes": boxes[track],
+        }
+        for track in sorted(boxes)
+    ]
+    return {**run.tracks_file, "tracks": tracks}
+
+
+def _unchanged(found: Any) -> list[Change]:
+    changes = compare(found, {})
+    return [Change(change.track, change.before, change.before) for change in changes]
