@@ -117,7 +117,7 @@ def test_what_is_missing_or_damaged_is_told_with_the_file(tmp_path):
     with pytest.raises(InputError, match=r"egovehicle_SE3_sensor.feather is missing"):
         open_sequence(folder)[2]
     (folder / "sensors" / "lidar" / "first.feather").touch()
-    with pytest.raises(InputError, match="named by their time"):
+    with pytest.raises(InputError, match=r"first.feather is not named by its time"):
         open_sequence(folder)
 
 

@@ -17,7 +17,9 @@ from automos.datasets.formats import Format
 from automos.errors import InputError
 from automos.scan import Sequence
 
-FORMATS: tuple[str, ...] = ("rosbag", "argoverse2", "kitti", "folder")
+FORMATS: tuple[str, ...] = (
+    "rosbag", "argoverse2", "helipr", "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder"
+)  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package."""
 
 

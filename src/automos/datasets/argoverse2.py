@@ -15,7 +15,7 @@ import numpy.typing as npt
 from automos.datasets.box_truth import judge_boxes, paint_boxes
 from automos.datasets.columns import to_scan
 from automos.datasets.formats import Format, import_extra
-from automos.datasets.listed import ListedSequence
+from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
 from automos.errors import InputError
 from automos.geometry import Boxes, inverse, points_in_boxes, transform
@@ -44,12 +44,9 @@ class Argoverse2Sequence(ListedSequence):
 
     def __init__(self, source: Path):
         """List the sweeps of log `source`."""
-        files = sorted((source / _SCANS).glob("[!.]*.feather"))
-        try:
-            self._nanoseconds = np.array([int(file.stem) for file in files], np.int64)
-        except ValueError:
-            raise InputError(f"{source / _SCANS} must hold sweeps named by their time in nanoseconds only") from None
-        super().__init__(source, files, stamps=1e-9 * self._nanoseconds)
+        files, stamps = stamped_files(source / _SCANS, ".feather")
+        self._nanoseconds = np.array([int(file.stem) for file in files], np.int64)
+        super().__init__(source, files, stamps=stamps)
 
     def __getitem__(self, index: int) -> Scan:
         index = range(len(self))[index]

@@ -62,6 +62,22 @@ class ListedSequence(ScanSequence):
         return f"{super().fingerprint()}:{digest_of_files(self._files, stamps)}"
 
 
+def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[Path], npt.NDArray[np.float64]]:
+    """Return the files of `folder` that are named by their time alone, in order of it, and those times in seconds.
+
+    Raises
+    ------
+    InputError
+        A file of another name.
+    """
+    files = [path for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")]
+    stray = next((path for path in files if not path.stem.isdecimal()), None)
+    if stray is not None:
+        raise InputError(f"{stray} is not named by its time; {folder} must hold only scans that are")
+    files.sort(key=lambda path: int(path.stem))
+    return files, unit * np.array([int(path.stem) for path in files], np.float64)
+
+
 def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
     """Return a text that changes when the name, size or time of change of any of `files` does, or `more`.
 

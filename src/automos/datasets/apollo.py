@@ -1,0 +1,64 @@
+"""Apollo SouthBay: pcds/N.pcd and poses/gt_poses.txt with the number, time and pose of each.
+
+Its labelled version is in KITTI's layout and read as that.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.folder import FolderSequence
+from automos.datasets.formats import Format
+from automos.datasets.listed import require_increasing
+from automos.datasets.records import read_table
+from automos.datasets.stamped_poses import from_quaternions, sensor_poses
+from automos.errors import InputError
+from automos.scan import Pose
+
+_SCANS, _POSES = "pcds", Path("poses") / "gt_poses.txt"
+
+
+def find(path: Path) -> list[Path]:
+    """Return the recordings at `path`: itself, or those in it by name."""
+    if _is_recording(path):
+        return [path]
+    return sorted(p for p in path.iterdir() if _is_recording(p)) if path.is_dir() else []
+
+
+def _is_recording(path: Path) -> bool:
+    return (path / _SCANS).is_dir() and (path / _POSES).exists()
+
+
+class ApolloSequence(FolderSequence):
+    """One run; scans are matched to poses by their number."""
+
+    def __init__(self, source: Path):
+        """List the scans of the run in folder `source`."""
+        super().__init__(source, _SCANS, "pcd")
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        stamps = self._rows[:, 1]
+        require_increasing(stamps, self._names, self.source / _POSES)
+        return stamps
+
+    @cached_property
+    def reference_poses(self) -> Pose:
+        """(len, 4, 4) T_world_sensor."""
+        return sensor_poses(from_quaternions(self._rows[:, 2:5], self._rows[:, 5:]))
+
+    @cached_property
+    def _rows(self) -> npt.NDArray[np.float64]:
+        """(len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
+        table = read_table(self.source / _POSES, 9, "poses")
+        row_of = {int(number): row for row, number in enumerate(table[:, 0])}
+        missing = next((name for name in self._names if not name.isdecimal() or int(name) not in row_of), None)
+        if missing is not None:
+            raise InputError(f"{self.source / _POSES} has no pose for scan {missing}.pcd; it belongs to another run")
+        return table[[row_of[int(name)] for name in self._names]]
+
+
+FORMAT = Format(layout="Apollo SouthBay: pcds/*.pcd, poses/gt_poses.txt", truth="", find=find, open=ApolloSequence)

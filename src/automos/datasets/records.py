@@ -1,0 +1,52 @@
+"""Packed records of mixed types without header, as recorders write their own structs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automos.datasets.columns import Columns
+from automos.errors import InputError
+
+
+def read_records(path: Path, dtype: np.dtype) -> Columns:
+    """Return the columns of a file of `dtype` records, without those whose name starts with an underscore.
+
+    Raises
+    ------
+    InputError
+        A file that is absent or no whole number of records.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    if len(raw) % dtype.itemsize:
+        raise InputError(
+            f"{path} has {len(raw)} bytes, no multiple of a point ({dtype.itemsize} bytes); it is cut short or of "
+            "another sensor: copy it again"
+        )
+    rows = np.frombuffer(raw, dtype)
+    return {name: rows[name] for name in dtype.names or () if not name.startswith("_")}
+
+
+def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = None) -> np.ndarray:
+    """Return the (R, n_columns) float64 numbers of a text file; lines starting with # are skipped.
+
+    Raises
+    ------
+    InputError
+        A file that is absent, empty, or not of that many numbers a line.
+    """
+    try:
+        with open(path) as file:
+            lines = [line.split(delimiter) for line in file if line.strip() and not line.startswith("#")]
+        table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; the recording needs it for {what}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is no table of {n_columns} numbers a line ({error})") from None
+    if table.ndim != 2 or table.shape[1] != n_columns or len(table) == 0:
+        raise InputError(f"{path} holds {table.shape} numbers; {what} are {n_columns} a line")
+    return table

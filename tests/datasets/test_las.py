@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from street_log import street_log
+
+from automos.datasets import open_sequence
+from automos.errors import InputError, MissingExtraError
+
+laspy = pytest.importorskip("laspy")
+pytest.importorskip("lazrs")
+
+
+def write_las(path, scan, offset=0.0):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales, header.offsets = np.full(3, 1e-3), np.full(3, offset)
+    header.add_extra_dim(laspy.ExtraBytesParams("ring", np.uint8))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = scan.points.astype(float).T + offset
+    las.intensity = scan.intensity.astype(np.uint16)
+    las.gps_time = scan.stamp + scan.time.astype(float)
+    las.ring = scan.ring.astype(np.uint8)
+    las.write(path)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_sweeps_are_read_with_all_their_points(tmp_path, suffix):
+    log = street_log()
+    for scan in log.scans:
+        write_las(tmp_path / "log" / f"{scan.name}{suffix}", scan)
+    sequence = open_sequence(tmp_path / "log")
+    assert len(sequence) == 12
+    for got, true in zip(sequence, log.scans, strict=True):
+        assert len(got) == len(true)
+        np.testing.assert_allclose(got.points, true.points, atol=6e-4)
+        np.testing.assert_array_equal(got.intensity, true.intensity)
+        np.testing.assert_array_equal(got.ring, true.ring)
+        np.testing.assert_allclose(got.time, true.time, atol=1e-6)
+
+
+def test_a_map_and_a_damaged_file_are_told(tmp_path, monkeypatch):
+    scan = street_log().scans[0]
+    write_las(tmp_path / "map" / "0.las", scan, offset=5e5)
+    with pytest.raises(InputError, match=r"0.las has coordinates of a map \(5000\d\d, 5000\d\d\)"):
+        open_sequence(tmp_path / "map")[0]
+    write_las(tmp_path / "cut" / "0.laz", scan)
+    path = tmp_path / "cut" / "0.laz"
+    for share in (0.01, 0.6):
+        raw = path.read_bytes()
+        (tmp_path / "cut" / "0.laz").write_bytes(raw[: int(share * len(raw))])
+        with pytest.raises(InputError, match=r"0.laz"):
+            open_sequence(tmp_path / "cut")[0]
+        path.write_bytes(raw)
+    monkeypatch.setitem(__import__("sys").modules, "laspy", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'automos\[las\]'"):
+        open_sequence(tmp_path / "cut")[0]
