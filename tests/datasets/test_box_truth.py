@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.datasets.box_truth import judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
 from automos.geometry import Boxes, make_transform
 from automos.labels import Label
 from automos.scan import Scan
@@ -65,7 +65,8 @@ def test_points_in_a_movers_box_are_moving_and_those_at_its_border_are_left_out(
     )
     T_ground_sensor = make_transform(t=[0, 0, 2.0])
     labels = np.array([Label.MOVING, Label.STATIC], np.uint8)
-    painted = paint_boxes(Scan(points), T_ground_sensor, boxes, labels, np.array([5, 6]))
+    drawn = DrawnBoxes(np.zeros(2), np.array([5, 6]), boxes, labels)
+    painted = paint_boxes(Scan(points), T_ground_sensor, drawn)
     assert (painted & 0xFFFF).tolist() == [251, 0, 9, 0, 9, 9, 0, 0]
     assert (painted >> 16).tolist() == [5, 0, 0, 5, 6, 0, 0, 0]
 
@@ -73,11 +74,12 @@ def test_points_in_a_movers_box_are_moving_and_those_at_its_border_are_left_out(
 def test_objects_that_nobody_can_judge_are_left_out():
     boxes = Boxes(np.array([[10.0, 0, 1]]), np.array([[4.0, 2, 2]]), np.zeros(1), np.ones(1))
     scan = Scan(np.array([[10.0, 0, 1], [20, 0, 1]], np.float32))
-    painted = paint_boxes(scan, np.eye(4), boxes, np.array([Label.UNLABELED], np.uint8), np.array([1]))
+    drawn = DrawnBoxes(np.zeros(1), np.array([1]), boxes, np.array([Label.UNLABELED], np.uint8))
+    painted = paint_boxes(scan, np.eye(4), drawn)
     assert (painted & 0xFFFF).tolist() == [0, 9]
 
 
 def test_a_scan_without_boxes_is_static():
-    none = np.zeros(0, np.uint8), np.zeros(0, np.int64)
-    painted = paint_boxes(Scan(np.ones((3, 3), np.float32)), np.eye(4), Boxes.empty(), *none)
+    none = DrawnBoxes(np.zeros(0), np.zeros(0, np.int64), Boxes.empty(), np.zeros(0, np.uint8))
+    painted = paint_boxes(Scan(np.ones((3, 3), np.float32)), np.eye(4), none)
     assert painted.tolist() == [9, 9, 9]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
 from automos.datasets.columns import to_scan
 from automos.datasets.formats import Format, import_extra
 from automos.datasets.listed import ListedSequence, stamped_files
@@ -106,39 +106,32 @@ class Argoverse2Sequence(ListedSequence):
         label = np.where(is_dynamic, Label.MOVING, Label.STATIC)
         instance = np.zeros(len(scan), np.int64)
         if (self.source / _BOXES).exists():
-            boxes, _, ids = self._boxes(0)
-            owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), boxes)
-            instance[owner >= 0] = ids[owner[owner >= 0]]
+            drawn = self._drawn.of(self._nanoseconds[0])
+            owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), drawn.boxes)
+            instance[owner >= 0] = drawn.track[owner[owner >= 0]]
         return pack(label, instance)
 
     def _from_boxes(self, index: int) -> npt.NDArray[np.uint32] | None:
-        boxes, labels, ids = self._boxes(index)
-        if len(ids) == 0 and self._nanoseconds[index] not in self._annotations["timestamp_ns"]:
-            return None
-        return paint_boxes(self[index], self._T_ego_sensor, boxes, labels, ids)
-
-    def _boxes(self, index: int) -> tuple[Boxes, npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-        """Return the boxes of sweep `index` in the vehicle's frame, their labels and ids."""
-        table = self._annotations
-        rows = np.flatnonzero(table["timestamp_ns"] == self._nanoseconds[index])
-        yaw = np.arctan2(table["R10"][rows], table["R00"][rows])
-        size = np.column_stack([table[f"{side}_m"][rows] for side in ("length", "width", "height")])
-        boxes = Boxes(table["center"][rows], size, yaw, np.ones(len(rows)))
-        return boxes, table["label"][rows], table["id"][rows]
+        drawn = self._drawn.of(self._nanoseconds[index])
+        return paint_boxes(self[index], self._T_ego_sensor, drawn) if len(drawn) else None
 
     @cached_property
-    def _annotations(self) -> Table:
+    def _drawn(self) -> DrawnBoxes:
+        """The boxes of all sweeps by their time, in the vehicle's frame."""
         table = _read(self.source / _BOXES)
         T_ego_box = _transforms(table)
         seconds = 1e-9 * table["timestamp_ns"]
         poses = _read(self.source / _POSES)
         T_city_ego = poses_at(seconds, 1e-9 * poses["timestamp_ns"], _transforms(poses), self.source / _POSES)
-        _, ids = np.unique(table["track_uuid"], return_inverse=True)
-        table["id"] = ids + 1
-        table["center"] = T_ego_box[:, :3, 3]
-        table["R00"], table["R10"] = T_ego_box[:, 0, 0], T_ego_box[:, 1, 0]
-        table["label"] = judge_boxes(table["id"], seconds, (T_city_ego @ T_ego_box)[:, :3, 3])
-        return table
+        _, track = np.unique(table["track_uuid"], return_inverse=True)
+        yaw = np.arctan2(T_ego_box[:, 1, 0], T_ego_box[:, 0, 0])
+        size = np.column_stack([table[f"{side}_m"] for side in ("length", "width", "height")])
+        return DrawnBoxes(
+            table["timestamp_ns"],
+            track.astype(np.int64) + 1,
+            Boxes(T_ego_box[:, :3, 3], size, yaw, np.ones(len(yaw))),
+            judge_boxes(track, seconds, (T_city_ego @ T_ego_box)[:, :3, 3]),
+        )
 
 
 def _read(path: Path) -> Table:

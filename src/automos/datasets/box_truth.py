@@ -6,6 +6,8 @@ few centimetres off and rest on the ground: what lies just outside a mover's box
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,6 +25,32 @@ MARGIN = 0.3
 """Metres around a mover's box that are left unlabeled."""
 SOLE = 0.2
 """Metres at the bottom of a mover's box that are left unlabeled: wheels, feet and the ground between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnBoxes:
+    """The boxes of a recording, a row each.
+
+    Attributes
+    ----------
+    scan : (R,) which scan each was drawn in: its index, time or name, as the format has it.
+    track : (R,) int64, which object it is of, from 1.
+    boxes : R boxes, each in a frame of its scan in which they stand upright.
+    label : (R,) uint8, the `Label` of its object.
+    """
+
+    scan: npt.NDArray
+    track: npt.NDArray[np.int64]
+    boxes: Boxes
+    label: npt.NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    def of(self, scan: int | str) -> DrawnBoxes:
+        """Return the boxes drawn in one scan."""
+        rows = np.flatnonzero(self.scan == scan)
+        return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
 
 
 def judge_boxes(
@@ -58,24 +86,24 @@ def _judge(time: npt.NDArray[np.float64], center: npt.NDArray[np.float64]) -> La
     return Label.STATIC if got_on < STOOD and time[-1] - time[0] >= 0.5 * PACE else Label.UNLABELED
 
 
-def paint_boxes(
-    scan: Scan,
-    T_boxes_sensor: Pose,
-    boxes: Boxes,
-    labels: npt.NDArray[np.uint8],
-    instances: npt.NDArray[np.int64],
-) -> npt.NDArray[np.uint32]:
+def centers_in_world(T_world_sensor: Pose, center: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (R, 3) centres in the world, of centres (R, 3) in the sensor's frame at poses (R, 4, 4)."""
+    return np.einsum("rij,rj->ri", T_world_sensor[:, :3, :3], center) + T_world_sensor[:, :3, 3]
+
+
+def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDArray[np.uint32]:
     """Return the labels of a scan's points from the boxes drawn around its objects.
 
     Parameters
     ----------
     T_boxes_sensor : (4, 4), from the scan's frame to that of the boxes, in which they stand upright.
-    boxes, labels, instances : (K,) boxes, the `Label` of each, and its id from 1 on.
+    drawn : the boxes of this scan.
 
     Returns
     -------
     (N,) uint32 as SemanticKITTI stores them; STATIC outside all boxes, UNLABELED for points without a return.
     """
+    boxes, labels, instances = drawn.boxes, drawn.label, drawn.track
     points = transform(T_boxes_sensor, np.where(scan.is_valid[:, None], scan.points, np.float32(0.0)))
     is_mover = labels != Label.STATIC
     label = np.full(len(scan), Label.STATIC, np.uint8)
