@@ -1,12 +1,13 @@
-import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from automos.datasets import FORMATS, load_format
+from automos.datasets import CODECS, FORMATS, load_format
 from automos.datasets.formats import import_extra
 from automos.errors import MissingExtraError
+from automos.export import EXPORTS
 
 EXTRAS = ("pyarrow", "rosbags", "laspy", "lazrs")
 
@@ -36,6 +37,11 @@ def test_a_missing_package_is_told_with_the_command_that_installs_it():
 
 def test_every_extra_that_a_reader_names_is_one_of_the_package():
     tomllib = pytest.importorskip("tomllib")
-    root = importlib.import_module("pathlib").Path(__file__).parents[2]
+    root = Path(__file__).parents[2]
     extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert {load_format(name).needs for name in FORMATS} - {None} <= set(extras)
+
+
+def test_the_page_about_formats_names_them_all():
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text()
+    assert [name for name in (*FORMATS, *CODECS, *EXPORTS) if f"`{name}`" not in page] == []
