@@ -59,6 +59,9 @@ class RefineSettings(_Group):
     )
     min_speed_ratio: float = Field(0.8, gt=0, le=1, description="of true speed to first estimate, at least")
     min_clear_speed: float = Field(2.0, gt=0, description="m/s, slower first estimates may be a mistaken standstill")
+    standstill_share: float = Field(
+        0.25, gt=0, lt=1, description="of what faces along the way, found where it was: with less, none stands"
+    )
     min_step: float = Field(0.1, gt=0, description="m, shorter steps have no direction")
     min_straightness: float = Field(
         0.8, gt=0, lt=1, description="how much steps agree on their direction in the sensor's frame"
@@ -81,7 +84,8 @@ class OdometrySettings(_Group):
     convergence: float = Field(
         1e-3, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
     )
-    initial_threshold: float = Field(2.0, gt=0, description="m, deviation from constant motion expected at the start")
+    initial_threshold: float = Field(2.0, gt=0, description="m, deviation expected while the motion is unknown")
+    known_threshold: float = Field(0.5, gt=0, description="m, deviation expected at first once the motion is known")
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
     start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
     start_convergence: float = Field(1e-4, gt=0, description="m, the same as `convergence` for these, at most")
@@ -98,7 +102,10 @@ class OdometrySettings(_Group):
     )
     timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
     timing_gain: float = Field(0.03, ge=0, lt=1, description="share by which another way must fold scans better")
-    max_wall_thickness: float = Field(0.12, gt=0, description="m over one second, thicker walls are warned of")
+    max_wall_thickness: float = Field(0.08, gt=0, description="m over one second, thicker walls are warned of")
+    max_disagreement: float = Field(
+        0.1, gt=0, description="m between short and second-long baselines, more is warned of"
+    )
     ground_scans: int = Field(20, ge=1, description="scans in which the ground is looked for")
     ground_range: float = Field(20.0, gt=0, description="m around the sensor in which the ground is looked for")
     ground_voxel: float = Field(0.5, gt=0, description="m, one point per voxel is used to find the ground")

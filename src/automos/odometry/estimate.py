@@ -108,11 +108,13 @@ def _register(
 
 def _judge(diagnostics: dict[str, Any], settings: OdometrySettings) -> None:
     """Add a warning where the scans do not lie on each other."""
-    thickness = diagnostics["wall_thickness_m"]
-    if thickness is not None and thickness > settings.max_wall_thickness:
+    thickness, disagreement = diagnostics["wall_thickness_m"], diagnostics["baseline_disagreement_m"]
+    if thickness is None:
+        return
+    if thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement:
         diagnostics["warnings"].append(
-            f"walls seen a second apart are {100 * thickness:.0f} cm thick; the poses or the points' times are poor, "
-            "and labels will be, too."
+            f"scans a second apart do not fold onto each other: walls are {100 * thickness:.0f} cm thick and poses off "
+            f"by {100 * disagreement:.0f} cm. The poses or the points' times are poor, and labels will be, too."
         )
 
 

@@ -54,7 +54,8 @@ def register_scans(
     timing : when in the sweep each point was measured.
     gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
     """
-    odometry = _Odometry(settings, timing, _first_twist(sequence, settings, timing, gaps))
+    twist = _first_twist(sequence, settings, timing, gaps)
+    odometry = _Odometry(settings, timing, twist, settings.known_threshold)
     for i, scan in enumerate(sequence):
         yield odometry.register(scan, gaps[i - 1] if i else 0.0)
 
@@ -69,27 +70,31 @@ def _first_twist(
     settings = settings.model_copy(update={"convergence": min(settings.convergence, settings.start_convergence)})
     n = min(settings.start_scans, len(sequence))
     scans = [sequence[i] for i in range(n)]
-    twist = np.zeros(6)
-    forwards = _Odometry(settings, timing, twist)
+    forwards = _Odometry(settings, timing, np.zeros(6), settings.initial_threshold)
     for i, scan in enumerate(scans):
         forwards.register(scan, gaps[i - 1] if i else 0.0)
-    backwards = _Odometry(settings, timing, forwards.twist, reverse=True)
+    backwards = _Odometry(settings, timing, forwards.twist, settings.initial_threshold, reverse=True)
     for i in reversed(range(n)):
         backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
     return backwards.twist
 
 
 class _Odometry:
-    """KISS-ICP with the motion it has seen, per usual gap, so that missing scans are bridged."""
+    """KISS-ICP with the motion it has seen, per usual gap, so that missing scans are bridged.
+
+    `threshold` is the deviation from `twist` expected at first. KISS-ICP learns from great deviations only: with a good
+    start it would look as far around as at first for ever, where rings match rings and pull to a standstill.
+    """
 
     def __init__(
         self,
         settings: OdometrySettings,
         timing: SweepTiming,
         twist: npt.NDArray[np.float64],
+        threshold: float,
         reverse: bool = False,
     ):
-        self._icp = _make_kiss_icp(settings)
+        self._icp = _make_kiss_icp(settings, threshold)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
@@ -114,7 +119,7 @@ class _Odometry:
         return Registered(step, is_registered, points, times, during)
 
 
-def _make_kiss_icp(settings: OdometrySettings) -> Any:
+def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
     from kiss_icp.config import KISSConfig
     from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
     from kiss_icp.kiss_icp import KissICP
@@ -133,7 +138,7 @@ def _make_kiss_icp(settings: OdometrySettings) -> Any:
         ),
         adaptive_threshold=AdaptiveThresholdConfig(
             fixed_threshold=None,
-            initial_threshold=settings.initial_threshold,
+            initial_threshold=threshold,
             min_motion_th=settings.min_motion,
         ),
     )

@@ -70,7 +70,7 @@ def _solve(
     np.add.at(rhs, center, g)
     rows, columns, blocks = [scan, center, scan], [scan, center, center], [At_H @ A, H, -At_H]
     _add_even_motion(rows, columns, blocks, rhs, stretch, settings)
-    held = np.where(is_fixed | (np.arange(n) == 0), 1e9, 1e-3)  # what nothing links stays where it is
+    held = np.where(is_fixed | (np.arange(n) == 0), 1e12, 1e-3)  # what nothing links stays where it is
     rows, columns = [*rows, np.arange(n)], [*columns, np.arange(n)]
     blocks = [*blocks, held[:, None, None] * np.eye(6)]
     bands = _to_bands(n, np.concatenate(rows), np.concatenate(columns), np.concatenate(blocks))

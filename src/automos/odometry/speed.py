@@ -32,14 +32,36 @@ def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoo
 
     Zero wherever no other speed explains clearly more than the present one.
     """
+    steps = inverse(stretch.T_world_sensor[:-1]) @ stretch.T_world_sensor[1:]
+    if len(steps) == 0:
+        return np.zeros((0, 3))
+    surfels = without_body(stretch.surfels, settings)
+    best, best_gain = np.zeros((len(steps), 3)), 0.0
+    known = _direction(steps, settings)
+    # A registration that wrongly stands still has none: then either axis of the sensor, usually the vehicle's, may do.
+    for forward in np.eye(3)[:2] if known is None else [known]:
+        growth, gain = _growth_along(forward, stretch, surfels, settings, pool, is_guess=known is None)
+        if gain > best_gain:
+            best, best_gain = growth[:, None] * forward, gain
+    return best
+
+
+def _growth_along(
+    forward: Array,
+    stretch: Stretch,
+    surfels: list[Surfels],
+    settings: RefineSettings,
+    pool: ThreadPoolExecutor | None,
+    is_guess: bool,
+) -> tuple[Array, float]:
+    """Return the (N - 1,) metres by which steps are too short along `forward` (3,), and how much more these explain.
+
+    A direction that `is_guess` must not be found by those who pass a vehicle that stands: little may be where it was.
+    """
     T, period = stretch.T_world_sensor, stretch.period
-    steps = inverse(T[:-1]) @ T[1:]
-    forward = _forward(steps, settings)
+    nothing = np.zeros(len(T) - 1)
     lags = sorted({min(max(round(lag / period), 1), len(stretch) - 1) for lag in settings.speed_lags})
     starts = np.arange(0, len(stretch) - max(lags), max(round(settings.submap_every / period), 1))
-    if forward is None:
-        return np.zeros((len(steps), 3))
-    surfels = without_body(stretch.surfels, settings)
     clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * period
     speeds = np.arange(-settings.max_reverse, settings.max_speed, settings.speed_step)
 
@@ -64,16 +86,18 @@ def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoo
     path = _best_path(scores, speeds, middle, settings)
     rows = np.arange(len(starts))
     nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
+    if is_guess and scores[rows, nearest].mean() > settings.standstill_share:
+        return nothing, 0.0
     gain = scores[rows, path] - scores[rows, nearest]
     is_better = gain > settings.speed_gain
     is_right = ~is_better & (scores[rows, nearest] > settings.speed_gain)
     if not is_better.any():
-        return np.zeros((len(steps), 3))
+        return nothing, 0.0
     change = np.where(is_better, speeds[path] - present, 0.0)
     is_told = is_better | is_right  # where nothing tells, the error is taken to be that of the places around
     change = np.interp(middle, middle[is_told], change[is_told])
     growth = np.interp(0.5 * (clock[1:] + clock[:-1]), middle, change) * np.diff(clock)
-    return growth[:, None] * forward
+    return growth, float(gain[is_better].sum())
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
@@ -92,7 +116,7 @@ def chain(T_first: Pose, steps: Pose) -> Pose:
     return poses
 
 
-def _forward(steps: Pose, settings: RefineSettings) -> Array | None:
+def _direction(steps: Pose, settings: RefineSettings) -> Array | None:
     """Return the (3,) direction, in the sensor frame, in which the sensor usually moves; None where it has none."""
     length = np.linalg.norm(steps[:, :3, 3], axis=1)
     if len(length) == 0 or length.max() < settings.min_step:

@@ -68,11 +68,11 @@ def choose_timing(
     if wanted == "auto" and not _sees_all_round(sequence):
         return SweepTiming()
     stretches = list(_moving_stretches(sequence, settings, poses, clock))
-    # Scans may have been left out, so that a sweep takes half the time between two: start between all and half of it.
-    circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=0.7) for seam in SEAMS_DEG for turn in (-1, 1)]
-    rough = replace(_best_folding(circle, stretches, 0.0, settings, pool), share=1.0)
+    circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
+    rough = _best_folding(circle, stretches, 0.0, settings, pool)
     finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
-    guesses = [*untimed, rough, *finer, replace(rough, share=0.5)]
+    halved = replace(rough, share=0.5)  # every second scan was left out
+    guesses = [*untimed, rough, *finer, halved]
     return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
 
 

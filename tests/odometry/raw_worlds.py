@@ -1,0 +1,93 @@
+"""Raw sweeps of tiny worlds: every beam leaves from where the sensor is at the beam's own time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from worlds import SCAN_GAP, SENSOR_HEIGHT, Block, cast, van
+
+from automos.geometry import make_transform
+from automos.scan import Scan
+
+N_COLUMNS = 360
+N_SECTORS = 60
+REACH = 70.0  # m
+
+TOWN = (
+    Block((-14.0, 12.0, 4.0), (9.0, 4.0, 8.0), 0.1),
+    Block((-2.0, 13.0, 4.0), (7.0, 4.0, 8.0), -0.1),
+    Block((9.0, 11.5, 4.0), (8.0, 4.0, 8.0)),
+    Block((21.0, 13.0, 4.0), (9.0, 4.0, 8.0), 0.2),
+    Block((-12.0, -11.0, 4.0), (10.0, 4.0, 8.0)),
+    Block((3.0, -12.0, 4.0), (9.0, 4.0, 8.0), 0.15),
+    Block((16.0, -11.0, 4.0), (8.0, 4.0, 8.0), -0.1),
+    Block((40.0, 0.0, 4.0), (4.0, 40.0, 8.0)),
+    Block((-30.0, 0.0, 4.0), (4.0, 40.0, 8.0)),
+    van(-4.0, 6.0),
+    van(7.0, -6.0, 0.1),
+    van(16.0, 6.5),
+    Block((2.0, 6.5, 2.0), (0.4, 0.4, 4.0)),
+    Block((12.0, -6.5, 2.0), (0.4, 0.4, 4.0)),
+)
+"""Houses at all angles, parked vans, posts: a place that holds a sensor in every direction."""
+
+
+def curve(speed: float, turn: float) -> Callable[[float], np.ndarray]:
+    """Return T_ground_sensor (4, 4) as a function of seconds: `speed` m/s, turning by `turn` rad/s."""
+
+    def pose(t: float) -> np.ndarray:
+        angle = turn * t
+        c, s = np.cos(angle), np.sin(angle)
+        x, y = (speed * t, 0.0) if turn == 0.0 else (speed * s / turn, speed * (1.0 - c) / turn)
+        return make_transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, SENSOR_HEIGHT])
+
+    return pose
+
+
+def sweep(
+    blocks: Sequence[Block],
+    pose: Callable[[float], np.ndarray],
+    middle: float,
+    turn: int = -1,
+    seam_deg: float = 180.0,
+    n_beams: int = 24,
+    seed: int = 0,
+) -> Scan:
+    """Return the raw sweep of a spinning sensor around the time `middle` (s), with the time of each point.
+
+    `turn` is +1 for counter-clockwise; the sweep takes SCAN_GAP and starts and ends at azimuth `seam_deg`.
+    """
+    rng = np.random.default_rng([seed, round(1000 * middle)])
+    elevation = np.radians(np.linspace(-20.0, 6.0, n_beams))
+    columns = np.arange(N_COLUMNS).reshape(N_SECTORS, -1)
+    points, times = [], []
+    for sector in columns:
+        fraction = np.repeat((sector + 0.5) / N_COLUMNS, n_beams)
+        azimuth = np.radians(seam_deg) + turn * 2.0 * np.pi * fraction
+        e = np.tile(elevation, len(sector))
+        rays = np.stack([np.cos(e) * np.cos(azimuth), np.cos(e) * np.sin(azimuth), np.sin(e)], axis=1)
+        now = middle + SCAN_GAP * (fraction.mean() - 0.5)
+        T = pose(now)
+        distance, _ = cast(blocks, T[:3, 3], rays @ T[:3, :3].T, now)
+        seen = distance < REACH
+        measured = distance[seen] + rng.normal(0.0, 0.01, seen.sum())
+        points.append(measured[:, None] * rays[seen])
+        times.append(SCAN_GAP * fraction[seen])
+    return Scan(np.concatenate(points).astype(np.float32), time=np.concatenate(times).astype(np.float32), stamp=middle)
+
+
+def untimed(scan: Scan) -> Scan:
+    """Return the scan as a format without times gives it."""
+    return Scan(scan.points, stamp=scan.stamp, name=scan.name)
+
+
+def true_poses(pose: Callable[[float], np.ndarray], n: int) -> np.ndarray:
+    """Return (n, 4, 4) T_world_sensor at mid-sweep; world is the first scan's sensor frame."""
+    poses = np.array([pose(SCAN_GAP * i) for i in range(n)])
+    return np.linalg.inv(poses[0]) @ poses
+
+
+def worst_distance(estimate: np.ndarray, truth: np.ndarray) -> float:
+    """Return the greatest distance in metres between positions (N, 4, 4)."""
+    return float(np.linalg.norm(estimate[:, :3, 3] - truth[:, :3, 3], axis=1).max())

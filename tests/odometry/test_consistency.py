@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+from raw_worlds import TOWN, curve, true_poses
+from worlds import record
+
+from automos.odometry.clock import read_clock
+from automos.odometry.consistency import measure_consistency, summarize
+from automos.odometry.motion import SweepTiming
+from automos.settings import OdometrySettings
+
+SETTINGS = OdometrySettings()
+N = 26
+
+
+@pytest.fixture(scope="module")
+def drive():
+    pose = curve(6.0, 0.1)
+    return record(TOWN, np.array([pose(0.1 * i) for i in range(N)])).sequence, true_poses(pose, N)
+
+
+def figures(drive, poses):
+    sequence, _ = drive
+    links = measure_consistency(sequence, poses, SweepTiming(), read_clock(sequence), SETTINGS)
+    return summarize(links, SETTINGS.refinement)
+
+
+def test_walls_are_thin_with_the_right_poses(drive):
+    right = figures(drive, drive[1])
+    assert right["wall_thickness_m"] < 0.03
+    assert right["baseline_disagreement_m"] < 0.02
+
+
+def test_walls_thicken_and_baselines_disagree_with_drift_sideways(drive):
+    poses = drive[1].copy()
+    poses[:, 1, 3] += 0.02 * np.arange(N)  # 0.2 m in a second
+    wrong = figures(drive, poses)
+    assert wrong["wall_thickness_m"] > 2.0 * figures(drive, drive[1])["wall_thickness_m"]
+    assert wrong["baseline_disagreement_m"] == pytest.approx(0.2, abs=0.06)
+    assert wrong["baseline_disagreement_percent"] == pytest.approx(100 * 0.2 / 6.0, abs=1.5)
+
+
+def test_a_recording_of_one_scan_has_no_figures(drive):
+    sequence, _ = drive
+    single = type(sequence)([sequence[0]])
+    links = measure_consistency(single, np.eye(4)[None], SweepTiming(), read_clock(single), SETTINGS)
+    assert set(summarize(links, SETTINGS.refinement).values()) == {None}

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from automos.geometry import make_transform
+from automos.odometry import Trajectory, make_frame
+from automos.odometry.frames import SequenceFrames
+from automos.odometry.motion import SweepTiming
+from automos.scan import ArraySequence, Scan
+
+POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)
+TIMES = np.array([0.0, 0.02, 0.1, 0.05, 0.05], np.float32)
+
+
+def trajectory(timing) -> Trajectory:
+    poses = np.array([np.eye(4), make_transform(t=[2.0, 0, 0])])
+    motion = np.tile([2.0, 0, 0, 0, 0, 0], (2, 1)) * timing.share
+    return Trajectory(poses, np.array([5.0, 5.1]), motion, timing, make_transform(t=[0, 0, 1.8]), {"warnings": []})
+
+
+def test_a_frame_holds_the_valid_points_at_mid_sweep_with_their_places_in_the_scan():
+    frame = make_frame(Scan(POINTS, time=TIMES), trajectory(SweepTiming("file", duration=0.1, share=1.0)), 1)
+    np.testing.assert_array_equal(frame.kept, [0, 2, 4])
+    assert frame.n_points == 5
+    np.testing.assert_allclose(frame.points, [[9, 0, 0], [1, 10, 0], [0, 0, 5]], atol=1e-5)
+    np.testing.assert_allclose(frame.sweep_time, [-0.5, 0.5, 0.0], atol=1e-6)
+    np.testing.assert_allclose(frame.points_level[2], [2, 0, 6.8], atol=1e-5)
+    assert frame.stamp == pytest.approx(5.1)
+
+
+def test_a_compensated_scans_points_are_the_users_own():
+    frame = make_frame(Scan(POINTS[[0, 2, 4]]), trajectory(SweepTiming()), 0)
+    np.testing.assert_array_equal(frame.points, POINTS[[0, 2, 4]])
+    assert frame.sweep_time is None
+
+
+def test_a_scan_without_points_is_a_frame_without_points():
+    frame = make_frame(Scan(np.zeros((0, 3), np.float32)), trajectory(SweepTiming("azimuth", turn=1, share=1.0)), 0)
+    assert frame.points.shape == (0, 3)
+    assert frame.n_points == 0
+
+
+def test_frames_of_a_sequence_are_made_one_by_one():
+    frames = SequenceFrames(ArraySequence([POINTS, POINTS]), trajectory(SweepTiming()))
+    assert len(frames) == 2
+    np.testing.assert_allclose(frames[1].origin_level, [2.0, 0.0, 1.8])
+
+
+def test_a_trajectory_survives_being_taken_apart():
+    before = trajectory(SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=0.5))
+    after = Trajectory.from_arrays(before.to_arrays())
+    assert after.timing == before.timing
+    assert after.diagnostics == before.diagnostics
+    for name in ("T_world_sensor", "stamps", "sweep_motion", "T_level_world"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+
+
+def test_a_trajectory_of_unequal_parts_is_refused():
+    with pytest.raises(ValueError, match="stamps must be"):
+        Trajectory(np.eye(4)[None], np.zeros(2), np.zeros((1, 6)), SweepTiming(), np.eye(4))

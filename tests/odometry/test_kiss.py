@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
+from worlds import SCAN_GAP
+
+from automos.odometry.kiss import register_scans
+from automos.odometry.motion import SweepTiming
+from automos.odometry.speed import chain
+from automos.scan import ArraySequence, Scan
+from automos.settings import OdometrySettings
+
+SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5)  # the town is small
+TIMED = SweepTiming("file", duration=SCAN_GAP, share=1.0)
+N = 14
+POSE = curve(6.0, 0.15)
+EMPTY = Scan(np.zeros((0, 3), np.float32))
+
+
+@pytest.fixture(scope="module")
+def scans():
+    return [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(N)]
+
+
+def register(scans, gaps=None):
+    found = list(
+        register_scans(ArraySequence(scans), SETTINGS, TIMED, np.ones(len(scans) - 1) if gaps is None else gaps)
+    )
+    return chain(np.eye(4), np.array([scan.T_last_this for scan in found[1:]])), found
+
+
+def test_poses_are_the_sensors_at_mid_sweep_from_the_first_scan_on(scans):
+    poses, found = register(scans)
+    truth = true_poses(POSE, N)
+    assert all(scan.is_registered for scan in found)
+    steps, true_steps = (np.linalg.norm(np.diff(p[:, :3, 3], axis=0), axis=1) for p in (poses, truth))
+    assert np.abs(steps - true_steps).max() < 0.12  # 0.6 m each; a first scan left bent is off by half a step
+    assert worst_distance(poses, truth) < 0.04 * 0.6 * N
+
+
+def test_the_environment_does_not_change_the_poses(scans, monkeypatch):
+    before, _ = register(scans[:6])
+    monkeypatch.setenv("kiss_icp_data", '{"max_range": 8.0, "deskew": true}')
+    monkeypatch.setenv("kiss_icp_mapping", '{"voxel_size": 5.0}')
+    monkeypatch.setenv("kiss_icp_adaptive_threshold", '{"initial_threshold": 0.01}')
+    after, _ = register(scans[:6])
+    np.testing.assert_array_equal(before, after)
+
+
+def test_the_same_scans_give_the_same_poses(scans):
+    np.testing.assert_array_equal(register(scans)[0], register(scans)[0])
+
+
+def test_scans_without_points_hold_the_motion(scans):
+    holed = [EMPTY if i in (7, 8) else scan for i, scan in enumerate(scans)]
+    poses, found = register(holed)
+    assert [i for i, scan in enumerate(found) if not scan.is_registered] == [7, 8]
+    np.testing.assert_allclose(found[8].T_last_this, found[7].T_last_this, atol=1e-9)
+    assert worst_distance(poses, true_poses(POSE, N)) < 0.04 * 0.6 * N
+
+
+def test_missing_scans_are_bridged_by_the_motion_seen(scans):
+    kept = [*range(7), *range(10, N)]
+    gaps = np.diff(kept).astype(float)
+    poses, _ = register([scans[i] for i in kept], gaps)
+    assert worst_distance(poses, true_poses(POSE, N)[kept]) < 0.04 * 0.6 * N
+
+
+def test_a_recording_of_nothing_stays_where_it_is():
+    poses, found = register([EMPTY] * 4)
+    np.testing.assert_allclose(poses, np.tile(np.eye(4), (4, 1, 1)), atol=1e-12)
+    assert not any(scan.is_registered for scan in found)
+
+
+def test_invalid_points_are_left_out(scans):
+    spoilt = Scan(np.concatenate([np.full((9, 3), np.nan, np.float32), scans[0].points]),
+                  time=np.concatenate([np.zeros(9, np.float32), scans[0].time]))  # fmt: skip
+    first = register([spoilt, *scans[1:4]])[1][0]
+    assert len(first.points) <= len(scans[0])
+    assert np.isfinite(first.points).all()

@@ -1,0 +1,34 @@
+import numpy as np
+
+from automos.odometry.surfels import make_surfels
+
+RNG = np.random.default_rng(0)
+
+
+def test_a_surfel_is_the_mean_and_covariance_of_the_points_in_its_voxel():
+    points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)  # in one voxel of 0.4 m
+    times = RNG.uniform(-0.5, 0.5, 50).astype(np.float32)
+    surfels = make_surfels(points, times, voxel=0.4, near=20.0, max_range=80.0)
+    assert len(surfels) == 1
+    np.testing.assert_allclose(surfels.mean[0], points.mean(axis=0), atol=1e-5)
+    expected = np.cov(points.T.astype(float), bias=True)
+    np.testing.assert_allclose(surfels.covariance[0], expected[np.triu_indices(3)], atol=1e-6)
+    assert surfels.count[0] == 50
+    np.testing.assert_allclose(surfels.time[0], times.mean(), atol=1e-6)
+
+
+def test_every_point_in_range_is_in_exactly_one_surfel():
+    points = RNG.uniform(-60, 60, (5000, 3)).astype(np.float32)
+    surfels = make_surfels(points, None, voxel=0.5, near=10.0, max_range=50.0)
+    assert surfels.count.sum() == (np.linalg.norm(points, axis=1) < 50.0).sum()
+
+
+def test_voxels_double_with_distance():
+    pair = np.array([[0.05, 0.0, 0.1], [0.45, 0.0, 0.1]], np.float32)  # 0.4 m apart
+    near, far = pair + np.array([2.0, 0, 0]), pair + np.array([24.0, 0, 0])
+    assert len(make_surfels(near.astype(np.float32), None, 0.4, 20.0, 80.0)) == 2
+    assert len(make_surfels(far.astype(np.float32), None, 0.4, 20.0, 80.0)) == 1
+
+
+def test_no_points_make_no_surfels():
+    assert len(make_surfels(np.zeros((0, 3), np.float32), None, 0.4, 20.0, 80.0)) == 0

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from raw_worlds import TOWN, curve, sweep, untimed
+from worlds import SCAN_GAP, drive, record
+
+from automos.errors import InputError
+from automos.odometry.clock import read_clock
+from automos.odometry.timing import choose_timing
+from automos.scan import ArraySequence, Scan
+from automos.settings import OdometrySettings
+
+N = 18
+POSE = curve(8.0, 0.5)
+
+
+def choose(sequence, poses=None, **settings):
+    return choose_timing(sequence, OdometrySettings(**{"voxel": 0.5, **settings}), poses, read_clock(sequence))
+
+
+def raw(turn, seam_deg, every=1):
+    scans = [sweep(TOWN, POSE, SCAN_GAP * every * i, turn, seam_deg, n_beams=40) for i in range(N)]
+    return ArraySequence([untimed(scan) for scan in scans])
+
+
+@pytest.mark.parametrize(
+    ("turn", "seam_deg"), [(-1, 180.0), (1, 180.0), (-1, 0.0)], ids=["clockwise", "counter-clockwise", "from the front"]
+)
+def test_how_the_sensor_turns_is_found_out(turn, seam_deg):
+    timing = choose(raw(turn, seam_deg))
+    assert (timing.source, timing.turn, timing.share) == ("azimuth", turn, 1.0)
+    assert abs((timing.seam_deg - seam_deg + 180.0) % 360.0 - 180.0) <= 45.0
+
+
+def test_compensated_sweeps_are_left_alone():
+    world = record(TOWN, np.array([POSE(SCAN_GAP * i) for i in range(N)]), n_beams=40)
+    assert choose(ArraySequence([untimed(scan) for scan in world.sequence])).source == "none"
+
+
+def test_times_in_the_file_are_believed():
+    scans = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(N)]
+    timing = choose(ArraySequence(scans))
+    assert timing.source == "file"
+    assert timing.share == pytest.approx(1.0, abs=0.02)
+
+
+def test_times_left_in_the_file_of_compensated_sweeps_are_not():
+    world = record(TOWN, np.array([POSE(SCAN_GAP * i) for i in range(N)]), n_beams=40)
+    scans = []
+    for scan in world.sequence:
+        azimuth = np.arctan2(scan.points[:, 1], scan.points[:, 0])
+        scans.append(
+            Scan(scan.points, time=(SCAN_GAP * (0.5 - azimuth / (2 * np.pi))).astype(np.float32), stamp=scan.stamp)
+        )
+    assert choose(ArraySequence(scans)).source == "none"
+
+
+def test_a_recording_turned_round_has_its_sweeps_turned_round_too():
+    scans = [sweep(TOWN, POSE, SCAN_GAP * (N - 1 - i), n_beams=40) for i in range(N)]
+    scans = [Scan(scan.points, time=scan.time, stamp=SCAN_GAP * i) for i, scan in enumerate(scans)]
+    assert choose(ArraySequence(scans)).share == pytest.approx(-1.0, abs=0.02)
+
+
+def test_where_the_sensor_stands_nothing_needs_compensation():
+    world = record(TOWN, drive(12, speed=0.0, turn=0.0))
+    assert choose(ArraySequence([untimed(scan) for scan in world.sequence])).source == "none"
+
+
+@pytest.mark.parametrize("wanted", ["none", "auto"])
+def test_who_says_the_sweeps_are_compensated_is_believed(wanted):
+    sequence = ArraySequence([np.ones((100, 3))] * 3, is_compensated=True)
+    assert choose(sequence, time=wanted).source == "none"
+
+
+def test_a_sensor_that_looks_one_way_does_not_spin():
+    ahead = np.random.default_rng(0).uniform([5, -5, -1], [30, 5, 3], (500, 3))
+    assert choose(ArraySequence([ahead] * 12)).source == "none"
+
+
+def test_times_asked_for_but_not_there_are_an_error_that_says_what_to_do():
+    with pytest.raises(InputError, match=r"no time per point; set odometry\.time"):
+        choose(ArraySequence([np.ones((5, 3))] * 3), time="file")

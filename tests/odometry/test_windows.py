@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from raw_worlds import TOWN, curve, true_poses, worst_distance
+from test_refine import shaken
+from worlds import record
+
+from automos.odometry.sweeps import surfels_of
+from automos.odometry.windows import RollingRefinement
+from automos.settings import RefineSettings
+
+N = 45
+SHORT = RefineSettings(window=2.0, overlap=1.0)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    pose = curve(5.0, 0.1)
+    world = record(TOWN, np.array([pose(0.1 * i) for i in range(N)]))
+    return [surfels_of(scan.points, None, SHORT) for scan in world.sequence], true_poses(pose, N)
+
+
+def roll(surfels, poses, settings):
+    refinement = RollingRefinement(0.1, 0.0, settings)
+    for i in range(len(poses)):
+        step = np.linalg.inv(poses[max(i - 1, 0)]) @ poses[i]
+        refinement.add(surfels[i], np.zeros(6), step, 1.0)
+    return refinement
+
+
+def test_windows_refine_as_well_as_the_whole(drive):
+    surfels, truth = drive
+    start = shaken(truth)
+    poses, before, after = roll(surfels, start, SHORT).finish()
+    assert len(poses) == N
+    assert worst_distance(start, truth) > 0.2
+    assert worst_distance(poses, truth) < 0.03
+    assert np.median(after.thickness) < np.median(before.thickness)
+
+
+def test_no_step_jumps_where_windows_meet(drive):
+    surfels, truth = drive
+    poses, _, _ = roll(surfels, shaken(truth), SHORT).finish()
+    steps, true_steps = (np.linalg.norm(np.diff(p[:, :3, 3], axis=0), axis=1) for p in (poses, truth))
+    np.testing.assert_allclose(steps, true_steps, atol=0.015)
+
+
+def test_no_more_than_a_window_of_scans_is_kept(drive):
+    surfels, truth = drive
+    refinement = roll(surfels, truth, SHORT)
+    assert len(refinement._surfels) <= 20
+
+
+def test_without_scans_there_are_no_poses():
+    poses, before, after = RollingRefinement(0.1, 1.0, SHORT).finish()
+    assert poses.shape == (0, 4, 4)
+    assert len(before.lag) == len(after.lag) == 0
