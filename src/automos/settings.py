@@ -176,6 +176,7 @@ class EgoBodySettings(_Group):
         0.8, gt=0, le=1, description="share of a part that must stay put all along the recording"
     )
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
+    max_drift: float = Field(0.025, gt=0, description="m, of a part's range from one third of the recording to another")
 
 
 class SegmentSettings(_Group):
@@ -220,7 +221,7 @@ class DetectSettings(_Group):
     moved_score: float = Field(0.62, ge=0, le=1, description="score from which on a point has moved")
     stayed_score: float = Field(0.38, ge=0, le=1, description="score up to which a point has stayed")
     min_points: int = Field(3, ge=1, description="points of the smallest object")
-    max_side: float = Field(20.0, gt=0, description="m, longest object")
+    max_side: float = Field(45.0, gt=0, description="m, longest object")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
     silence: float = Field(
         0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static"
@@ -276,6 +277,29 @@ class FollowSettings(_Group):
     evidence_weight: float = Field(2.0, ge=0, description="cost of going from all moving to all static")
 
 
+class ExtensionSettings(_Group):
+    """Following moving objects on where the evidence is silent."""
+
+    filter: FilterSettings = FilterSettings(
+        initial_variance=0.02,
+        initial_velocity_variance=0.25,
+        process_variance=0.05,
+        process_velocity_variance=1.0,
+        measurement_variance=0.02,
+    )
+    gates: FollowSettings = FollowSettings(max_gap=1.5, max_size_change=0.4, max_climb=0.5, evidence_weight=0.0)
+    min_time: float = Field(0.8, ge=0, description="s, a track seen for less is not followed on")
+    min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last, nor for less")
+    min_points: int = Field(12, ge=1, description="in most of its scans, nor with fewer")
+    max_blind_way: float = Field(1.0, ge=0, description="m, an object may go out of sight")
+    look_back: float = Field(0.5, ge=0, description="s, for which nothing else may have stood at its place")
+    same_place: float = Field(0.3, ge=0, description="m, what moved and changed by less is the same, and")
+    same_size: float = Field(0.3, ge=0, description="of its size, by which it may have changed besides")
+    fray_time: float = Field(1.0, gt=0, description="s, at a track's ends, over which its usual size there is found")
+    fray_share: float = Field(0.6, ge=0, le=1, description="of that size: what is shorter is a mere piece")
+    fit_time: float = Field(0.5, gt=0, description="s, before its end over which a track's velocity is fitted")
+
+
 class JudgeSettings(_Group):
     """When the evidence and the motion of a track make it moving."""
 
@@ -292,6 +316,7 @@ class JudgeSettings(_Group):
     sparse_min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last")
     sparse_min_straightness: float = Field(0.7, ge=0, le=1, description="distance over length of a sparse track's path")
     carried_reach: float = Field(4.0, ge=0, description="m from the sensor: how far the own vehicle may reach")
+    carried_size: float = Field(1.0, ge=0, description="m, longest side of its parts")
     carried_spread: float = Field(0.4, ge=0, description="m, how much its parts may change their distance")
     carried_travel: float = Field(5.0, gt=0, description="m the sensor must have gone for that to tell")
 
@@ -316,6 +341,7 @@ class TrackingSettings(_Group):
     method: Literal["evidence", "paper"] = Field("evidence", description="the paper's tracker and verdict, or ours")
     follow: FollowSettings = FollowSettings()
     judge: JudgeSettings = JudgeSettings()
+    extension: ExtensionSettings = ExtensionSettings()
     completion: CompletionSettings = CompletionSettings()
 
 
@@ -343,7 +369,7 @@ class FreeSpaceSettings(_Group):
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
     support: float = Field(0.3, gt=0, description="m, in range between points that are of one thing")
     support_per_metre: float = Field(0.02, ge=0, description="added to it per metre of range")
-    lone_weight: float = Field(0.5, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
+    lone_weight: float = Field(0.25, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
 

@@ -29,12 +29,13 @@ from automos.parallel import available_cores, map_in_order
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
 from automos.settings import InstancesSettings, Settings
 from automos.tracking.completion import paint_objects
+from automos.tracking.extension import extend_tracks
 from automos.tracking.follow import follow_objects
 from automos.tracking.judge import judge_by_evidence
 from automos.tracking.painting import paint_points
 from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import judge_by_trajectory
+from automos.tracking.verdict import Verdict, judge_by_trajectory
 from automos.workspace import Arrays, Stage
 
 PerScan = Iterable[tuple[int, Arrays]]
@@ -98,14 +99,15 @@ def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
     inside = ids >= 0
     points = np.bincount(ids[inside], minlength=n).astype(np.float64)
     moved = np.bincount(ids[inside], is_candidate[inside], n).astype(np.float64)
-    return {"ids": ids, **Detections(instances.boxes, points, moved, points - moved).to_arrays()}
+    found = Detections(instances.boxes, points, moved, points - moved, np.zeros(n, np.bool_))
+    return {"ids": ids, "stayed": np.full_like(ids, -1), **found.to_arrays()}
 
 
 def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
     frame, about = task
-    ids = np.full(len(frame.points), -1, np.int32)
+    ids, stayed = np.full((2, len(frame.points)), -1, np.int32)
     objects = np.flatnonzero(about["kind"] == OBJECT)
-    ids[objects], found = detect_objects(
+    ids[objects], stayed[objects], found = detect_objects(
         frame.points_level[objects],
         frame.origin_level,
         about["score"][objects] / 255.0,
@@ -113,7 +115,7 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
         tuple(about["ray_steps"]),
         settings.components,
     )
-    return {"ids": ids, **found.to_arrays()}
+    return {"ids": ids, "stayed": stayed, **found.to_arrays()}
 
 
 # ------------------------------------------------------------------------------------------------------ tracking
@@ -130,6 +132,9 @@ def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str],
         verdicts = judge_by_evidence(
             tracks, detections, trajectory.stamps, trajectory.T_level_sensor[:, :3, 3], tracking.judge
         )
+        is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
+        moving = extend_tracks(tracks[is_moving], detections, trajectory.stamps, tracking.extension)
+        tracks = Tracks.concatenate([tracks[~is_moving], moving])
     return {**tracks.to_arrays(), **verdicts.to_arrays()}
 
 
@@ -151,14 +156,15 @@ def paint(
 
     def paint_scan(i: int) -> Arrays:
         frame, here = frames[i], moving[np.flatnonzero(moving.scan == i)]
-        ids, about = instances.load(names[i])["ids"], candidates.load(names[i])
+        found, about = instances.load(names[i]), candidates.load(names[i])
         if settings.tracking.method == "paper":
-            label, track = paint_points(frame.points_level, ids, here)
+            label, track = paint_points(frame.points_level, found["ids"], here)
         else:
             may_move = (about["kind"] != EGO_BODY) & (about["score"] >= 128)
             label, track = paint_objects(
-                frame.points_level, ids, about["kind"] == GROUND, may_move, here, settings.tracking.completion
-            )
+                frame.points_level, found["ids"], found["stayed"], about["kind"] == GROUND, may_move, here,
+                settings.tracking.completion,
+            )  # fmt: skip
             label[about["kind"] == EGO_BODY] = Label.UNLABELED
         return {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
 

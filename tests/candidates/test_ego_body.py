@@ -44,6 +44,15 @@ def test_a_vehicle_alongside_at_the_same_speed_is_no_body():
     assert not (found & ~true).any()
 
 
+def test_a_lorry_that_stays_beside_the_sensor_for_long_is_no_body():
+    lorry = Block(
+        (0.0, 3.2, 1.5), (11.0, 2.4, 3.0), velocity=(8.0, 0.04, 0.0)
+    )  # 4 cm/s off the line: who drives straighter?
+    frames, truth = recording(speed=8.0, extra=(lorry,))
+    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    assert not (found & ~true).any()
+
+
 def test_a_sensor_that_stands_still_finds_no_body():
     frames, truth = recording(speed=0.0)
     found, _ = body_points(frames, learn_pattern([frames[0]]), truth)

@@ -21,14 +21,16 @@ def scene(slope=0.0):
     return points, part
 
 
-def paint(points, part, segment=0, may_move=None):
+def paint(points, part, segment=0, may_move=None, has_stayed=False):
     ids = np.where(part == 1, segment, -1).astype(np.int32)
+    none = np.full_like(ids, -1)
     row = Tracks(
         np.array([7]), np.array([0]), np.array([segment]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
         np.zeros(1), np.zeros((1, 3)),
     )  # fmt: skip
     may_move = np.ones(len(points), bool) if may_move is None else may_move
-    return paint_objects(points, ids, part != 1, may_move, row, CompletionSettings())
+    segments = (none, ids) if has_stayed else (ids, none)
+    return paint_objects(points, *segments, part != 1, may_move, row, CompletionSettings())
 
 
 def test_wheels_taken_for_ground_are_the_objects_and_the_ground_is_not():
@@ -38,6 +40,13 @@ def test_wheels_taken_for_ground_are_the_objects_and_the_ground_is_not():
         assert (labels[part > 0] == Label.MOVING).all()
         assert (labels[part == 0] == Label.STATIC).all()
         assert set(tracks[labels == Label.MOVING]) == {7}
+
+
+def test_a_segment_that_has_stayed_is_painted_whole_when_a_moving_track_ends_in_it():
+    points, part = scene()
+    labels, _ = paint(points, part, has_stayed=True)
+    assert (labels[part > 0] == Label.MOVING).all()
+    assert (labels[part == 0] == Label.STATIC).all()
 
 
 def test_what_is_known_to_have_stayed_is_left_alone():
@@ -53,7 +62,7 @@ def test_a_missed_objects_box_claims_what_stands_in_it():
         np.array([0]), np.array([0]), np.array([-1]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
         np.zeros(1), np.zeros((1, 3)),
     )  # fmt: skip
-    labels, _ = paint_objects(points, ids, part == 0, np.ones(len(points), bool), row, CompletionSettings())
+    labels, _ = paint_objects(points, ids, ids, part == 0, np.ones(len(points), bool), row, CompletionSettings())
     assert (labels[part == 1] == Label.MOVING).all()
     assert (labels[part == 0] == Label.STATIC).all()
 
@@ -62,8 +71,7 @@ def test_no_moving_tracks_leave_everything_static():
     points, part = scene()
     ids, boxes = np.zeros(0, np.int64), np.zeros((0, 3))
     none = Tracks(ids, ids, ids, boxes, boxes, np.zeros(0), boxes)
-    labels, tracks = paint_objects(
-        points, np.full(len(points), -1, np.int32), part == 0, part >= 0, none, CompletionSettings()
-    )
+    nowhere = np.full(len(points), -1, np.int32)
+    labels, tracks = paint_objects(points, nowhere, nowhere, part == 0, part >= 0, none, CompletionSettings())
     assert (labels == Label.STATIC).all()
     assert (tracks == -1).all()

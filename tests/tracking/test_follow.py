@@ -15,7 +15,11 @@ def seen(*things, size=(4.0, 1.8, 1.5), n_points=80):
     n = np.full(len(things), float(n_points))
     moved = n * np.array([share for *_, share in things])
     return Detections(
-        Boxes(center, np.tile(size, (len(things), 1)), np.zeros(len(n)), np.ones(len(n))), n, moved, n - moved
+        Boxes(center, np.tile(size, (len(things), 1)), np.zeros(len(n)), np.ones(len(n))),
+        n,
+        moved,
+        n - moved,
+        np.zeros(len(n), bool),
     )
 
 

@@ -14,19 +14,19 @@ STAMPS = 0.1 * np.arange(20)
 FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))
 
 
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None):
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
     center = np.column_stack([center, np.zeros(len(center))])
-    size = np.tile([1.0, 1.0, 1.0], (len(center), 1))
+    size = np.tile([side, 1.0, 1.0], (len(center), 1))
     table = Tracks(
         np.zeros(len(scans), np.int64), scans, np.zeros(len(scans), np.int64), center, size,
         np.zeros(len(scans)), np.zeros((len(scans), 3)),
     )  # fmt: skip
     found = {s: Boxes(center[i : i + 1], size[i : i + 1], np.zeros(1), np.ones(1)) for i, s in enumerate(scans)}
     counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
-    none = Detections(Boxes.empty(), np.zeros(0), np.zeros(0), np.zeros(0))
-    return table, [Detections(found[s], *counts) if s in found else none for s in range(20)]
+    none = Detections(Boxes.empty(), *np.zeros((3, 0)), np.zeros(0, bool))
+    return table, [Detections(found[s], *counts, np.zeros(1, bool)) if s in found else none for s in range(20)]
 
 
 def verdict_on(sensor=FAR_SENSOR, **track):
@@ -72,6 +72,7 @@ def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():
     beside = {"center": STRAIGHT + np.array([1.0, 1.0])}
     ahead = {"center": STRAIGHT + np.array([12.0, 0.0])}
     assert verdict_on(sensor, **beside) == Verdict.STATIC
+    assert verdict_on(sensor, **beside, side=6.0) == Verdict.MOVING  # a lorry in the next lane
     assert verdict_on(sensor, **ahead) == Verdict.MOVING
 
 

@@ -3,7 +3,8 @@
 A ray that meets the body meets it in every scan at the same range. So may a ray that meets an even road, a vehicle that
 keeps its distance, or the long side of one that drives along; but ground does not count, nor what stands behind ground
 (under the body's parts is more body), and a thing's edges must stay put as well, from the first third of the recording
-to the last. Where the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
+to the last, and its ranges nearly to the sensor's noise: nobody drives that straight beside another. Where the sensor
+stands still nothing can be told, and nothing goes wrong: what never moves is static.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     thirds = np.zeros((3, *reach.shape), np.float32)
     for third, part in zip(thirds, np.array_split(ranges, 3), strict=True):
         _find_constant(part, settings.tolerance, settings.min_share, third)
-    return EgoBody(_grow(np.where(_stays_put(thirds > 0.0, settings.min_overlap), thirds.max(axis=0), 0.0)), pattern)
+    return EgoBody(_grow(np.where(_stays_put(thirds, settings), thirds.max(axis=0), 0.0)), pattern)
 
 
 def _frames_apart(frames: Frames, settings: EgoBodySettings) -> list[Frame]:
@@ -72,15 +73,22 @@ def _frames_apart(frames: Frames, settings: EgoBodySettings) -> list[Frame]:
     return sample[: settings.max_scans]
 
 
-def _stays_put(thirds: npt.NDArray[np.bool_], min_overlap: float) -> npt.NDArray[np.bool_]:
-    """Return (H, W) bool: the connected parts of (3, H, W) masks that are in the same place in all of them."""
+def _stays_put(thirds: npt.NDArray[np.float32], settings: EgoBodySettings) -> npt.NDArray[np.bool_]:
+    """Return (H, W) bool: connected parts that are in the same place in all `thirds` (3, H, W; 0 where not there)."""
     around = np.ones((3, 3), bool)
-    parts, n_parts = ndimage.label(thirds.any(axis=0), around)
+    is_there = thirds > 0.0
+    parts, n_parts = ndimage.label(is_there.any(axis=0), around)
     # A cell to each side is allowed for: edges are hit and missed by turns.
-    is_in_all = np.all([ndimage.binary_dilation(third, around) for third in thirds], axis=0)
+    is_in_all = np.all([ndimage.binary_dilation(third, around) for third in is_there], axis=0)
     overlap = ndimage.mean(is_in_all, parts, np.arange(n_parts + 1))
     overlap[0] = 0.0
-    return overlap[parts] >= min_overlap
+    drift = np.where(is_there.all(axis=0), np.ptp(thirds, axis=0), np.nan)
+    is_steady = np.zeros(n_parts + 1, np.bool_)
+    for part, window in enumerate(ndimage.find_objects(parts), 1):
+        of_part = drift[window][parts[window] == part]
+        of_part = of_part[np.isfinite(of_part)]
+        is_steady[part] = len(of_part) > 0 and np.median(of_part) <= settings.max_drift
+    return is_steady[parts] & (overlap[parts] >= settings.min_overlap)
 
 
 def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -3,7 +3,8 @@
 The whole non-ground scan is segmented, so that the parts of an object no ray looked through (a roof, the middle of a
 long side) belong to it all the same. A segment of which the evidence speaks with one voice is an object as it is. One
 that holds both what moved and what stayed (a pedestrian beside a wall) is cut: what stayed is taken out and the rest
-is segmented again. What has certainly stayed is no object at all.
+is segmented again. What has stayed is kept apart, whole as it is: a car that drives away has stayed for as long as it
+was parked, and only its track can tell.
 """
 
 from __future__ import annotations
@@ -25,14 +26,21 @@ def detect_objects(
     heights: npt.NDArray[np.float32],
     ray_steps: tuple[float, float],
     settings: DetectSettings,
-) -> tuple[npt.NDArray[np.int32], Detections]:
-    """Return the segment of each point (N,) int32, -1 for none, and what the evidence says of every segment.
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], Detections]:
+    """Return the segments of one scan's points and what the evidence says of every segment.
 
     Parameters
     ----------
     points : (N, 3) float32 metres, level frame; neither ground nor ego body.   origin : (3,) the sensor's position.
     score : (N,) in [0, 1]: has moved, 0.5 unknown.   heights : (N,) metres above the ground.
     ray_steps : radians between neighbouring rays, up and sideways.
+
+    Returns
+    -------
+    objects : (N,) int32, segment of each point, -1 for none; these do not overlap.
+    stayed : (N,) int32, segment that has stayed as a whole, -1 for none; numbered after the objects. Where such a
+        segment was cut, its pieces are among the objects.
+    found : all segments, objects first.
     """
     has_moved, has_stayed = score > settings.moved_score, score < settings.stayed_score
     seen_from = points - origin.astype(np.float32)
@@ -42,20 +50,31 @@ def detect_objects(
     ids = segment_points(seen_from, heights, ranges, rows, columns, settings.segments)
     count, moved, stayed, extent = _summarise(ids, points, has_moved, has_stayed)
     speaks_once = (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
-    is_object = (count >= settings.min_points) & (extent <= settings.max_side) & speaks_once
-    objects = _renumbered(ids, is_object, 0)
+    is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
+    objects = _renumbered(ids, is_compact & speaks_once, 0)
 
     rest = np.flatnonzero((objects < 0) & (ids >= 0) & ~has_stayed)
     pieces = segment_points(seen_from[rest], heights[rest], ranges[rest], rows, columns, settings.segments)
     count, moved, _, extent = _summarise(pieces, points[rest], has_moved[rest], has_stayed[rest])
-    is_object_too = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
-    objects[rest] = _renumbered(pieces, is_object_too, int(is_object.sum()))
+    is_piece = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
+    n_whole = int((is_compact & speaks_once).sum())
+    objects[rest] = _renumbered(pieces, is_piece, n_whole)
 
-    n = int(is_object.sum() + is_object_too.sum())
-    inside = objects >= 0
-    sums = (np.bincount(objects[inside], w[inside], n) for w in (np.ones(len(points)), has_moved, has_stayed))
-    points_of, moved_of, stayed_of = (total.astype(np.float64) for total in sums)
-    return objects, Detections(fit_boxes(points, objects, np.ones(n)), points_of, moved_of, stayed_of)
+    n_objects = n_whole + int(is_piece.sum())
+    silent = _renumbered(ids, is_compact & ~speaks_once, n_objects)
+    parts = [_describe(part, points, has_moved, has_stayed) for part in (objects, np.maximum(silent - n_objects, -1))]
+    parts[1].has_stayed[:] = True
+    return objects, silent, Detections.concatenate(parts)
+
+
+def _describe(
+    ids: npt.NDArray[np.int32], points: npt.NDArray, has_moved: npt.NDArray[np.bool_], has_stayed: npt.NDArray[np.bool_]
+) -> Detections:
+    """Return the boxes and counts of segments 0, 1, ... of `ids`."""
+    n, inside = int(ids.max(initial=-1)) + 1, ids >= 0
+    kinds = (np.ones(len(points)), has_moved, has_stayed)
+    count, moved, stayed = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
+    return Detections(fit_boxes(points, ids, np.ones(n)), count, moved, stayed, np.zeros(n, np.bool_))
 
 
 def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], first: int) -> npt.NDArray[np.int32]:

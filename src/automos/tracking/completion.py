@@ -19,6 +19,7 @@ from automos.tracking.tracks import Tracks
 def paint_objects(
     points: npt.NDArray,
     ids: npt.NDArray[np.int32],
+    stayed: npt.NDArray[np.int32],
     is_ground: npt.NDArray[np.bool_],
     may_move: npt.NDArray[np.bool_],
     moving: Tracks,
@@ -29,7 +30,7 @@ def paint_objects(
     Parameters
     ----------
     points : (M, 3) metres, level frame.
-    ids : (M,) segment of each point, -1 for none.
+    ids : (M,) segment of each point, -1 for none.   stayed : (M,) segment that has stayed as a whole, -1 for none.
     is_ground : (M,) points taken for ground.
     may_move : (M,) points that belong to nothing known to have stayed (ego body excluded).
     moving : the rows of moving tracks in this scan, observed or predicted.
@@ -38,28 +39,28 @@ def paint_objects(
     -------
     labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int32, -1 where static.
     """
-    track_of_segment = np.full(int(ids.max(initial=-1)) + 2, -1, np.int32)
+    track_of_segment = np.full(max(ids.max(initial=-1), stayed.max(initial=-1)) + 2, -1, np.int32)
     seen = moving.is_observed
     track_of_segment[moving.segment[seen]] = moving.track[seen]
-    track_of = track_of_segment[ids]
+    track_of = np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
     segment_of_row = np.where(seen, moving.segment, -1)
     boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
     _fill(
-        np.asarray(points), ids, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
+        np.asarray(points), ids, stayed, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
         settings.margin, settings.ring, settings.ground_clearance, track_of,
     )  # fmt: skip
     return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
 
 
 @numba.njit(cache=True, nogil=True)
-def _fill(points, ids, is_ground, may_move, boxes, segments, tracks, margin, ring, clearance, track_of):  # type: ignore[no-untyped-def]
+def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, ring, clearance, track_of):  # type: ignore[no-untyped-def]
     near = np.empty(len(points), np.int64)
     for b in range(len(boxes)):
         center, half, c, s = boxes[b, :3], 0.5 * boxes[b, 3:6], boxes[b, 6], boxes[b, 7]
         if segments[b] >= 0:  # the segment's own extent is surer than the filtered box
             low, high = np.full(3, np.inf), np.full(3, -np.inf)
             for i in range(len(points)):
-                if ids[i] == segments[b]:
+                if ids[i] == segments[b] or stayed[i] == segments[b]:
                     u, v = _turned(points[i], center, c, s)
                     low[0], high[0] = min(low[0], u), max(high[0], u)
                     low[1], high[1] = min(low[1], v), max(high[1], v)

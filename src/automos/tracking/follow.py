@@ -35,7 +35,9 @@ def follow_objects(detections: Iterable[tuple[float, Detections]], settings: Fol
     ids, unseen = np.zeros(0, np.int64), np.zeros(0)
     share, count = np.zeros(0), np.zeros(0)
     log, next_id, last_stamp = [], 0, None
-    for scan, (stamp, seen) in enumerate(detections):
+    for scan, (stamp, found) in enumerate(detections):
+        open_to = np.flatnonzero(~found.has_stayed)
+        seen = found[open_to]
         dt = 0.0 if last_stamp is None else stamp - last_stamp
         last_stamp = stamp
         alive, unseen = kalman.predict(alive, dt, settings.filter), unseen + dt
@@ -46,7 +48,7 @@ def follow_objects(detections: Iterable[tuple[float, Detections]], settings: Fol
         share[matched] = _MEMORY * share[matched] + (1.0 - _MEMORY) * seen.moving_share[detected]
         count[matched] = seen.n_points[detected]
         segment = np.full(len(ids), -1)
-        segment[matched] = detected
+        segment[matched] = open_to[detected]
 
         new = np.setdiff1d(np.arange(len(seen)), detected)
         keep = unseen <= settings.max_gap
@@ -59,7 +61,7 @@ def follow_objects(detections: Iterable[tuple[float, Detections]], settings: Fol
         share = np.concatenate([share[keep], seen.moving_share[new]])
         count = np.concatenate([count[keep], seen.n_points[new]])
         next_id += len(new)
-        log.append((ids, scan, np.concatenate([segment[keep], new]), alive.mean.copy()))
+        log.append((ids, scan, np.concatenate([segment[keep], open_to[new]]), alive.mean.copy()))
     return as_table(log)
 
 

@@ -36,7 +36,7 @@ def judge_by_evidence(
     for k in range(n):
         rows = tracks.rows_of(k)
         seen = tracks.is_observed[rows]
-        center, points, moved, stayed = (column[rows][seen] for column in evidence)
+        center, size, points, moved, stayed = (column[rows][seen] for column in evidence)
         if len(center) < 2:
             confidence[k] = 0.5
             continue
@@ -62,7 +62,7 @@ def judge_by_evidence(
             is_witnessed
             and goes_somewhere
             and (is_steady or not is_sparse)
-            and not _is_carried(center, sensor[scans], settings)
+            and not _is_carried(center, size, sensor[scans], settings)
         ):
             verdict[k] = Verdict.MOVING
         confidence[k] = (
@@ -89,9 +89,19 @@ def motion(
     return float(np.linalg.norm(velocity) / error), distance / max(float(steps), 1e-6), distance
 
 
-def _is_carried(center: npt.NDArray[np.float64], sensor: npt.NDArray[np.float64], settings: JudgeSettings) -> bool:
-    """Return whether `center` (T, 3) kept its distance to the moving `sensor` (T, 3), near enough to be its vehicle."""
+def _is_carried(
+    center: npt.NDArray[np.float64],
+    size: npt.NDArray[np.float64],
+    sensor: npt.NDArray[np.float64],
+    settings: JudgeSettings,
+) -> bool:
+    """Return whether `center` (T, 3) kept its distance to the moving `sensor` (T, 3), as parts of its vehicle do.
+
+    They are small, and near: a lorry beside the sensor may keep its distance for long, too.
+    """
     if np.linalg.norm(sensor[-1] - sensor[0]) < settings.carried_travel:
+        return False
+    if np.median(size.max(axis=1)) > settings.carried_size:
         return False
     distance = np.linalg.norm(center - sensor, axis=1)
     return bool(np.median(distance) < settings.carried_reach and np.std(distance) < settings.carried_spread)
@@ -104,14 +114,14 @@ def _confidence(share: float, significance: float, settings: JudgeSettings) -> f
 
 
 def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
-    """Return centre (R, 3), points, moved and stayed (R,) of the segment matched in each row; 0 where none was."""
-    center, counts = np.zeros((len(tracks.track), 3)), np.zeros((3, len(tracks.track)))
+    """Return centre, size (R, 3), points, moved, stayed (R,) of the segment matched in each row; 0 where none was."""
+    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((3, len(tracks.track)))
     seen = np.flatnonzero(tracks.is_observed)
     order = seen[np.argsort(tracks.scan[seen], kind="stable")]
     first = np.searchsorted(tracks.scan[order], np.arange(len(detections) + 1))
     for scan, found in enumerate(detections):
         rows = order[first[scan] : first[scan + 1]]
         segment = tracks.segment[rows]
-        center[rows] = found.boxes.center[segment]
+        center[rows], size[rows] = found.boxes.center[segment], found.boxes.size[segment]
         counts[:, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
-    return [center, *counts]
+    return [center, size, *counts]

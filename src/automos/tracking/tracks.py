@@ -38,6 +38,12 @@ class Tracks:
     def __getitem__(self, rows: npt.NDArray) -> Tracks:
         return Tracks(*(getattr(self, f.name)[rows] for f in fields(self)))
 
+    @staticmethod
+    def concatenate(parts: list[Tracks]) -> Tracks:
+        """Return the rows of all `parts`, sorted by track, then scan."""
+        table = Tracks(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Tracks)))
+        return table[np.lexsort((table.scan, table.track))]
+
     @property
     def is_observed(self) -> npt.NDArray[np.bool_]:
         """(R,) whether a segment was matched in that scan."""

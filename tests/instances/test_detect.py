@@ -1,0 +1,57 @@
+"""Segments as the evidence cuts them: objects, pieces, and what has stayed as a whole."""
+
+import numpy as np
+
+from automos.instances.detect import detect_objects
+from automos.settings import DetectSettings
+
+STEPS = (np.deg2rad(0.4), np.deg2rad(0.2))
+MOVED, STAYED, UNKNOWN = 1.0, 0.0, 0.5
+
+
+def block(x, y, length=2.0, width=1.0):
+    """Points of a box-like thing, 1 m high."""
+    u, v, z = np.meshgrid(np.arange(0, length, 0.2), np.arange(0, width, 0.2), np.arange(0.2, 1.2, 0.2))
+    return np.column_stack([x + u.ravel(), y + v.ravel(), z.ravel()])
+
+
+def detect(*things):
+    """Detect objects among (points, score) pairs."""
+    points = np.concatenate([p for p, _ in things]).astype(np.float32)
+    score = np.concatenate([np.broadcast_to(s, len(p)) for p, s in things])
+    return detect_objects(points, np.zeros(3), score, points[:, 2], STEPS, DetectSettings())
+
+
+def test_a_thing_of_which_the_evidence_speaks_with_one_voice_is_one_object():
+    car = block(5, 0)
+    mostly = np.where(np.arange(len(car)) % 3 == 0, UNKNOWN, MOVED)
+    objects, stayed, found = detect((car, mostly))
+    assert set(objects) == {0}
+    assert set(stayed) == {-1}
+    assert found.n_points.tolist() == [len(car)]
+    assert found.n_moving.tolist() == [(mostly == MOVED).sum()]
+
+
+def test_what_has_stayed_is_kept_whole_and_apart():
+    objects, stayed, found = detect((block(5, 0), STAYED), (block(12, 0), MOVED))
+    n = len(block(5, 0))
+    assert set(objects[:n]) == {-1}
+    assert set(objects[n:]) == {0}
+    assert set(stayed[:n]) == {1}
+    assert set(stayed[n:]) == {-1}
+    assert found.has_stayed.tolist() == [False, True]
+    assert found.n_static.tolist() == [0, n]
+
+
+def test_a_walker_at_a_wall_is_cut_off_it():
+    wall, walker = block(5, 0, 0.4, 8.0), block(5.4, 3.0, 0.4, 0.6)
+    objects, stayed, found = detect((wall, STAYED), (walker, MOVED))
+    assert set(objects[: len(wall)]) == {-1}
+    assert set(objects[len(wall) :]) == {0}
+    assert set(stayed) == {1}  # and the two as a whole have stayed
+    assert found.has_stayed.tolist() == [False, True]
+
+
+def test_nothing_gives_nothing():
+    objects, stayed, found = detect((np.zeros((0, 3)), 0.0))
+    assert len(objects) == len(stayed) == len(found) == 0

@@ -1,0 +1,92 @@
+"""Moving objects are followed to where they wait, and nothing that was there before is taken for them."""
+
+import numpy as np
+import pytest
+
+from automos.detections import Detections
+from automos.geometry import Boxes
+from automos.settings import ExtensionSettings, FollowSettings
+from automos.tracking.extension import extend_tracks
+from automos.tracking.follow import follow_objects
+
+CAR, POLE, PERSON = (4.0, 1.8, 1.5), (0.4, 0.4, 1.7), (0.6, 0.5, 1.7)
+
+
+def seen(*things):
+    """Segments at (x, y, size, whether they have stayed), those that move first."""
+    things = sorted(things, key=lambda thing: thing[3])
+    center = np.array([[x, y, 0.5 * size[2]] for x, y, size, _ in things]).reshape(-1, 3)
+    size = np.array([size for *_, size, _ in things]).reshape(-1, 3)
+    has_stayed = np.array([stayed for *_, stayed in things], bool)
+    n = np.full(len(things), 60.0)
+    boxes = Boxes(center, size, np.zeros(len(n)), np.ones(len(n)))
+    return Detections(boxes, n, np.where(has_stayed, 0.0, n), np.where(has_stayed, n, 0.0), has_stayed)
+
+
+def extended(scans, period=0.1):
+    """The scans in which each track that moves is seen, before and after, and where it is in the end."""
+    stamps = period * np.arange(len(scans))
+    tracks = follow_objects(zip(stamps, scans, strict=True), FollowSettings())
+    return tracks, extend_tracks(tracks, scans, stamps, ExtensionSettings())
+
+
+def stops(speed=6.0, brakes_from=20, n=60, size=CAR):
+    """(x, has stayed) of something that drives, brakes at 3 m/s^2 and waits; the evidence ends a second later."""
+    x, v, way = 0.0, speed, []
+    for i in range(n):
+        v = max(v - 0.3, 0.0) if i >= brakes_from else v
+        x += 0.1 * v
+        way.append(x)
+    still_from = brakes_from + int(np.ceil(speed / 0.3)) + 10
+    return [(x, 0.0, size, i >= still_from) for i, x in enumerate(way)]
+
+
+@pytest.mark.parametrize("is_reversed", [False, True], ids=["drives, then waits", "waits, then drives"])
+def test_a_car_is_moving_while_it_waits(is_reversed):
+    way = stops()[:: -1 if is_reversed else 1]
+    before, after = extended([seen(thing) for thing in way])
+    assert len(before) == len(after) == 1
+    assert len(before.scan) < 60
+    assert after.scan.tolist() == list(range(60))
+
+
+def test_the_rate_of_the_sensor_does_not_matter():
+    for step in (1, 2, 3):
+        scans = [seen(thing) for thing in stops()[::step]]
+        assert len(extended(scans, 0.1 * step)[1].scan) == len(scans)
+
+
+def test_someone_who_walks_out_of_sight_at_a_pole_is_not_the_pole():
+    pole = (4.3, 0.2, POLE, True)
+    walker = [(0.14 * i, 0.0, PERSON, False) for i in range(30)]
+    scans = [seen(walker[i], pole) if i < 30 else seen(pole) for i in range(60)]
+    before, after = extended(scans)
+    assert after.scan.max() == before.scan.max() == 29
+
+
+def test_a_fast_car_out_of_sight_does_not_become_a_parked_one():
+    parked = (16.0, 0.5, CAR, True)
+    scans = [seen((0.6 * i, 0.0, CAR, False)) if i < 22 else seen() if i < 27 else seen(parked) for i in range(60)]
+    assert extended(scans)[1].scan.max() == 21
+
+
+def test_a_glimpse_is_not_followed_on():
+    scans = [seen((0.3 * i, 0.0, CAR, False)) if i < 5 else seen((1.5, 0.0, CAR, True)) for i in range(30)]
+    assert extended(scans)[1].scan.max() == 4
+
+
+def test_pieces_at_the_end_give_way_to_the_whole():
+    way = stops()
+    still_from = next(i for i, (*_, stayed) in enumerate(way) if stayed)
+    scans = [
+        seen(thing, (thing[0] - 1.7, 0.0, (0.5, 0.5, 0.5), False)) if still_from <= i < still_from + 3 else seen(thing)
+        for i, thing in enumerate(way)
+    ]
+    _, after = extended(scans)
+    car = after[np.flatnonzero(after.track == 0)]
+    assert car.scan.tolist() == list(range(60))
+    assert all(scans[s].boxes.size[j, 0] == CAR[0] for s, j in zip(car.scan, car.segment, strict=True))
+
+
+def test_no_tracks_stay_no_tracks():
+    assert len(extended([seen(), seen(), seen()])[1]) == 0
