@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -52,19 +52,24 @@ def cloud(columns, height=1, big_endian=False, gap=3, row_padding=0):
     )
 
 
-def write_bag(path, topics):
+def write_bag(path, topics, compress=False):
     """Write `topics` (name to a list of (recorded ns, header s, cloud)) as what the path's suffix says.
 
-    .bag is ROS 1, .mcap and .db3 are one file, without a suffix it is ROS 2's folder.
+    .bag is ROS 1, .mcap and .db3 are one file, without a suffix it is ROS 2's folder. `compress` as recorders offer it.
     """
     types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_JAZZY)
     folder = path.with_suffix("") if path.suffix in (".mcap", ".db3") else path
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".bag":
         writer = Writer1(path)
+        if compress:
+            writer.set_compression(Writer1.CompressionFormat.LZ4)
     else:
         plugin = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
         writer = Writer2(folder, version=9, storage_plugin=plugin)
+        if compress:
+            mode = CompressionMode.STORAGE if plugin is StoragePlugin.MCAP else CompressionMode.MESSAGE
+            writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         for topic, messages in topics.items():
             connection = writer.add_connection(topic, "sensor_msgs/msg/PointCloud2", typestore=types)

@@ -20,10 +20,11 @@ def test_every_format_declares_what_it_looks_like_and_what_it_needs(name, tmp_pa
     assert declared.find(tmp_path / "nowhere") == []
 
 
-def test_all_readers_can_be_asked_without_any_optional_package(tmp_path):
+def test_all_readers_and_writers_can_be_asked_without_any_optional_package(tmp_path):
     program = (
         f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))\n"
         "from pathlib import Path\nfrom automos.datasets import FORMATS, load_format\n"
+        "from automos.export import EXPORTS, load_export\n[load_export(name) for name in EXPORTS]\n"
         f"print(sum(len(load_format(name).find(Path({str(tmp_path)!r}))) for name in FORMATS))"
     )
     run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)

@@ -39,6 +39,25 @@ def test_every_kind_of_bag_gives_the_clouds_of_its_only_such_topic(tmp_path, nam
     assert [s.name for s in open_recordings(tmp_path / "bags")] == ["log"]
 
 
+@pytest.mark.parametrize("name", ["log.bag", "log", "log.mcap"])
+def test_bags_may_be_compressed(tmp_path, name):
+    log = street_log()
+    sequence = open_sequence(write_bag(tmp_path / name, {"/points": messages_of(log)}, compress=True))
+    for got, true in zip(sequence, log.scans, strict=True):
+        assert_same_points(got, true, atol=0)
+
+
+def test_an_mcap_file_of_another_kind_than_ros_is_told(tmp_path):
+    writer = pytest.importorskip("mcap.writer").Writer(str(tmp_path / "log.mcap"))
+    writer.start()
+    schema = writer.register_schema("foxglove.PointCloud", "protobuf", b"")
+    channel = writer.register_channel("/points", "protobuf", schema)
+    writer.add_message(channel, 0, b"123", 0)
+    writer.finish()
+    with pytest.raises(InputError, match=r"log.mcap (has no topic|cannot be read)"):
+        open_sequence(tmp_path / "log.mcap")
+
+
 @pytest.mark.parametrize("options", [{"big_endian": True}, {"gap": 0}, {"height": 2, "row_padding": 7}])
 def test_clouds_may_be_big_endian_packed_or_padded(tmp_path, options):
     scan = street_log().scans[0]

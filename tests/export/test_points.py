@@ -1,5 +1,6 @@
 """What is written of every point is read back, by the library that others read it with where there is one."""
 
+import json
 import zipfile
 
 import numpy as np
@@ -165,6 +166,20 @@ def test_results_go_beside_the_run_where_no_place_is_given_and_the_same_again(ru
     assert again == first
     if format != "mcap":  # its writer names itself and the time in the file
         assert content(again) == before
+
+
+@pytest.mark.parametrize("format", EXPORTS)
+def test_a_recording_in_which_nothing_was_found_is_written_as_well(tmp_path, format):
+    extra = {"laz": "laspy", "parquet": "pyarrow", "mcap": "rosbags"}.get(format)
+    if extra:
+        pytest.importorskip(extra)
+    run = make_run(tmp_path / "run")
+    path = run.folder / "tracks.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"tracks": []}))
+    for name, n in (("000000", 6), ("000002", 4)):
+        np.full(n, 9, np.uint32).tofile(run.folder / "predictions" / f"{name}.label")
+    (written,) = export_run(run.folder, [run.sequence], format, tmp_path / f"out{load_export(format).suffix}")
+    assert content(written)
 
 
 def content(path):
