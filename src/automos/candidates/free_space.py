@@ -199,7 +199,7 @@ class FreeSpace:
         s = self.settings
         T = (self._T_sensor_level[other_index] @ self.frames.T_level_sensor[index])[:3].astype(np.float32)
         tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
-        points = mine.objects if len(ids) == mine.objects.shape[1] else mine.objects[:, ids]
+        points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
         codes = np.empty(len(ids), np.uint8)
         ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
         scan = (other.motion, self.pattern, self.pyramid, other.image)

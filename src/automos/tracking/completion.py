@@ -80,13 +80,17 @@ def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, mar
                     near[n] = i
                     n += 1
             elif beyond <= ring + margin and is_ground[i]:
-                row = np.array([u, v, 1.0])
-                A += np.outer(row, row)
-                rhs += row * (points[i, 2] - center[2])
+                row = (u, v, 1.0)
+                for j in range(3):
+                    rhs[j] += row[j] * (points[i, 2] - center[2])
+                    for k in range(3):
+                        A[j, k] += row[j] * row[k]
         if A[2, 2] < 10.0:  # too little ground beside it to know where it is below
-            plane = np.array([0.0, 0.0, np.inf])
+            plane = (0.0, 0.0, np.inf)
         else:
-            plane = np.linalg.solve(A + 1e-3 * A[2, 2] * np.diag(np.array([1.0, 1.0, 0.0])), rhs)
+            A[0, 0] += 1e-3 * A[2, 2]
+            A[1, 1] += 1e-3 * A[2, 2]
+            plane = _solve(A, rhs)
         for k in range(n):
             i = near[k]
             if track_of[i] >= 0 or not may_move[i]:
@@ -96,6 +100,20 @@ def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, mar
                 if points[i, 2] - center[2] - (plane[0] * u + plane[1] * v + plane[2]) < clearance:
                     continue
             track_of[i] = tracks[b]
+
+
+@numba.njit(cache=True, nogil=True)
+def _solve(A, b):  # type: ignore[no-untyped-def]
+    """Return x of A x = b for a positive definite (3, 3) `A`, both spoilt; LAPACK's takes seconds to compile."""
+    for k in range(2):
+        for j in range(k + 1, 3):
+            f = A[j, k] / A[k, k]
+            b[j] -= f * b[k]
+            for i in range(k + 1, 3):
+                A[j, i] -= f * A[k, i]
+    z = b[2] / A[2, 2]
+    y = (b[1] - A[1, 2] * z) / A[1, 1]
+    return (b[0] - A[0, 1] * y - A[0, 2] * z) / A[0, 0], y, z
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

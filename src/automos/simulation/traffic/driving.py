@@ -196,7 +196,7 @@ def _drive(lines, crew, lights, s, v, side, present):  # type: ignore[no-untyped
         now = _Now(s[t - 1], v[t - 1], side[t - 1], present[t - 1], np.empty(n_agents), np.empty(n_agents))
         for a in range(n_agents):
             now.x[a], now.y[a], _ = place(lines, crew.path[a], now.s[a], now.side[a])
-        s[t], v[t], side[t], present[t] = now.s, now.v, now.side, now.present
+            s[t, a], v[t, a], side[t, a], present[t, a] = now.s[a], now.v[a], now.side[a], now.present[a]
         for a in range(n_agents):
             if not now.present[a]:
                 if not has_left[a] and time >= crew.enter[a]:
