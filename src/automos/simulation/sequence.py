@@ -26,7 +26,7 @@ from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]
 
-FORMAT = 3
+FORMAT = 4
 """Counts up whenever equal arguments no longer give equal bytes."""
 MOUNT_TILT = 0.006
 """Radians, standard deviation of the sensor's tilt in its mount."""

@@ -19,6 +19,9 @@ COLORS = {
 }
 """What a point's label and its truth make of it: the paper's true static, true dynamic, false dynamic, false static."""
 
+STATIC = ("#c9cdd2", "#a4a9ae", "#50555a")
+"""Greys of static points, from the ground up to two metres above it."""
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -59,9 +62,11 @@ def draw_views(
     tracks : paths (T, 2 or 3) of moving objects, drawn as lines into every view.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
+    greys = LinearSegmentedColormap.from_list("static", STATIC)
     columns = min(columns, len(views))
     rows = -(-len(views) // columns)
     figure = Figure(figsize=(7.0 * columns, 7.3 * rows + 0.5), dpi=110, layout="constrained")
@@ -70,10 +75,14 @@ def draw_views(
         axis.set_axis_off()
     for axis, view in zip(axes, views, strict=False):
         for kind, is_kind in view.kinds().items():
-            size = 0.15 if kind == "true static" else 1.6
-            axis.scatter(*view.points[is_kind, :2].T, s=size, c=COLORS[kind], linewidths=0, rasterized=True)
+            x, y, z = view.points[is_kind].T
+            if kind == "true static":  # the ground lighter than what stands on it
+                style = {"s": 0.3, "c": z, "cmap": greys, "vmin": -0.5, "vmax": 2.0}
+            else:
+                style = {"s": 1.6, "c": COLORS[kind]}
+            axis.scatter(x, y, linewidths=0, rasterized=True, **style)
         for track in tracks or []:
-            axis.plot(track[:, 0], track[:, 1], color="black", linewidth=0.7)
+            axis.plot(track[:, 0], track[:, 1], color="black", linewidth=0.6, alpha=0.5)
         axis.set(xlim=(center[0] - radius, center[0] + radius), ylim=(center[1] - radius, center[1] + radius))
         axis.set_aspect("equal")
         axis.set_title(view.title)

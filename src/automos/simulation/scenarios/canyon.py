@@ -1,7 +1,7 @@
 """Street canyons: dense traffic at the ego's speed. Along smooth façades odometry is tempted to drive with the traffic.
 
-`canyon` is long smooth walls and little else; `avenue` is shorter houses with trees before them, which tell where
-along the street one is.
+`canyon` is long smooth walls and little else, and starts as a light turns green, when all that moves moves alike. On
+`avenue` traffic flows from the start, and shorter houses with trees before them tell where along the street one is.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
 SPEED = 11.0
-START = 3.0
-"""m/s at which the platoon around the ego starts: a light has just turned green."""
+AT_GREEN = 3.0
+"""m/s at which the platoon around the ego starts where a light has just turned green."""
 LEAD_IN = 140.0
 LANE = 3.3
 
 
 def canyon(rng: np.random.Generator, duration: float) -> World:
     """Return a straight four-lane street between long smooth walls of buildings."""
-    site, main = _street(rng, duration)
+    site, main = _street(rng, duration, AT_GREEN)
     for side in (-1.0, 1.0):
         roadside.place_buildings(
             site, main, side, 10.4, (6, 9), widths=(40.0, 90.0), gap_chance=0.2, gaps=(3.0, 7.0), smooth=True
@@ -35,8 +35,8 @@ def canyon(rng: np.random.Generator, duration: float) -> World:
 
 
 def avenue(rng: np.random.Generator, duration: float) -> World:
-    """Return the same street with rows of trees and with gaps between the buildings."""
-    site, main = _street(rng, duration)
+    """Return the same street with rows of trees, with gaps between the buildings, and in full flow."""
+    site, main = _street(rng, duration, SPEED)
     for side in (-1.0, 1.0):
         roadside.place_buildings(
             site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
@@ -46,8 +46,8 @@ def avenue(rng: np.random.Generator, duration: float) -> World:
     return site.finish(duration)
 
 
-def _street(rng: np.random.Generator, duration: float) -> tuple[Site, Path]:
-    """Return a site with a street full of vehicles, and the street's line."""
+def _street(rng: np.random.Generator, duration: float, start: float) -> tuple[Site, Path]:
+    """Return a site with a street full of vehicles, the ego's lanes at `start` m/s at first, and the street's line."""
     length = SPEED * duration + 2 * LEAD_IN
     main = through([(0.0, 0.0), (length, 0.0)])
     terrain = Terrain(
@@ -59,11 +59,11 @@ def _street(rng: np.random.Generator, duration: float) -> tuple[Site, Path]:
     site = Site(terrain, rng)
     back = main.reversed()
     inner, outer = main.beside(-0.5 * LANE), main.beside(-1.5 * LANE)
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, initial=START, wander=0.08))
-    road_users.add_tram(site, inner, LEAD_IN + site.rng.uniform(15.0, 45.0), SPEED, START)
+    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, initial=start, wander=0.08))
+    road_users.add_tram(site, inner, LEAD_IN + site.rng.uniform(15.0, 45.0), SPEED, start)
     road_users.add_tram(site, back.beside(-0.5 * LANE), 0.5 * length - site.rng.uniform(20.0, 60.0), SPEED)
     for lane in (inner, outer):
-        road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=START)
+        road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=start)
     for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):
         road_users.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
     return site, main
