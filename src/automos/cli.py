@@ -26,7 +26,7 @@ app.add_typer(formats_app)
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
 
-Recording = Annotated[Path, typer.Argument(help="a folder of scans, a KITTI-style sequence, or a root with sequences/")]
+Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
 Preset = Annotated[str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]

@@ -1,0 +1,188 @@
+"""Packets of Ouster sensors: a .pcap and the sensor's metadata beside it, name.json (or name_0.json).
+
+Decoded by the maker's own library. A scan is a frame, column after column as it was measured, pixels without a return
+included; the second returns of a sensor that gives two follow the first. Of several sensors one is named by its serial
+number, as if the file were a folder: `drive.pcap/122150000150`.
+"""
+
+from __future__ import annotations
+
+import threading
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.formats import Format, import_extra
+from automos.datasets.listed import digest_of_files, require_increasing
+from automos.errors import AutomosError, InputError
+from automos.scan import Scan, Sequence
+
+_RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
+_IS_VALID = 1
+"""Bit of a column's status; columns whose packet was lost have none."""
+
+
+def find(path: Path) -> list[Path]:
+    """Return the .pcap files at `path`: itself, a sensor of it, or those that lie in it by name."""
+    if path.is_dir():
+        return sorted(p for p in path.iterdir() if _is_pcap(p))
+    return [path] if _is_pcap(path) or _is_pcap(path.parent) else []
+
+
+def _is_pcap(path: Path) -> bool:
+    return path.suffix == ".pcap" and path.is_file()
+
+
+class OusterSequence(Sequence):
+    """The frames of one sensor, found once, read when asked for."""
+
+    source: Path
+
+    def __init__(self, path: Path):
+        """Find the frames in the file at `path`, or those of the sensor whose serial number `path` names below it.
+
+        Raises
+        ------
+        InputError
+            No metadata, a damaged file, several sensors, or no frames.
+        """
+        self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self._threads = threading.local()
+        stem = self.source.stem
+        names = (f"{stem}.json", f"{stem}_*.json")
+        self._metadata = sorted({file for name in names for file in self.source.parent.glob(name)})
+        if not self._metadata:
+            raise InputError(
+                f"{self.source} has no metadata {stem}.json beside it; Ouster's packets cannot be read without it "
+                "(other makers' packets are not read: convert them to a ROS bag, PCD or LAS)"
+            )
+        self._serial = self._choose_sensor(wanted)
+        self.name = stem if wanted is None else f"{stem}_{wanted}"
+        self._places, stamps = self._index()
+        if not self._places:
+            raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")
+        self._stamps = np.array(stamps, np.float64)
+        require_increasing(self._stamps, self.names, self.source)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = range(len(self))[index]
+        place, within = self._places[index]
+        frame = [frame for frame in self._reader[place] if frame is not None][within]
+        times = _column_seconds(frame)
+        points, intensity = [], []
+        for range_, reflectivity in _RETURNS:
+            if range_ not in frame.fields:
+                continue
+            # (H, W, 3): the library has rows of beams; columns are what was measured together.
+            points.append(self._to_points(frame.field(range_)).transpose(1, 0, 2).reshape(-1, 3))
+            if reflectivity in frame.fields:
+                intensity.append(frame.field(reflectivity).T.ravel())
+        n = len(points)
+        return Scan(
+            np.concatenate(points).astype(np.float32),
+            intensity=np.concatenate(intensity).astype(np.float32) if len(intensity) == n else None,
+            time=np.tile(np.repeat(times, frame.h), n).astype(np.float32),
+            ring=np.tile(np.arange(frame.h, dtype=np.uint16), frame.w * n),
+            stamp=float(self._stamps[index]),
+            name=self.names[index],
+        )
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds, of each frame's first column, on the sensor's clock."""
+        return self._stamps
+
+    @property
+    def is_compensated(self) -> bool:
+        """Packets are as measured."""
+        return False
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the file or its metadata does, or the sensor."""
+        return f"{super().fingerprint()}:{self._serial}:{digest_of_files([self.source, *self._metadata])}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key not in ("_threads", "_to_points")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _threads=threading.local())
+
+    # ------------------------------------------------------------------------------------------------ the library
+    @property
+    def _reader(self) -> Any:
+        """The opened and indexed file; one for each thread, as readers are not made to be shared."""
+        if not hasattr(self._threads, "reader"):
+            pcap = import_extra("ouster.sdk.pcap", "ouster")
+            try:
+                metadata = [str(file) for file in self._metadata]
+                self._threads.reader = pcap.PcapScanSource(str(self.source), meta=metadata, index=True)
+            except Exception as error:  # damaged files break the library in many ways
+                raise InputError(
+                    f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+                ) from error
+        return self._threads.reader
+
+    @cached_property
+    def _to_points(self) -> Any:
+        """Turns ranges (H, W), millimetres, into points (H, W, 3), metres, sensor frame; 0 stays at the origin."""
+        core = import_extra("ouster.sdk.core", "ouster")
+        info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
+        return core.XYZLut(info, use_extrinsics=False)
+
+    def _choose_sensor(self, wanted: str | None) -> str:
+        serials = [str(info.sn) for info in self._reader.sensor_info]
+        if wanted is not None and wanted not in serials:
+            raise InputError(f"{self.source} has no sensor {wanted}; it has: {', '.join(serials)}")
+        if wanted is None and len(serials) > 1:
+            listed = ", ".join(serials)
+            raise InputError(
+                f"{self.source} has {len(serials)} sensors ({listed}); give one, as {self.source / serials[0]}"
+            )
+        return wanted or serials[0]
+
+    def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
+        """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""
+        places, stamps = [], []
+        try:
+            for item, frames in enumerate(self._reader):
+                for within, frame in enumerate(frame for frame in frames if frame is not None):
+                    if str(frame.sensor_info.sn) == self._serial:
+                        places.append((item, within))
+                        stamps.append(_first_stamp(frame))
+        except AutomosError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+            ) from error
+        return places, stamps
+
+
+def _first_stamp(frame: Any) -> float:
+    """Return the seconds of the frame's first column that was received."""
+    received = np.flatnonzero(frame.status & _IS_VALID)
+    return 1e-9 * int(frame.timestamp[received[0]]) if len(received) else 0.0
+
+
+def _column_seconds(frame: Any) -> npt.NDArray[np.float64]:
+    """Return (W,) seconds of each column after the first one received; lost columns lie evenly between the others."""
+    received = np.flatnonzero(frame.status & _IS_VALID)
+    if len(received) == 0:
+        return np.zeros(frame.w)
+    stamps = frame.timestamp[received]
+    return np.interp(np.arange(frame.w), received, (stamps - stamps[0]).astype(np.float64) * 1e-9)
+
+
+FORMAT = Format(
+    layout="Ouster packets: a .pcap and its .json; of several sensors give one: drive.pcap/SERIAL",
+    truth="",
+    find=find,
+    open=OusterSequence,
+    needs="ouster",
+)
