@@ -31,7 +31,7 @@ def export(
     results: Results,
     recording: Recording,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
-    out: Annotated[Path | None, typer.Option(help="file or folder to write [default: RESULTS/export/FORMAT]")] = None,
+    out: Annotated[Path | None, typer.Option(help="file or folder to write; default: RESULTS/export/FORMAT")] = None,
     format: Format = None,
 ) -> None:
     """Write labels, boxes and tracks in the format of another tool.
@@ -60,7 +60,7 @@ def merge(
     corrected: Annotated[
         Path, typer.Argument(help="a SUSTechPOINTS scene, CVAT's export as Datumaro 3D, or a folder of .label files")
     ],
-    out: Annotated[Path | None, typer.Option(help="folder for the merged results [default: RESULTS/merged]")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for the merged results; default: RESULTS/merged")] = None,
     format: Format = None,
 ) -> None:
     """Take boxes or labels that were corrected in another tool into the labels, and count what changed."""
