@@ -91,7 +91,7 @@ def test_nuscenes_results_are_in_the_frame_of_the_poses(run, tmp_path):
     for scan, token in enumerate(told["results"]):
         for box in told["results"][token]:
             assert box["sample_token"] == token
-            R = Rotation.from_quat(box["rotation"], scalar_first=True).as_matrix()
+            R = Rotation.from_quat(np.roll(box["rotation"], -1)).as_matrix()
             width, length, height = box["size"]
             got = corners(box["translation"], [length, width, height], R)
             expected = true_corners(int(box["tracking_id"]), scan, inverse(T_LEVEL_WORLD))
