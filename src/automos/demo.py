@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.atomic import write_text
+from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
 from automos.odometry.frames import SequenceFrames
@@ -34,7 +35,16 @@ class Demo:
 
 
 def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int], None]) -> Demo:
-    """Simulate a street, label it from its scans alone, and write a picture and a short report into `folder`."""
+    """Simulate a street, label it from its scans alone, and write a picture and a short report into `folder`.
+
+    Raises
+    ------
+    InputError : the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made ({error.strerror}); choose another folder.") from None
     world = simulate(SCENARIO, SENSOR, SCANS, SEED)
     scans, truth = _record(world, progress)
     recording = ArraySequence(scans, world.stamps, name="street", is_compensated=world.is_compensated)
@@ -42,7 +52,6 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     counts = [count(result.labels(i), truth[i]) for i in range(SCANS)]
     scores = sum(counts[1:], counts[0]).scores
 
-    folder.mkdir(parents=True, exist_ok=True)
     picture, report = folder / "street.png", folder / "report.md"
     _draw(recording, result, truth, picture)
     write_text(report, _report(scores, counts, result))

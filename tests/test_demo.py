@@ -1,0 +1,68 @@
+"""The first minute: what the demo makes, without a network and without torch."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automos.demo import run_demo
+from automos.errors import InputError
+from automos.settings import load_settings
+from automos.visualization.topdown import COLORS
+
+ALONE = """
+import socket, sys
+class NoTorch:
+    def find_spec(self, name, *_):
+        if name.split(".")[0] == "torch": raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, NoTorch())
+def refuse(*_, **__): raise OSError("there is no network")
+socket.socket.connect = socket.create_connection = socket.getaddrinfo = refuse
+from pathlib import Path
+import automos.demo
+from automos.settings import load_settings
+if len(sys.argv) > 2: automos.demo.SCANS = int(sys.argv[2])
+made = automos.demo.run_demo(Path(sys.argv[1]), load_settings("default"), lambda *_: None)
+print(made.scores.iou)
+"""
+
+
+def _run(folder: Path, *n_scans: str, **environment: str) -> float:
+    command = [sys.executable, "-c", ALONE, str(folder), *n_scans]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return float(done.stdout)
+
+
+def test_it_draws_and_reports_without_a_network_or_torch(tmp_path):
+    from matplotlib.image import imread
+
+    folder = tmp_path / "demo"
+    assert _run(folder, "16") > 0.7
+    assert "IoU of the moving class" in (folder / "report.md").read_text()
+    picture = (255 * imread(folder / "street.png")[..., :3]).round().astype(int)
+    green = [int(COLORS["true moving"][k : k + 2], 16) for k in (1, 3, 5)]
+    assert np.count_nonzero(np.abs(picture - green).max(axis=2) < 8) > 500
+    is_grey = (np.ptp(picture, axis=2) < 12) & (picture.max(axis=2) < 215)
+    assert np.count_nonzero(is_grey) > 10_000
+
+
+@pytest.mark.slow
+def test_its_first_run_fits_into_a_minute(tmp_path):
+    """In processor time, everything compiled anew; neighbours on the machine cannot spoil it much."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert _run(tmp_path / "demo", NUMBA_CACHE_DIR=str(tmp_path / "cache"), OMP_NUM_THREADS="1") > 0.9
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 60.0
+
+
+def test_a_file_in_the_folders_place_is_told_before_anything_is_simulated(tmp_path):
+    (tmp_path / "demo").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        run_demo(tmp_path / "demo", load_settings("default"), lambda *_: pytest.fail("it began to simulate"))
