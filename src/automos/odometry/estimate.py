@@ -14,9 +14,9 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry.clock import Clock, read_clock
 from automos.odometry.consistency import measure_consistency, summarize
-from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.register import register_scans
 from automos.odometry.speed import chain
 from automos.odometry.sweeps import surfels_of, usable_points
 from automos.odometry.timing import choose_timing

@@ -1,14 +1,13 @@
 """Poses of every scan from the scans alone, with KISS-ICP (paper III-A; Vizzo et al., RA-L 2023).
 
-Four things KISS-ICP leaves to its caller are done here. Scans reach it already compensated to mid-sweep, so its poses
-are the sensor's at mid-sweep (its own compensation would move them to the sweep's end). The first scans are registered
-twice, because nothing is known of the motion during the very first one. Every field of its configuration is written,
-since it reads environment variables. And a scan too poor to register holds the motion instead of breaking the map.
+Three things KISS-ICP leaves to its caller are done here. Scans reach it already compensated to mid-sweep, so its poses
+are the sensor's at mid-sweep (its own compensation would move them to the sweep's end). Every field of its
+configuration is written, since it reads environment variables. And a scan too poor to register holds the motion instead
+of breaking the map.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy.typing as npt
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.motion import SweepTiming
 from automos.odometry.sweeps import usable_points
-from automos.scan import Points, Pose, Scan, Sequence
+from automos.scan import Points, Pose, Scan
 from automos.settings import OdometrySettings
 
 
@@ -42,44 +41,7 @@ class Registered:
     twist: npt.NDArray[np.float64]
 
 
-def register_scans(
-    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: npt.NDArray[np.float64]
-) -> Iterator[Registered]:
-    """Yield every scan of `sequence` registered to the ones before.
-
-    Parameters
-    ----------
-    sequence : the scans.
-    settings : the odometry's.
-    timing : when in the sweep each point was measured.
-    gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
-    """
-    twist = _first_twist(sequence, settings, timing, gaps)
-    odometry = _Odometry(settings, timing, twist, settings.known_threshold)
-    for i, scan in enumerate(sequence):
-        yield odometry.register(scan, gaps[i - 1] if i else 0.0)
-
-
-def _first_twist(
-    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return the (6,) motion per usual gap at the start: forwards over a few scans from rest, then backwards.
-
-    A registration that starts far off moves on in small steps, so here it must not be content with little.
-    """
-    settings = settings.model_copy(update={"convergence": min(settings.convergence, settings.start_convergence)})
-    n = min(settings.start_scans, len(sequence))
-    scans = [sequence[i] for i in range(n)]
-    forwards = _Odometry(settings, timing, np.zeros(6), settings.initial_threshold)
-    for i, scan in enumerate(scans):
-        forwards.register(scan, gaps[i - 1] if i else 0.0)
-    backwards = _Odometry(settings, timing, forwards.twist, settings.initial_threshold, reverse=True)
-    for i in reversed(range(n)):
-        backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
-    return backwards.twist
-
-
-class _Odometry:
+class KissOdometry:
     """KISS-ICP with the motion it has seen, per usual gap, so that missing scans are bridged.
 
     `threshold` is the deviation from `twist` expected at first. KISS-ICP learns from great deviations only: with a good
@@ -101,6 +63,7 @@ class _Odometry:
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
+        """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
         icp, sign = self._icp, self._sign
         last_pose = np.array(icp.last_pose)
         predicted = last_pose @ se3_exp(sign * gap * self.twist)
@@ -119,6 +82,11 @@ class _Odometry:
         return Registered(step, is_registered, points, times, during)
 
 
+def map_voxel(settings: OdometrySettings) -> float:
+    """Return metres, the edge of a voxel of the local map."""
+    return settings.voxel or settings.max_range / 100.0
+
+
 def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
     from kiss_icp.config import KISSConfig
     from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
@@ -133,7 +101,7 @@ def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
             max_num_threads=1,  # more are not faster at these sizes, and one is deterministic
         ),
         mapping=MappingConfig(
-            voxel_size=settings.voxel or settings.max_range / 100.0,
+            voxel_size=map_voxel(settings),
             max_points_per_voxel=settings.points_per_voxel,
         ),
         adaptive_threshold=AdaptiveThresholdConfig(

@@ -50,16 +50,14 @@ def _thin(points: Points, settings: OdometrySettings) -> npt.NDArray[np.float64]
     """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
     near = points[np.einsum("ij,ij->i", points, points) < settings.ground_range**2]
     near = near[np.lexsort(near.T)]  # which point is first must not depend on the user's order
-    return first_in_voxel(near, settings.ground_voxel).astype(np.float64)
+    return near[rows_of_first_in_voxel(near, settings.ground_voxel)].astype(np.float64)
 
 
-def first_in_voxel(points: Points, voxel: float) -> Points:
-    """Return the first of `points` (N, 3) in each voxel, in their order."""
-    if len(points) == 0:
-        return points
+def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int64]:
+    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
     keys = np.floor(points / np.float32(voxel)).astype(np.int64) + (1 << 20)
     packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
-    return points[np.sort(np.unique(packed, return_index=True)[1])]
+    return np.sort(np.unique(packed, return_index=True)[1])
 
 
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:

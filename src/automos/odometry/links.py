@@ -36,6 +36,11 @@ class Consistency:
     disagreement: Array
     share: Array
 
+    @property
+    def misfit(self) -> float | None:
+        """How badly scans fold: the logarithm of how thick walls are over how much finds a wall; None without links."""
+        return float(np.log(np.median(self.thickness) / np.median(self.share))) if len(self.share) else None
+
     @staticmethod
     def concatenate(parts: list[Consistency]) -> Consistency:
         """Return the links of all `parts`."""

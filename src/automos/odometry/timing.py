@@ -18,9 +18,9 @@ import numpy.typing as npt
 from automos.errors import InputError
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock
-from automos.odometry.kiss import register_scans
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
 from automos.odometry.refine import refine_poses
+from automos.odometry.register import register_scans
 from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
@@ -106,12 +106,14 @@ def _moving_stretches(
     file_timing = _file_timing(sequence, clock) or SweepTiming()
     n_found = 0
     for start in starts:
+        # Speeds are tried at one place only: where nothing moves, that would be done at all of them.
+        trying = settings if start == next(iter(starts)) else settings.model_copy(update={"start_steps": ()})
         scans = [sequence[i] for i in range(start, start + length)]
         gaps = clock.gaps[start : start + length - 1]
         if poses is not None:
             T = poses[start : start + length]
         else:
-            steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), settings, SweepTiming(), gaps)]
+            steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), trying, SweepTiming(), gaps)]
             T = chain(np.eye(4), np.array(steps[1:]))
         twists = se3_log(inverse(T[:-1]) @ T[1:])
         bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
@@ -150,12 +152,11 @@ def _best_folding(
 
 
 def _misfit(stretch: Stretch, guess: SweepTiming, settings: OdometrySettings) -> float:
-    """Return the logarithm of how thick walls are over how much finds a wall, once the poses suit the guess."""
+    """Return how badly the stretch folds once the poses suit the guess."""
     twists = guess.share * step_twists(stretch.T_world_sensor, stretch.gaps)
     surfels = [_timed(s, guess, twist) for s, twist in zip(stretch.surfels, twists, strict=True)]
     timed = Stretch(surfels, twists, stretch.T_world_sensor, stretch.gaps, stretch.period, guess.share)
-    links = refine_poses(timed, np.zeros(len(timed), bool), settings.timing_refinement)[2]
-    return float(np.log(np.median(links.thickness) / np.median(links.share))) if len(links.share) else 0.0
+    return refine_poses(timed, np.zeros(len(timed), bool), settings.timing_refinement)[2].misfit or 0.0
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:

@@ -3,8 +3,8 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import SCAN_GAP
 
-from automos.odometry.kiss import register_scans
 from automos.odometry.motion import SweepTiming
+from automos.odometry.register import register_scans
 from automos.odometry.speed import chain
 from automos.scan import ArraySequence, Scan
 from automos.settings import OdometrySettings
