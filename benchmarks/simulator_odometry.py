@@ -3,8 +3,8 @@
     python benchmarks/simulator_odometry.py [--scenarios ...] [--sensor HDL-64E] [--scans 80] [--seed 0]
         [--preset paper] [--json FILE]
 
-KISS-ICP knows nothing of the truth; nothing is refined, unless the preset is `default`. Drift is how far the last scan is
-put from where it is, as seen from the first; scenarios in which it is more than 3 % of the way (and 0.1 m) are marked.
+KISS-ICP knows nothing of the truth; nothing is refined, unless the preset is `default`. Drift is how far the last scan
+is put from where it is, as seen from the first; where it is more than 3 % of the way (and 0.1 m), the line is marked.
 """
 
 from __future__ import annotations
