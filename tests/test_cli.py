@@ -266,6 +266,18 @@ def test_points_that_are_no_measurement_get_label_0_and_the_rest_is_labelled(aut
     assert "40 unlabeled" in ended.out
 
 
+def test_confidences_are_written_on_demand_and_what_is_unsure_is_left_out(automos, log, poses, tmp_path):
+    options = ["--poses", poses, "--preset", "paper", "--workers", 1, "--unsure", 0.8, "--confidence"]
+    assert automos("label", log, "--out", tmp_path / "out", *options).code == 0
+    sure = [np.load(file) for file in sorted((tmp_path / "out" / "confidences").iterdir())]
+    assert len(sure) == 8
+    for labels, confidence in zip(labels_in(tmp_path / "out"), sure, strict=True):
+        np.testing.assert_array_equal(labels == Label.UNLABELED, confidence < 0.8)
+    assert automos("label", log, "--out", tmp_path / "out", *options[:-3], "--moving", "now").code == 0
+    assert not list((tmp_path / "out" / "confidences").iterdir())
+    assert all((labels != Label.UNLABELED).all() for labels in labels_in(tmp_path / "out"))
+
+
 @pytest.mark.parametrize("preset", ["paper", "default"])
 @pytest.mark.parametrize(
     "numbers",

@@ -12,7 +12,7 @@ from automos.geometry import make_transform
 from automos.labels import Label
 from automos.pipeline import Result, label, stage_keys
 from automos.scan import ArraySequence, Scan
-from automos.settings import Settings, load_settings
+from automos.settings import LabelsSettings, Settings, load_settings
 from automos.tracking.verdict import Verdict
 from automos.workspace import Workspace
 
@@ -65,6 +65,30 @@ def test_every_point_has_a_label_and_every_moving_point_a_moving_track(case):
         assert set(np.unique(labels)) <= {Label.STATIC, Label.MOVING}
         np.testing.assert_array_equal(tracks >= 0, labels == Label.MOVING)
         assert (case.result.verdicts.verdict[np.unique(tracks[tracks >= 0])] == Verdict.MOVING).all()
+
+
+def test_labels_below_the_confidence_asked_for_are_left_out_and_the_others_as_they_were(case):
+    sure = np.concatenate([case.result.confidence(i) for i in range(len(case.result))])
+    plain = np.concatenate(labels_of(case.result))
+    asked = case.settings.model_copy(update={"labels": LabelsSettings(unsure=0.8)})
+    found = label(case.world.sequence, asked, poses=case.world.poses, workers=1)
+    expected = np.where(sure >= 0.8, plain, Label.UNLABELED)
+    assert 0 < (expected == Label.UNLABELED).mean() < 0.9
+    np.testing.assert_array_equal(np.concatenate(labels_of(found)), expected)
+
+
+def test_moving_now_leaves_out_objects_that_are_too_slow_at_the_time(case):
+    limit = 2.0
+    asked = case.settings.model_copy(update={"labels": LabelsSettings(moving="now", now_speed=limit)})
+    found = label(case.world.sequence, asked, poses=case.world.poses, workers=1)
+    tracks = found.tracks
+    for i in range(len(found)):
+        in_scan = np.flatnonzero(tracks.scan == i)
+        fast = tracks.track[in_scan][np.linalg.norm(tracks.velocity[in_scan], axis=1) >= limit]
+        assert set(found.track_ids(i)) - {-1} <= set(fast)
+        now, ever = found.labels(i) == Label.MOVING, case.result.labels(i) == Label.MOVING
+        assert (now <= ever).all()
+    assert sum((found.labels(i) == Label.MOVING).sum() for i in range(len(found))) > 0
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER], ids=["default", "paper"])
@@ -229,6 +253,7 @@ STAGES = ["odometry", "candidates", "instances", "tracking", "labels"]
         ("candidates.erasor.rings", 10, "candidates"),
         ("instances.hdbscan.min_points", 9, "instances"),
         ("tracking.max_misses", 2, "tracking"),
+        ("labels.moving", "now", "labels"),
         ("output.track_ids", True, None),
     ],
 )

@@ -45,6 +45,9 @@ def label(
     format: Format = None,
     poses: Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")] = None,
     calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")] = None,
+    moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
+    unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
+    confidence: Annotated[bool, typer.Option("--confidence", help="write how sure each point's label is")] = False,
     workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
     dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
 ) -> None:
@@ -61,7 +64,8 @@ def label(
     from automos.datasets import open_recordings
     from automos.labeling import label_recording, summary
 
-    chosen = _settings(preset, settings, set_)
+    given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
+    chosen = _settings(preset, settings, set_, {key: value for key, value in given.items() if value is not None})
     recordings = open_recordings(recording, format)
     if poses is not None and len(recordings) > 1:
         raise InputError(f"{recording} holds {len(recordings)} recordings, but --poses is of one: give that one")
@@ -150,10 +154,10 @@ def show_settings(preset: Preset = "default", settings: SettingsFile = None, set
     output.print(dump_yaml(_settings(preset, settings, set_)), end="")
 
 
-def _settings(preset: str, file: Path | None, overrides: list[str] | None) -> Any:
+def _settings(preset: str, file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Any:
     from automos.settings import load_settings
 
-    values = {}
+    values = {**(given or {})}
     for item in overrides or []:
         key, sign, text = item.partition("=")
         if not sign:

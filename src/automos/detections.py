@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ class Detections:
     n_points : (M,) how many points each has.
     n_moving, n_static : (M,) how many of them the evidence calls moving and static; the others are unknown.
     has_stayed : (M,) bool, whether the evidence alone would call it static; tracks that move may still end in it.
+    part_of : (M,) int32, the segment that has stayed which it was cut out of, -1 for none.
     """
 
     boxes: Boxes
@@ -28,13 +29,13 @@ class Detections:
     n_moving: npt.NDArray[np.float64]
     n_static: npt.NDArray[np.float64]
     has_stayed: npt.NDArray[np.bool_]
+    part_of: npt.NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.boxes)
 
     def __getitem__(self, rows: npt.NDArray) -> Detections:
-        columns = (self.n_points, self.n_moving, self.n_static, self.has_stayed)
-        return Detections(self.boxes[rows], *(column[rows] for column in columns))
+        return Detections(self.boxes[rows], *(getattr(self, name)[rows] for name in _COLUMNS))
 
     @property
     def moving_share(self) -> npt.NDArray[np.float64]:
@@ -42,24 +43,35 @@ class Detections:
         return (self.n_moving + 1.0) / (self.n_moving + self.n_static + 2.0)
 
     @staticmethod
+    def of_objects(
+        boxes: Boxes,
+        n_points: npt.NDArray[np.float64],
+        n_moving: npt.NDArray[np.float64],
+        n_static: npt.NDArray[np.float64],
+    ) -> Detections:
+        """Return segments all of which may be objects, none a part of another."""
+        n = len(boxes)
+        return Detections(boxes, n_points, n_moving, n_static, np.zeros(n, np.bool_), np.full(n, -1, np.int32))
+
+    @staticmethod
     def columns() -> tuple[str, ...]:
         """Return the names of the arrays that `to_arrays` gives."""
-        return ("center", "size", "yaw", "score", "n_points", "n_moving", "n_static", "has_stayed")
+        return (*(f.name for f in fields(Boxes)), *_COLUMNS)
 
     @staticmethod
     def concatenate(parts: list[Detections]) -> Detections:
         """Return the segments of all `parts`, in order."""
-        columns = ("n_points", "n_moving", "n_static", "has_stayed")
-        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
+        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS)
         return Detections(Boxes.concatenate([part.boxes for part in parts]), *joined)
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
-        counts = {"n_points": self.n_points, "n_moving": self.n_moving, "n_static": self.n_static}
-        return {**self.boxes.to_arrays(), **counts, "has_stayed": self.has_stayed}
+        return {**self.boxes.to_arrays(), **{name: getattr(self, name) for name in _COLUMNS}}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Detections:
         """Return the detections that `to_arrays` took apart."""
-        columns = (arrays[name] for name in ("n_points", "n_moving", "n_static", "has_stayed"))
-        return Detections(Boxes.from_arrays(arrays), *columns)
+        return Detections(Boxes.from_arrays(arrays), *(arrays[name] for name in _COLUMNS))
+
+
+_COLUMNS = tuple(f.name for f in fields(Detections) if f.name != "boxes")

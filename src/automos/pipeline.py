@@ -25,7 +25,7 @@ from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
 from automos.stages import find_candidates, find_segments, follow_and_judge, paint
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
+from automos.tracking.verdict import Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
 
 
@@ -66,8 +66,9 @@ def label(
     instances = run.each("instances", partial(find_segments, frames, candidates, names, settings.instances, workers))
     followed = run.once("tracking", lambda tick: follow_and_judge(trajectory, instances, names, settings))
     tracks, verdicts = Tracks.from_arrays(followed), Verdicts.from_arrays(followed)
-    moving = tracks[np.flatnonzero(verdicts.verdict[tracks.track] == Verdict.MOVING)]
-    labels = run.each("labels", partial(paint, frames, candidates, instances, names, moving, settings, workers))
+    labels = run.each(
+        "labels", partial(paint, frames, candidates, instances, names, tracks, verdicts, settings, workers)
+    )
 
     workspace.keep_only(run.keys)
     return Result(trajectory, tracks, verdicts, names, run.seconds, run.keys, labels)
@@ -114,3 +115,7 @@ class Result:
     def track_ids(self, index: int) -> npt.NDArray[np.int32]:
         """Return (N,) int32: the moving track each point of scan `index` belongs to, -1 for none."""
         return self.stage.load(self.names[index])["track"]
+
+    def confidence(self, index: int) -> npt.NDArray[np.float32]:
+        """Return (N,) float32 in [0, 1]: how sure each point's label is, 0 for points that were not looked at."""
+        return self.stage.load(self.names[index])["confidence"] / np.float32(255.0)

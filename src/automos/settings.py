@@ -301,9 +301,18 @@ class ExtensionSettings(_Group):
     look_back: float = Field(0.5, ge=0, description="s, for which nothing else may have stood at its place")
     same_place: float = Field(0.3, ge=0, description="m, what moved and changed by less is the same, and")
     same_size: float = Field(0.3, ge=0, description="of its size, by which it may have changed besides")
+    whole_size: float = Field(0.2, ge=0, description="of its size plus 1 m, by which the whole of a piece may be off")
+    whole_points: float = Field(1.6, ge=1, description="times the points of the object, that it may have at most")
     fray_time: float = Field(1.0, gt=0, description="s, at a track's ends, over which its usual size there is found")
-    fray_share: float = Field(0.6, ge=0, le=1, description="of that size: what is shorter is a mere piece")
+    fray_share: float = Field(0.6, ge=0, le=1, description="of that size: what is smaller is a mere piece")
     fit_time: float = Field(0.5, gt=0, description="s, before its end over which a track's velocity is fitted")
+
+
+class SmoothingSettings(_Group):
+    """Where moving objects were and how fast, from the whole of their tracks."""
+
+    noise: float = Field(0.15, gt=0, description="m, standard deviation of a box's centre")
+    acceleration: float = Field(1.5, gt=0, description="m/s per square root of a second, by which speeds wander")
 
 
 class JudgeSettings(_Group):
@@ -316,14 +325,16 @@ class JudgeSettings(_Group):
     min_distance: float = Field(0.5, ge=0, description="m, between first and last observation")
     min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
+    block: float = Field(0.5, gt=0, description="s, over which centres are averaged to corners of the path")
     noise: float = Field(0.1, gt=0, description="m, scatter of a box's centre that no track is without")
     sparse_points: int = Field(10, ge=0, description="a track of fewer points in most scans is sparse")
     sparse_min_observations: int = Field(4, ge=2, description="scans a sparse track must be seen in")
     sparse_min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last")
     sparse_min_straightness: float = Field(0.7, ge=0, le=1, description="distance over length of a sparse track's path")
-    carried_reach: float = Field(4.0, ge=0, description="m from the sensor: how far the own vehicle may reach")
-    carried_size: float = Field(1.0, ge=0, description="m, longest side of its parts")
-    carried_spread: float = Field(0.4, ge=0, description="m, how much its parts may change their distance")
+    carried_reach: float = Field(
+        2.5, ge=0, description="m around the sensor: how far the own vehicle's parts may reach"
+    )
+    carried_spread: float = Field(0.3, ge=0, description="m, how much they may change their distance")
     carried_travel: float = Field(5.0, gt=0, description="m the sensor must have gone for that to tell")
 
 
@@ -348,6 +359,7 @@ class TrackingSettings(_Group):
     follow: FollowSettings = FollowSettings()
     judge: JudgeSettings = JudgeSettings()
     extension: ExtensionSettings = ExtensionSettings()
+    smoothing: SmoothingSettings = SmoothingSettings()
     completion: CompletionSettings = CompletionSettings()
 
 
@@ -399,8 +411,18 @@ class InstancesSettings(_Group):
     components: DetectSettings = DetectSettings()
 
 
+class LabelsSettings(_Group):
+    """What makes a point moving or static in the end."""
+
+    moving: Literal["sequence", "now"] = Field("sequence", description="moved at some time, or moves in this scan")
+    now_speed: float = Field(0.5, ge=0, description="m/s from which on an object moves now")
+    unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled")
+
+
 class OutputSettings(_Group):
     """What is written per point."""
+
+    confidence: bool = Field(False, description="write confidences/, how sure each point's label is")
 
     track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
 
@@ -412,6 +434,7 @@ class Settings(_Group):
     candidates: CandidatesSettings = CandidatesSettings()
     instances: InstancesSettings = InstancesSettings()
     tracking: TrackingSettings = TrackingSettings()
+    labels: LabelsSettings = LabelsSettings()
     output: OutputSettings = OutputSettings()
 
 

@@ -5,7 +5,7 @@ Every method of a stage leaves the same arrays, so that methods can be combined 
     candidates   score (M,) uint8: 255 has moved, 0 has stayed, 128 unknown;  kind (M,) uint8;  height (M,) metres
     instances    ids (M,) int32, -1 for none;  boxes and counts of every segment (`Detections`)
     tracking     tracks and verdicts
-    labels       label (N,) and track (N,), one per point of the user's scan
+    labels       label (N,), track (N,) and confidence (N,) uint8, one per point of the user's scan
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ from automos.parallel import available_cores, map_in_order
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
 from automos.settings import InstancesSettings, Settings
 from automos.tracking.completion import paint_objects
+from automos.tracking.confidence import point_confidence
 from automos.tracking.extension import extend_tracks
 from automos.tracking.follow import follow_objects
 from automos.tracking.judge import judge_by_evidence
 from automos.tracking.painting import paint_points
+from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, judge_by_trajectory
+from automos.tracking.verdict import Verdict, Verdicts, judge_by_trajectory
 from automos.workspace import Arrays, Stage
 
 PerScan = Iterable[tuple[int, Arrays]]
@@ -99,7 +101,7 @@ def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
     inside = ids >= 0
     points = np.bincount(ids[inside], minlength=n).astype(np.float64)
     moved = np.bincount(ids[inside], is_candidate[inside], n).astype(np.float64)
-    found = Detections(instances.boxes, points, moved, points - moved, np.zeros(n, np.bool_))
+    found = Detections.of_objects(instances.boxes, points, moved, points - moved)
     return {"ids": ids, "stayed": np.full_like(ids, -1), **found.to_arrays()}
 
 
@@ -134,6 +136,7 @@ def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str],
         )
         is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
         moving = extend_tracks(tracks[is_moving], detections, trajectory.stamps, tracking.extension)
+        moving = smooth_tracks(moving, detections, trajectory.stamps, tracking.smoothing)
         tracks = Tracks.concatenate([tracks[~is_moving], moving])
     return {**tracks.to_arrays(), **verdicts.to_arrays()}
 
@@ -144,18 +147,19 @@ def paint(
     candidates: Stage,
     instances: Stage,
     names: list[str],
-    moving: Tracks,
+    tracks: Tracks,
+    verdicts: Verdicts,
     settings: Settings,
     workers: int,
     missing: list[int],
 ) -> PerScan:
-    """Yield for each missing scan the label of every point and the moving track it belongs to.
-
-    moving : the rows of the tracks judged moving.
-    """
+    """Yield for each missing scan every point's label, the moving track it belongs to, and how sure that is."""
+    is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
+    if settings.labels.moving == "now":
+        is_moving &= np.linalg.norm(tracks.velocity, axis=1) >= settings.labels.now_speed
 
     def paint_scan(i: int) -> Arrays:
-        frame, here = frames[i], moving[np.flatnonzero(moving.scan == i)]
+        frame, here = frames[i], tracks[np.flatnonzero(is_moving & (tracks.scan == i))]
         found, about = instances.load(names[i]), candidates.load(names[i])
         if settings.tracking.method == "paper":
             label, track = paint_points(frame.points_level, found["ids"], here)
@@ -166,6 +170,9 @@ def paint(
                 settings.tracking.completion,
             )  # fmt: skip
             label[about["kind"] == EGO_BODY] = Label.UNLABELED
-        return {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
+        confidence = point_confidence(track, verdicts.confidence, about["score"], about["kind"])
+        label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
+        per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
+        return {**per_point, "confidence": frame.scatter(confidence)}
 
     return zip(missing, map_in_order(paint_scan, missing, workers, threads=True), strict=True)

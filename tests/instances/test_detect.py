@@ -49,6 +49,7 @@ def test_a_walker_at_a_wall_is_cut_off_it():
     assert set(objects[: len(wall)]) == {-1}
     assert set(objects[len(wall) :]) == {0}
     assert set(stayed) == {1}  # and the two as a whole have stayed
+    assert found.part_of.tolist() == [1, -1]
     assert found.has_stayed.tolist() == [False, True]
 
 

@@ -13,14 +13,15 @@ CAR, POLE, PERSON = (4.0, 1.8, 1.5), (0.4, 0.4, 1.7), (0.6, 0.5, 1.7)
 
 
 def seen(*things):
-    """Segments at (x, y, size, whether they have stayed), those that move first."""
+    """Segments at (x, y, size, whether they have stayed), those that move first; a fifth word: a part of the last."""
     things = sorted(things, key=lambda thing: thing[3])
-    center = np.array([[x, y, 0.5 * size[2]] for x, y, size, _ in things]).reshape(-1, 3)
-    size = np.array([size for *_, size, _ in things]).reshape(-1, 3)
-    has_stayed = np.array([stayed for *_, stayed in things], bool)
+    center = np.array([[x, y, 0.5 * size[2]] for x, y, size, *_ in things]).reshape(-1, 3)
+    size = np.array([thing[2] for thing in things]).reshape(-1, 3)
+    has_stayed = np.array([thing[3] for thing in things], bool)
     n = np.full(len(things), 60.0)
     boxes = Boxes(center, size, np.zeros(len(n)), np.ones(len(n)))
-    return Detections(boxes, n, np.where(has_stayed, 0.0, n), np.where(has_stayed, n, 0.0), has_stayed)
+    part_of = np.array([len(things) - 1 if len(thing) > 4 else -1 for thing in things], np.int32)
+    return Detections(boxes, n, np.where(has_stayed, 0.0, n), np.where(has_stayed, n, 0.0), has_stayed, part_of)
 
 
 def extended(scans, period=0.1):
@@ -75,11 +76,13 @@ def test_a_glimpse_is_not_followed_on():
     assert extended(scans)[1].scan.max() == 4
 
 
-def test_pieces_at_the_end_give_way_to_the_whole():
+def test_pieces_that_the_evidence_leaves_of_something_that_halts_give_way_to_the_whole():
     way = stops()
     still_from = next(i for i, (*_, stayed) in enumerate(way) if stayed)
     scans = [
-        seen(thing, (thing[0] - 1.7, 0.0, (0.5, 0.5, 0.5), False)) if still_from <= i < still_from + 3 else seen(thing)
+        seen(thing, (thing[0] - 0.7, 0.0, (2.6, 1.8, 1.5), False, "part"))
+        if still_from <= i < still_from + 12
+        else seen(thing)
         for i, thing in enumerate(way)
     ]
     _, after = extended(scans)

@@ -14,13 +14,8 @@ def seen(*things, size=(4.0, 1.8, 1.5), n_points=80):
     center = np.array([[x, y, 0.75] for x, y, _ in things]).reshape(-1, 3)
     n = np.full(len(things), float(n_points))
     moved = n * np.array([share for *_, share in things])
-    return Detections(
-        Boxes(center, np.tile(size, (len(things), 1)), np.zeros(len(n)), np.ones(len(n))),
-        n,
-        moved,
-        n - moved,
-        np.zeros(len(n), bool),
-    )
+    boxes = Boxes(center, np.tile(size, (len(things), 1)), np.zeros(len(n)), np.ones(len(n)))
+    return Detections.of_objects(boxes, n, moved, n - moved)
 
 
 def follow(scans, period=0.1):

@@ -25,8 +25,8 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0)
     )  # fmt: skip
     found = {s: Boxes(center[i : i + 1], size[i : i + 1], np.zeros(1), np.ones(1)) for i, s in enumerate(scans)}
     counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
-    none = Detections(Boxes.empty(), *np.zeros((3, 0)), np.zeros(0, bool))
-    return table, [Detections(found[s], *counts, np.zeros(1, bool)) if s in found else none for s in range(20)]
+    none = Detections.of_objects(Boxes.empty(), *np.zeros((3, 0)))
+    return table, [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
 
 
 def verdict_on(sensor=FAR_SENSOR, **track):
@@ -78,11 +78,22 @@ def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():
 
 def test_motion_of_a_straight_line_by_hand():
     # x = 0, 1, 2 m at 0, 1, 2 s: 1 m/s, no scatter; standard error = noise / sqrt(sum (t - 1)^2) = 0.1 / sqrt(2).
-    significance, straightness, distance = motion(np.array([[0.0, 0], [1, 0], [2, 0]]), np.array([0.0, 1, 2]), 0.1)
+    significance, straightness, distance = motion(
+        np.array([[0.0, 0], [1, 0], [2, 0]]), np.array([0.0, 1, 2]), JudgeSettings(noise=0.1)
+    )
     assert significance == pytest.approx(10 * np.sqrt(2))
     assert (straightness, distance) == (1.0, 2.0)
 
 
+def test_someone_who_walks_and_then_stands_has_walked_straight():
+    stamps = 0.1 * np.arange(100)
+    x = np.minimum(1.2 * stamps, 3.0) + 0.15 * np.random.default_rng(0).standard_normal(100)  # his box scatters
+    _, straightness, _ = motion(np.column_stack([x, np.zeros(100)]), stamps, JudgeSettings())
+    assert straightness > 0.6  # 0.15 over the raw centres
+
+
 def test_a_way_there_and_back_is_not_straight():
-    _, straightness, distance = motion(np.array([[0.0, 0], [1, 0], [0, 0]]), np.array([0.0, 1, 2]), 0.1)
+    _, straightness, distance = motion(
+        np.array([[0.0, 0], [1, 0], [0, 0]]), np.array([0.0, 1, 2]), JudgeSettings(noise=0.1)
+    )
     assert (straightness, distance) == (0.0, 0.0)

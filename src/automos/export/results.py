@@ -1,6 +1,7 @@
 """The results folder of a run: labels, poses, tracks, and what they were made from and with.
 
 predictions/*.label   one uint32 per point, in the scan's order, named after the scan
+confidences/*.npy     one float32 per point, how sure its label is; on demand
 poses.txt  poses.tum  sensor poses, KITTI and TUM
 tracks.json           every object: verdict, confidence, a box per scan
 settings.yaml         the settings that were used, all of them
@@ -48,23 +49,28 @@ def write_results(
     are not to be trusted, and older ones are removed before the first new one is written.
     """
     predictions = folder / "predictions"
-    key = f"{result.keys['labels']}-{int(settings.output.track_ids)}"
+    output = settings.output
+    key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
+    confidences = folder / "confidences"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
         (folder / RUN_FILE).unlink(missing_ok=True)
-        for stale in predictions.glob("*.label"):
+        for stale in (*predictions.glob("*.label"), *confidences.glob("*.npy")):
             stale.unlink()
-    predictions.mkdir(parents=True, exist_ok=True)
-    for place in (folder, predictions):
+    for place in (folder, predictions, *([confidences] if output.confidence else [])):
+        place.mkdir(parents=True, exist_ok=True)
         remove_parts(place)
     counts = dict.fromkeys((name.name.lower() for name in Label), 0)
     for i, name in enumerate(result.names):
         labels = result.labels(i)
         for label in Label:
             counts[label.name.lower()] += int((labels == label).sum())
-        instances = result.track_ids(i) + 1 if settings.output.track_ids else None
+        instances = result.track_ids(i) + 1 if output.track_ids else None
         with atomic_path(predictions / f"{name}.label") as temporary:
             pack(labels, instances).tofile(temporary)
+        if output.confidence:
+            with atomic_path(confidences / f"{name}.npy") as temporary, temporary.open("wb") as file:
+                np.save(file, result.confidence(i))
         progress("writing", i + 1, len(result))
 
     trajectory = result.trajectory

@@ -64,7 +64,9 @@ def detect_objects(
     silent = _renumbered(ids, is_compact & ~speaks_once, n_objects)
     parts = [_describe(part, points, has_moved, has_stayed) for part in (objects, np.maximum(silent - n_objects, -1))]
     parts[1].has_stayed[:] = True
-    return objects, silent, Detections.concatenate(parts)
+    found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
+    found.part_of[objects[is_cut]] = silent[is_cut]
+    return objects, silent, found
 
 
 def _describe(
@@ -74,7 +76,7 @@ def _describe(
     n, inside = int(ids.max(initial=-1)) + 1, ids >= 0
     kinds = (np.ones(len(points)), has_moved, has_stayed)
     count, moved, stayed = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
-    return Detections(fit_boxes(points, ids, np.ones(n)), count, moved, stayed, np.zeros(n, np.bool_))
+    return Detections.of_objects(fit_boxes(points, ids, np.ones(n)), count, moved, stayed)
 
 
 def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], first: int) -> npt.NDArray[np.int32]:

@@ -34,30 +34,55 @@ def extend_tracks(
     moving : the rows of moving tracks; their numbers are kept.
     detections : per scan, its segments.   stamps : (N,) seconds.
     """
-    core = _without_frayed_ends(moving, detections, stamps, settings)
+    core = _with_mended_ends(moving, detections, stamps, settings)
     n = len(stamps)
     after = _extend(core, detections, stamps, settings)
     before = _mirrored(_extend(_mirrored(core, n), detections[::-1], -stamps[::-1], settings), n)
     return Tracks.concatenate([before, core, after])
 
 
-def _without_frayed_ends(
+def _with_mended_ends(
     moving: Tracks, detections: Sequence[Detections], stamps: npt.NDArray[np.float64], settings: ExtensionSettings
 ) -> Tracks:
-    """Return `moving` without what is left of an object at its ends when the evidence fades: mere pieces."""
+    """Return `moving` without the pieces that its tracks begin and end in.
+
+    When something comes to a halt, the evidence leaves one part of it after the other. Such a piece gives way to the
+    whole segment it was cut out of, if that is of the object's size, or is left out.
+    """
+    moving = replace(moving, segment=moving.segment.copy(), center=moving.center.copy(), size=moving.size.copy())
     keep = np.ones(len(moving.track), np.bool_)
-    side = np.zeros(len(keep))
-    for row in np.flatnonzero(moving.is_observed):
-        side[row] = detections[moving.scan[row]].boxes.size[moving.segment[row], :2].max()
     for track in np.unique(moving.track):
         rows = np.arange(len(keep))[moving.rows_of(track)]
-        seen = rows[moving.is_observed[rows]]
-        t = stamps[moving.scan[seen]]
-        for near_end, order in ((t <= t[0] + settings.fray_time, 1), (t >= t[-1] - settings.fray_time, -1)):
-            whole = seen[side[seen] >= settings.fray_share * np.median(side[seen[near_end]])][::order]
-            outside = (rows < whole[0]) if order == 1 else (rows > whole[0])
-            keep[rows[outside]] = False
+        rows = rows[moving.is_observed[rows]]
+        scans, segments = moving.scan[rows], moving.segment[rows]
+        whole = np.array([detections[scan].part_of[segment] for scan, segment in zip(scans, segments, strict=True)])
+        side = np.array(
+            [detections[scan].boxes.size[segment].max() for scan, segment in zip(scans, segments, strict=True)]
+        )
+        uncut = np.flatnonzero(whole < 0)
+        if not len(uncut):
+            continue
+        for like, cut in ((uncut[0], np.arange(uncut[0])), (uncut[-1], np.arange(uncut[-1] + 1, len(rows)))):
+            for k in cut:
+                found, usual = detections[scans[k]], detections[scans[like]]
+                if _is_like(found, whole[k], usual, segments[like], settings):
+                    row = rows[k]
+                    moving.segment[row] = whole[k]
+                    moving.center[row], moving.size[row] = found.boxes.center[whole[k]], found.boxes.size[whole[k]]
+                    side[k] = found.boxes.size[whole[k]].max()
+        t = stamps[scans]
+        starts = side >= settings.fray_share * np.median(side[t <= t[0] + settings.fray_time])
+        ends = side >= settings.fray_share * np.median(side[t >= t[-1] - settings.fray_time])
+        keep[rows[: np.argmax(starts)]] = False
+        keep[rows[len(rows) - np.argmax(ends[::-1]) :]] = False
     return moving[np.flatnonzero(keep)]
+
+
+def _is_like(found: Detections, j: int, other: Detections, k: int, settings: ExtensionSettings) -> bool:
+    """Return whether segment `j` of `found` has the size and the points of segment `k` of `other`."""
+    now, before = found.boxes.size[j], other.boxes.size[k]
+    is_alike = (np.abs(now - before) <= settings.whole_size * (1.0 + before)).all()
+    return bool(is_alike and found.n_points[j] <= settings.whole_points * other.n_points[k])
 
 
 def _extend(

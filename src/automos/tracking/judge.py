@@ -41,7 +41,7 @@ def judge_by_evidence(
             confidence[k] = 0.5
             continue
         share = moved.sum() / points.sum()
-        significance, straightness, distance = motion(center[:, :2], stamps[tracks.scan[rows][seen]], settings.noise)
+        significance, straightness, distance = motion(center[:, :2], stamps[tracks.scan[rows][seen]], settings)
         is_witnessed = (
             moved.sum() >= settings.min_moved_points
             and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
@@ -72,21 +72,28 @@ def judge_by_evidence(
 
 
 def motion(
-    center: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64], noise: float
+    center: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64], settings: JudgeSettings
 ) -> tuple[float, float, float]:
     """Return how significant, how straight and how far the motion along `center` (T, 2) was.
 
     Significance is the speed of a straight line fitted to the centres over its standard error, which counts the
-    scatter about the line and at least `noise` metres; straightness the distance over the length of the path.
+    scatter about the line and at least the settings' noise; straightness is the distance over the length of the path,
+    whose corners are means over a while, so that someone who stands does not walk by the scatter of his box.
     """
-    steps = np.linalg.norm(np.diff(center, axis=0), axis=1).sum()
+    block = np.floor((stamps - stamps[0]) / settings.block).astype(np.int64)
+    _, block, n = np.unique(block, return_inverse=True, return_counts=True)
+    if len(n) < 4:  # too short a time to walk astray
+        block, n = np.arange(len(center)), np.ones(len(center))
+    way = np.column_stack([np.bincount(block, center[:, axis]) / n for axis in range(2)])
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+    straightness = np.linalg.norm(way[-1] - way[0]) / max(steps, 1e-6)
     distance = float(np.linalg.norm(center[-1] - center[0]))
     t = stamps - stamps.mean()
     spread = float(t @ t)
     velocity = t @ center / spread
     scatter = center - center.mean(axis=0) - t[:, None] * velocity
-    error = np.sqrt(((scatter**2).sum(axis=1).mean() + noise**2) / spread)
-    return float(np.linalg.norm(velocity) / error), distance / max(float(steps), 1e-6), distance
+    error = np.sqrt(((scatter**2).sum(axis=1).mean() + settings.noise**2) / spread)
+    return float(np.linalg.norm(velocity) / error), float(straightness), distance
 
 
 def _is_carried(
@@ -97,14 +104,13 @@ def _is_carried(
 ) -> bool:
     """Return whether `center` (T, 3) kept its distance to the moving `sensor` (T, 3), as parts of its vehicle do.
 
-    They are small, and near: a lorry beside the sensor may keep its distance for long, too.
+    They are near as a whole: a lorry beside the sensor may keep its distance for long, too.
     """
     if np.linalg.norm(sensor[-1] - sensor[0]) < settings.carried_travel:
         return False
-    if np.median(size.max(axis=1)) > settings.carried_size:
-        return False
-    distance = np.linalg.norm(center - sensor, axis=1)
-    return bool(np.median(distance) < settings.carried_reach and np.std(distance) < settings.carried_spread)
+    distance = np.linalg.norm(center[:, :2] - sensor[:, :2], axis=1)
+    reach = distance + 0.5 * size[:, :2].max(axis=1)
+    return bool(np.median(reach) < settings.carried_reach and np.std(distance) < settings.carried_spread)
 
 
 def _confidence(share: float, significance: float, settings: JudgeSettings) -> float:
