@@ -3,7 +3,8 @@
     python benchmarks/suite.py [--presets paper default] [--sensors HDL-64E OS1-128 VLP-16] [--scenarios ...]
                                [--scans 100] [--seed 0] [--cache FOLDER] [--json FILE]
 
-Simulated recordings and scores are kept in the cache folder; a second run computes only what changed.
+Simulated recordings and scores are kept in the cache folder; a second run, or one after an interruption, computes only
+what is missing or was made with other settings. Empty the folder's `scores` after a change of the code.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import Workspace, label, load_settings, open_sequence
+from automos.atomic import write_text
 from automos.evaluation.moving import Counts, count
 from automos.pipeline import stage_keys
 from automos.progress import StageProgress
-from automos.simulation import SCENARIOS, simulate, write
+from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
 STATIC_WORLDS = ("country",)
 """Scenarios in which nothing moves: the share of false points counts, IoU has no meaning."""
@@ -48,7 +50,7 @@ def score(recording: Path, preset: str, cache: Path, progress: StageProgress) ->
             "seconds_per_scan": seconds,
         }
         result_file.parent.mkdir(exist_ok=True)
-        result_file.write_text(json.dumps(row))
+        write_text(result_file, json.dumps(row))
     return json.loads(result_file.read_text())
 
 
@@ -66,7 +68,7 @@ def main() -> None:
     cells = {}
     for scenario in arguments.scenarios:
         for sensor in arguments.sensors:
-            recording = arguments.cache / f"{scenario}-{sensor}-{arguments.scans}-{arguments.seed}"
+            recording = arguments.cache / f"{scenario}-{sensor}-{arguments.scans}-{arguments.seed}-v{FORMAT}"
             world = simulate(scenario, sensor, arguments.scans, arguments.seed)
             with StageProgress(Console(stderr=True), recording.name) as progress:
                 write(world, recording, 0, progress)
