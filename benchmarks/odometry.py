@@ -31,6 +31,7 @@ from automos.progress import StageProgress
 from automos.scan import Sequence
 from automos.settings import OdometrySettings
 from automos.simulation import simulate, write
+from automos.simulation.sequence import FORMAT
 
 STANDING = 1.0
 """Metres of a stretch below which it has no error in percent."""
@@ -84,7 +85,7 @@ def recordings(arguments: argparse.Namespace) -> Iterator[Path]:
         yield poses.parent
     for world in arguments.worlds:
         for sensor in arguments.sensors:
-            folder = arguments.cache / f"{world}-{sensor}-{arguments.scans}-{arguments.seed}"
+            folder = arguments.cache / f"{world}-{sensor}-{arguments.scans}-{arguments.seed}-v{FORMAT}"
             with StageProgress(Console(stderr=True), folder.name) as progress:
                 write(simulate(world, sensor, arguments.scans, arguments.seed), folder, 0, progress)
             yield folder

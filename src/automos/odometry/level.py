@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import make_transform, rotation_between
+from automos.odometry.surfels import find_slot, voxel_key
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
@@ -48,9 +49,31 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
 
 def _thin(points: Points, settings: OdometrySettings) -> npt.NDArray[np.float64]:
     """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
-    near = points[np.einsum("ij,ij->i", points, points) < settings.ground_range**2]
-    near = near[np.lexsort(near.T)]  # which point is first must not depend on the user's order
-    return near[rows_of_first_in_voxel(near, settings.ground_voxel)].astype(np.float64)
+    keys, rows = _nearest_to_middle(points, settings.ground_range, settings.ground_voxel)
+    return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
+    """Return names of voxels, and the row of the point nearest to the middle of each."""
+    size = 16
+    while size < 2 * len(points):
+        size *= 2
+    keys, found = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+    best = np.full(size, np.inf)
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if not x * x + y * y + z * z < reach * reach:
+            continue
+        key = voxel_key(x, y, z, 0, 1.0 / voxel)
+        slot = find_slot(keys, key)
+        off = 0.0
+        for c in (x / voxel, y / voxel, z / voxel):
+            off += (c - np.floor(c) - 0.5) ** 2
+        if off < best[slot]:
+            keys[slot], found[slot], best[slot] = key, i, off
+    used = keys != -1
+    return keys[used], found[used]
 
 
 def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int64]:

@@ -52,15 +52,16 @@ def _first_twist(sequence: Sequence, settings: OdometrySettings, timing: SweepTi
     twist = _twist_from_rest(scans, settings, timing, gaps)
     if np.linalg.norm(twist[:3]) > settings.start_clear_step or len(sequence) <= settings.start_scans:
         return twist
-    scans = [_Trial.of(sequence[i], settings, timing) for i in range(min(settings.start_fold_scans, len(sequence)))]
-    _, misfit = _fold_from(twist, scans, settings, timing, gaps)
+    n = min(settings.start_fold_scans, len(sequence))
+    trials = [_Trial.of(sequence[i], settings, timing) for i in range(n)]
+    _, misfit = _fold_from(twist, trials, settings, timing, gaps)
     if misfit is None:
         return twist
     best, best_misfit = twist, misfit + np.log1p(-settings.start_gain)
     quick = settings.model_copy(update={"voxel": settings.start_voxel, "max_iterations": settings.start_iterations})
     for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
         for step in settings.start_steps:
-            guess, misfit = _fold_from(step * direction, scans, quick, timing, gaps)
+            guess, misfit = _fold_from(step * direction, trials, quick, timing, gaps)
             if misfit is not None and misfit < best_misfit:
                 best, best_misfit = guess, misfit
     return best

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
 from automos.odometry.surfels import Surfels, make_surfels
-from automos.scan import Points, Scan
+from automos.scan import MIN_RANGE, Points, Scan
 from automos.settings import OdometrySettings, RefineSettings
 
 
@@ -15,12 +16,24 @@ def usable_points(
     scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
-    squared = np.einsum("ij,ij->i", scan.points, scan.points)
-    keep = scan.is_valid & (squared > settings.min_range**2) & (squared < settings.max_range**2)
-    points, times = scan.points[keep], sweep_times(scan, timing)
+    rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+    points, times = scan.points[rows], sweep_times(scan, timing)
     if times is None:
         return points, None
-    return compensate(points, times[keep], twist), times[keep]
+    return compensate(points, times[rows], twist), times[rows]
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
+    rows = np.empty(len(points), np.int32)
+    n = 0
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = x * x + y * y + z * z
+        if nearest * nearest < squared < farthest * farthest:  # never true of NaN
+            rows[n] = i
+            n += 1
+    return rows[:n]
 
 
 def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, settings: RefineSettings) -> Surfels:
