@@ -118,4 +118,4 @@ class Result:
 
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (N,) float32 in [0, 1]: how sure each point's label is, 0 for points that were not looked at."""
-        return self.stage.load(self.names[index])["confidence"] / np.float32(255.0)
+        return self.stage.load(self.names[index])["confidence"].astype(np.float32) / np.float32(255.0)

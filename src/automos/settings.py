@@ -72,6 +72,32 @@ class RefineSettings(_Group):
     body_spread: float = Field(0.04, gt=0, description="m, deviation of that place")
 
 
+class LoopSettings(_Group):
+    """Loop closure: when a place counts as seen before."""
+
+    place_every: float = Field(5.0, gt=0, description="m driven between places")
+    place_length: float = Field(10.0, gt=0, description="m driven whose scans show a place")
+    place_scans: int = Field(5, ge=1, description="of these scans")
+    reach: float = Field(40.0, gt=0, description="m around a place")
+    rings: int = Field(20, ge=1)
+    sectors: int = Field(60, ge=4)
+    voxel: float = Field(0.5, gt=0, description="m, one point per voxel; what is nearer lies on each other")
+    min_way: float = Field(50.0, gt=0, description="m driven before a place can be seen again")
+    max_drift: float = Field(0.05, ge=0, description="of the way, by which poses may be off")
+    max_offset: float = Field(8.0, gt=0, description="m between places that show the same")
+    max_difference: float = Field(0.4, gt=0, le=1, description="between places that look alike")
+    candidates: int = Field(3, ge=1, description="places tried for each, most alike first")
+    registration_distances: tuple[float, ...] = Field(
+        (8.0, 3.0, 1.0), min_length=1, description="m, one registration each: pairs further apart are left out"
+    )
+    min_overlap: float = Field(0.7, gt=0, le=1, description="share of what stands on the ground that must lie close")
+    min_points: int = Field(100, ge=3, description="on which this is judged")
+    drift: float = Field(0.05, gt=0, description="m over 10 m, usual drift of the odometry")
+    turn_drift_deg: float = Field(0.1, gt=0, description="deg over 10 m")
+    deviation: float = Field(0.05, gt=0, description="m, usual error of a revisit's registration")
+    turn_deviation_deg: float = Field(0.1, gt=0, description="deg")
+
+
 class OdometrySettings(_Group):
     """III-A: poses of every scan."""
 
@@ -123,6 +149,10 @@ class OdometrySettings(_Group):
     max_height: float = Field(5.0, gt=0, description="m, sensor over ground")
     refine: bool = Field(True, description="lay scans on submaps seconds away, too")
     refinement: RefineSettings = Field(default_factory=RefineSettings)
+    loop_closure: bool = Field(
+        False, description="take out the drift that revisits show; poses bend a little, which costs labels"
+    )
+    loops: LoopSettings = Field(default_factory=LoopSettings)
     threads: int = Field(0, ge=0, description="0: all cores")
 
 
@@ -334,7 +364,7 @@ class JudgeSettings(_Group):
     carried_reach: float = Field(
         2.5, ge=0, description="m around the sensor: how far the own vehicle's parts may reach"
     )
-    carried_spread: float = Field(0.3, ge=0, description="m, how much they may change their distance")
+    carried_spread: float = Field(0.2, ge=0, description="m, how much they may change their distance, in the median")
     carried_travel: float = Field(5.0, gt=0, description="m the sensor must have gone for that to tell")
 
 

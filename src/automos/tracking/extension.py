@@ -73,8 +73,9 @@ def _with_mended_ends(
         t = stamps[scans]
         starts = side >= settings.fray_share * np.median(side[t <= t[0] + settings.fray_time])
         ends = side >= settings.fray_share * np.median(side[t >= t[-1] - settings.fray_time])
-        keep[rows[: np.argmax(starts)]] = False
-        keep[rows[len(rows) - np.argmax(ends[::-1]) :]] = False
+        core = rows[np.argmax(starts) : len(rows) - np.argmax(ends[::-1])]
+        keep[moving.rows_of(track)] = False
+        keep[core[0] : core[-1] + 1] = True
     return moving[np.flatnonzero(keep)]
 
 

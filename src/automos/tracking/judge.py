@@ -110,7 +110,8 @@ def _is_carried(
         return False
     distance = np.linalg.norm(center[:, :2] - sensor[:, :2], axis=1)
     reach = distance + 0.5 * size[:, :2].max(axis=1)
-    return bool(np.median(reach) < settings.carried_reach and np.std(distance) < settings.carried_spread)
+    spread = np.median(np.abs(distance - np.median(distance)))
+    return bool(np.median(reach) < settings.carried_reach and spread < settings.carried_spread)
 
 
 def _confidence(share: float, significance: float, settings: JudgeSettings) -> float:

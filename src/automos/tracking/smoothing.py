@@ -42,14 +42,17 @@ def smooth_tracks(
 
 @numba.njit(cache=True, nogil=True)
 def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
-    """Return position and velocity (T,) at times `t` (T,) that `z` (T,), NaN where nothing was measured, suggests.
+    """Return position and velocity (T,) at times `t` (T,) that `z` (T,) suggests: NaN where nothing was measured.
 
     variance : of a measurement, m^2.   jerkiness : power of the white acceleration, m^2/s^3.
     """
     n = len(t)
     mean, P = np.zeros((n, 2)), np.zeros((n, 2, 2))
     before, P_before = np.zeros((n, 2)), np.zeros((n, 2, 2))
-    m, C = np.array([z[0], 0.0]), np.array([[1e4, 0.0], [0.0, 1e4]])
+    first = 0
+    while np.isnan(z[first]):
+        first += 1
+    m, C = np.array([z[first], 0.0]), np.array([[1e4, 0.0], [0.0, 1e4]])
     for i in range(n):
         dt = t[i] - t[i - 1] if i else 0.0
         F = np.array([[1.0, dt], [0.0, 1.0]])
