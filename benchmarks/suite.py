@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
-import time
+import shutil
 from pathlib import Path
 
 from rich.console import Console
@@ -30,16 +29,14 @@ STATIC_WORLDS = ("country",)
 
 
 def score(recording: Path, preset: str, cache: Path, progress: StageProgress) -> dict:
-    """Return IoU, precision, recall and seconds per scan of one preset on one recording."""
+    """Return IoU, precision and recall of one preset on one recording."""
     sequence, settings = open_sequence(recording), load_settings(preset)
     key = stage_keys(sequence, settings)["labels"]
     result_file = cache / "scores" / f"{recording.name}-{preset}-{key}.json"
     if not result_file.exists():
-        start = time.perf_counter()
-        with tempfile.TemporaryDirectory(dir=cache) as folder:
-            result = label(sequence, settings, workspace=Workspace(Path(folder)), progress=progress)
-            seconds = (time.perf_counter() - start) / len(sequence)
-            counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
+        run = cache / "runs" / result_file.stem
+        result = label(sequence, settings, workspace=Workspace(run), progress=progress)
+        counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
         found = counts.scores
         row = {
             "iou": found.iou,
@@ -47,10 +44,10 @@ def score(recording: Path, preset: str, cache: Path, progress: StageProgress) ->
             "recall": found.recall,
             "false_points": found.false_dynamic,
             "points": found.n_points,
-            "seconds_per_scan": seconds,
         }
         result_file.parent.mkdir(exist_ok=True)
         write_text(result_file, json.dumps(row))
+        shutil.rmtree(run)
     return json.loads(result_file.read_text())
 
 
