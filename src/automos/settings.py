@@ -84,6 +84,7 @@ class LoopSettings(_Group):
     voxel: float = Field(0.5, gt=0, description="m, one point per voxel; what is nearer lies on each other")
     min_way: float = Field(50.0, gt=0, description="m driven before a place can be seen again")
     max_drift: float = Field(0.05, ge=0, description="of the way, by which poses may be off")
+    max_turn_drift_deg: float = Field(0.3, gt=0, description="deg per m of the way, by which they may be turned")
     max_offset: float = Field(8.0, gt=0, description="m between places that show the same")
     max_difference: float = Field(0.4, gt=0, le=1, description="between places that look alike")
     candidates: int = Field(3, ge=1, description="places tried for each, most alike first")
@@ -94,8 +95,8 @@ class LoopSettings(_Group):
     min_points: int = Field(100, ge=3, description="on which this is judged")
     drift: float = Field(0.05, gt=0, description="m over 10 m, usual drift of the odometry")
     turn_drift_deg: float = Field(0.1, gt=0, description="deg over 10 m")
-    deviation: float = Field(0.05, gt=0, description="m, usual error of a revisit's registration")
-    turn_deviation_deg: float = Field(0.1, gt=0, description="deg")
+    deviation: float = Field(0.03, gt=0, description="m, usual error of a revisit's registration")
+    turn_deviation_deg: float = Field(0.05, gt=0, description="deg")
 
 
 class OdometrySettings(_Group):

@@ -15,6 +15,7 @@ from automos.geometry import inverse
 from automos.odometry.clock import Clock, read_clock
 from automos.odometry.consistency import measure_consistency, summarize
 from automos.odometry.level import level_frame
+from automos.odometry.loops import close_loops
 from automos.odometry.motion import SweepTiming, step_twists
 from automos.odometry.register import register_scans
 from automos.odometry.speed import chain
@@ -66,6 +67,8 @@ def estimate_trajectory(
         diagnostics.update(summarize(links, settings.refinement))
     _judge(diagnostics, settings)
     T_level_world = _find_level(sequence, poses, timing, clock, settings, diagnostics)
+    if settings.loop_closure:
+        poses = close_loops(sequence, poses, T_level_world, timing, clock, settings, diagnostics)
     for warning in diagnostics["warnings"]:
         _log.warning("%s: %s", sequence.name, warning)
     motion = timing.share * step_twists(poses, clock.gaps)

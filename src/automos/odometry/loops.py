@@ -1,0 +1,189 @@
+"""Loop closure: places seen again are recognised, verified by registration, and the drift between is spread.
+
+Off by default: closing a loop moves poses that fitted what was seen around them. So the correction is spread evenly
+along the way, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
+from automos.odometry.clock import Clock
+from automos.odometry.level import rows_of_first_in_voxel
+from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.places import compare_places, describe_place
+from automos.odometry.pose_graph import Edges, solve_pose_graph
+from automos.odometry.sweeps import usable_points
+from automos.scan import Points, Pose, Sequence
+from automos.settings import LoopSettings, OdometrySettings
+
+Array = npt.NDArray[np.float64]
+
+
+def close_loops(
+    sequence: Sequence,
+    T_world_sensor: Pose,
+    T_level_world: Pose,
+    timing: SweepTiming,
+    clock: Clock,
+    settings: OdometrySettings,
+    diagnostics: dict[str, Any],
+) -> Pose:
+    """Return the (N, 4, 4) poses with the drift taken out that revisits show; the number of these to `diagnostics`.
+
+    Memory holds one description per place and the clouds of two places, however long the recording is.
+    """
+    loops = settings.loops
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
+    middles = np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, loops.place_every))
+    middles = np.unique(np.minimum(middles, len(way) - 1))
+    T_level_sensor = T_level_world @ T_world_sensor
+    T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
+    twists = timing.share * step_twists(T_world_sensor, clock.gaps)
+
+    def see(place: int) -> Points:
+        reach = 0.5 * loops.place_length
+        ids = np.flatnonzero(np.abs(way - way[middles[place]]) <= reach)
+        ids = ids[np.unique(np.linspace(0, len(ids) - 1, loops.place_scans).round().astype(int))]
+        clouds = []
+        for i in ids:
+            points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
+            cloud = transform(inverse(T_level_place[place]) @ T_level_sensor[i], points)
+            cloud = cloud[np.einsum("ij,ij->i", cloud, cloud) < loops.reach**2]
+            clouds.append(cloud[rows_of_first_in_voxel(cloud, loops.voxel)])
+        cloud = np.concatenate(clouds)
+        return cloud[rows_of_first_in_voxel(cloud, loops.voxel)]
+
+    found: list[_Revisit] = []
+    looks = [describe_place(see(k), loops.reach, loops.rings, loops.sectors) for k in range(len(middles))]
+    for second in range(len(middles)):
+        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], way[middles], loops):
+            T_first_second = _verify(see(first), see(second), turn, loops)
+            if T_first_second is not None:
+                found.append(_Revisit(first, second, T_first_second))
+    T_closed, is_kept = _solve(T_level_place, way[middles], found, loops)
+    diagnostics["loops_closed"] = int(is_kept.sum())
+    if not is_kept.any():
+        return T_world_sensor
+    correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
+    return _spread(T_world_sensor, T_level_world, T_level_place, correction, way, way[middles])
+
+
+@dataclass(frozen=True)
+class _Revisit:
+    first: int
+    second: int
+    T_first_second: Pose
+
+
+def _upright(T: Pose) -> Pose:
+    """Return the frame at the place of `T`, z up, with its heading."""
+    c, s = T[0, 0], T[1, 0]
+    norm = max(float(np.hypot(c, s)), 1e-9)
+    return make_transform(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, norm]]) / norm, T[:3, 3])
+
+
+def _look_alike(
+    second: int, looks: list[Array], position: Array, way: Array, loops: LoopSettings
+) -> list[tuple[int, float]]:
+    """Return earlier places that look like place `second`, most alike first, and the turn (rad) from each to it."""
+    driven = way[second] - way
+    apart = np.linalg.norm(position - position[second], axis=1)
+    is_possible = (driven >= loops.min_way) & (apart < loops.max_drift * driven + loops.max_offset)
+    alike = []
+    for first in np.flatnonzero(is_possible):
+        difference, turn = compare_places(looks[first], looks[second])
+        if difference < loops.max_difference:
+            alike.append((difference, int(first), turn))
+    return [(first, turn) for _, first, turn in sorted(alike)[: loops.candidates]]
+
+
+def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> Pose | None:
+    """Return T_first_second that lays the clouds on each other, or None where they do not lie well."""
+    import small_gicp
+
+    c, s = np.cos(turn), np.sin(turn)
+    T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=loops.voxel)
+    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=loops.voxel)
+    for distance in loops.registration_distances:
+        T = small_gicp.align(
+            target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance, max_iterations=30
+        ).T_target_source
+    forth = _share_close(first, transform(T, second), loops)
+    back = _share_close(second, transform(inverse(T), first), loops)
+    return T if min(forth, back) > loops.min_overlap else None
+
+
+def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
+    """Return the share of `points` above the ground, and well inside the reach of `cloud`, that lie near it."""
+    from scipy.spatial import KDTree
+
+    ground = np.percentile(cloud[:, 2], 5.0)
+    is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
+    asked = points[is_inside & (points[:, 2] > ground + loops.voxel)]
+    if len(asked) < loops.min_points:
+        return 0.0
+    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=loops.voxel)
+    return float(np.isfinite(distance).mean())
+
+
+def _solve(
+    T_level_place: Pose, way: Array, found: list[_Revisit], loops: LoopSettings
+) -> tuple[Pose, npt.NDArray[np.bool_]]:
+    """Return the places' poses with the revisits taken into account, and which of these were believed.
+
+    Wrong revisits that agree with each other could outvote the way driven. So none may bend it more than drift would:
+    until that is so, the one that asks for most is given up.
+    """
+    first = np.arange(len(T_level_place) - 1)
+    steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
+    length = np.diff(way)
+    usual = np.repeat([loops.drift, np.radians(loops.turn_drift_deg)], 3)
+    chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
+    is_left = np.ones(len(found), bool)
+    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (way[r.second] - way[r.first]) for r in found]
+    while is_left.any():
+        left = np.flatnonzero(is_left)
+        links = Edges(
+            np.array([found[k].first for k in left]),
+            np.array([found[k].second for k in left]),
+            np.array([found[k].T_first_second for k in left]),
+            np.tile(np.repeat([loops.deviation, np.radians(loops.turn_deviation_deg)], 3), (len(left), 1)),
+        )
+        T, is_kept = solve_pose_graph(T_level_place, chain, links)
+        bend = se3_log(inverse(steps) @ inverse(T[:-1]) @ T[1:])
+        is_even = np.linalg.norm(bend[:, :3], axis=1) <= loops.max_drift * length
+        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(loops.max_turn_drift_deg) * length
+        if is_even.all() and is_straight.all():
+            is_left[left] = is_kept
+            return T, is_left
+        is_left[left[int(np.argmax(np.array(asked)[left]))]] = False
+    return T_level_place, is_left
+
+
+def _disagreement(T: Pose, revisit: _Revisit) -> Array:
+    """Return the (6,) motion by which poses `T` differ from what a revisit measured."""
+    return se3_log(inverse(revisit.T_first_second) @ inverse(T[revisit.first]) @ T[revisit.second])
+
+
+def _spread(
+    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, way: Array, place_way: Array
+) -> Pose:
+    """Return the poses moved by the corrections of the places before and after, in proportion to the way."""
+    after = np.clip(np.searchsorted(place_way, way, side="right"), 1, len(place_way) - 1)
+    before = after - 1
+    share = np.clip((way - place_way[before]) / np.maximum(place_way[after] - place_way[before], 1e-9), 0.0, None)
+    T_level_sensor = T_level_world @ T_world_sensor
+    moved = []
+    for place in (before, after):
+        here = T_level_place[place]
+        moved.append(here @ se3_exp(correction[place]) @ inverse(here) @ T_level_sensor)
+    T = moved[0] @ se3_exp(np.minimum(share, 1.0)[:, None] * se3_log(inverse(moved[0]) @ moved[1]))
+    T = inverse(T_level_world) @ T
+    return inverse(T[0]) @ T

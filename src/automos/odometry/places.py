@@ -1,0 +1,59 @@
+"""What a place looks like from above, in a way that knows it again from any heading.
+
+The heights of what stands around, in rings and sectors about the place (Scan Context: Kim and Kim, IROS 2018), here of
+several scans together, so that it does not depend on a sensor's beams. Turning on the spot shifts the sectors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.scan import Points
+
+Array = npt.NDArray[np.float64]
+
+GROUND = 0.5
+"""Metres over the lowest surface below which nothing distinguishes a place."""
+
+
+def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Array:
+    """Return (rings, sectors) metres, how high things stand over the ground about the place; 0 where nothing does.
+
+    Parameters
+    ----------
+    points : (N, 3) metres, z up, the place at the origin.
+    reach : metres, outer radius.
+    """
+    x, y, z = np.asarray(points, np.float64).T
+    distance = np.hypot(x, y)
+    is_near = distance < reach
+    if not is_near.any():
+        return np.zeros((rings, sectors))
+    ring = (distance[is_near] * (rings / reach)).astype(int)
+    angle = np.arctan2(y[is_near], x[is_near]) / (2.0 * np.pi) % 1.0
+    sector = np.minimum((angle * sectors).astype(int), sectors - 1)
+    highest = np.full(rings * sectors, -np.inf)
+    np.maximum.at(highest, ring * sectors + sector, z[is_near])
+    ground = np.percentile(z[is_near], 5.0)
+    height = highest - ground
+    return np.where(height > GROUND, height, 0.0).reshape(rings, sectors)
+
+
+def compare_places(a: Array, b: Array) -> tuple[float, float]:
+    """Return how different two places (rings, sectors) look, 0 to 1, and by what angle (rad) `b` is turned.
+
+    The angle is the heading of b's frame in a's. The difference is one less the mean cosine between sectors, at the
+    shift that makes it least; a sector empty in both says nothing.
+    """
+    length_a, length_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
+    unit_a, unit_b = a / np.maximum(length_a, 1e-9), b / np.maximum(length_b, 1e-9)
+    n = a.shape[1]
+    sector = np.arange(n)
+    turned = (sector - sector[:, None]) % n  # (shift, sector of a) -> sector of b
+    cosine = (unit_a.T @ unit_b)[sector, turned]
+    is_told = (length_a > 0.0) | (length_b[turned] > 0.0)
+    n_told = is_told.sum(axis=1)
+    difference = 1.0 - cosine.sum(axis=1) / np.maximum(n_told, 1)
+    shift = int(np.argmin(difference))
+    return float(difference[shift]), 2.0 * np.pi * shift / n
