@@ -362,6 +362,10 @@ class JudgeSettings(_Group):
     sparse_min_observations: int = Field(4, ge=2, description="scans a sparse track must be seen in")
     sparse_min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last")
     sparse_min_straightness: float = Field(0.7, ge=0, le=1, description="distance over length of a sparse track's path")
+    glimpse_points: int = Field(20, ge=0, description="a track of fewer points in most scans, and")
+    glimpse_observations: int = Field(15, ge=0, description="seen in fewer scans than this, is a glimpse")
+    glimpse_min_observations: int = Field(6, ge=2, description="scans a glimpse must be seen in")
+    glimpse_min_share: float = Field(0.8, ge=0, le=1, description="moved, of all points of a glimpse")
     carried_reach: float = Field(
         2.5, ge=0, description="m around the sensor: how far the own vehicle's parts may reach"
     )

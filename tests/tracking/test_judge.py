@@ -50,6 +50,10 @@ SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
         ({"center": STRAIGHT, "n_points": 4}, Verdict.MOVING),
         ({"center": STRAIGHT[::4], "n_points": 4, "scans": range(0, 20, 4)}, Verdict.STATIC),
         ({"center": STRAIGHT[::4], "scans": range(0, 20, 4)}, Verdict.MOVING),
+        ({"center": STRAIGHT[:4]}, Verdict.MOVING),
+        ({"center": STRAIGHT[:4], "n_points": 15}, Verdict.STATIC),
+        ({"center": STRAIGHT[:10], "n_points": 15, "moved": 0.7}, Verdict.STATIC),
+        ({"center": STRAIGHT, "n_points": 15, "moved": 0.7}, Verdict.MOVING),
     ],
     ids=[
         "a car that drives",
@@ -61,6 +65,10 @@ SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
         "a few points, in every scan",
         "a few points, in every fourth scan",
         "many points, in every fourth scan",
+        "many points in a few scans",
+        "a glimpse",
+        "a longer glimpse, not all of it seen through",
+        "the same for long",
     ],
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):

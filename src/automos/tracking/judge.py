@@ -26,7 +26,8 @@ def judge_by_evidence(
     of them does not travel: their speed is not significant against its own scatter and their path turns back on
     itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
     straight; it must have left its place either way. Of sparse tracks, a few points a scan, more is asked: they must be
-    seen in most scans, and go straight. What keeps its place beside the sensor is part of the vehicle itself.
+    seen in most scans, and go straight; of glimpses, that nearly all of their points have moved. What keeps its place
+    beside the sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
@@ -58,10 +59,13 @@ def judge_by_evidence(
             and len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
             and straightness >= settings.sparse_min_straightness
         )
+        is_glimpse = np.median(points) < settings.glimpse_points and len(center) < settings.glimpse_observations
+        is_clear = len(center) >= settings.glimpse_min_observations and share >= settings.glimpse_min_share
         if (
             is_witnessed
             and goes_somewhere
             and (is_steady or not is_sparse)
+            and (is_clear or not is_glimpse)
             and not _is_carried(center, size, sensor[scans], settings)
         ):
             verdict[k] = Verdict.MOVING
