@@ -7,7 +7,7 @@ the rosette is that of two equal prisms that turn at 7294 and -4664 rpm, stretch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -237,5 +237,7 @@ _SENSORS = [
     ),
 ]
 
-SENSORS = {sensor.name: sensor for sensor in _SENSORS}
+_SLOW = replace(_SENSORS[0], name="HDL-64E-5Hz", columns=4167, period=0.2)  # the same unit at half its usual speed
+
+SENSORS = {sensor.name: sensor for sensor in (*_SENSORS, _SLOW)}
 """All sensors by name."""
