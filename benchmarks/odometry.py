@@ -113,7 +113,7 @@ def main() -> None:
             table.add_row(folder.name if name == "before" else "", name, *_cells(row[name]))
         table.add_row("", "reference", *[""] * len(STRETCHES), _centimetres(row["walls_reference_m"]), "")
         Console(stderr=True).print(folder.name, *_cells(row["after"]), sep="   ")
-    Console().print(table)
+    Console(width=110).print(table)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1))
 

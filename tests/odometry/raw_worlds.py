@@ -32,6 +32,14 @@ TOWN = (
 )
 """Houses at all angles, parked vans, posts: a place that holds a sensor in every direction."""
 
+CANYON = (
+    Block((20.0, 9.0, 6.0), (160.0, 2.0, 12.0)),
+    Block((20.0, -9.0, 6.0), (160.0, 2.0, 12.0)),
+    *(Block((x, 7.6, 3.0), (1.0, 1.0, 6.0)) for x in (-21.0, -9.0, 2.0, 19.0, 30.0, 45.0)),
+    *(Block((x, -7.6, 3.0), (1.0, 1.0, 6.0)) for x in (-15.0, -4.0, 9.0, 25.0, 38.0)),
+)
+"""Two smooth façades with a porch here and there."""
+
 
 def curve(speed: float, turn: float) -> Callable[[float], np.ndarray]:
     """Return T_ground_sensor (4, 4) as a function of seconds: `speed` m/s, turning by `turn` rad/s."""

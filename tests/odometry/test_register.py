@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
-from worlds import SCAN_GAP
+from worlds import SCAN_GAP, record, van
 
 from automos.odometry.motion import SweepTiming
 from automos.odometry.register import register_scans
@@ -9,7 +9,7 @@ from automos.odometry.speed import chain
 from automos.scan import ArraySequence, Scan
 from automos.settings import OdometrySettings
 
-SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5)  # the town is small
+SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5, start_steps=())  # the town is small
 TIMED = SweepTiming("file", duration=SCAN_GAP, share=1.0)
 N = 14
 POSE = curve(6.0, 0.15)
@@ -77,3 +77,24 @@ def test_invalid_points_are_left_out(scans):
     first = register([spoilt, *scans[1:4]])[1][0]
     assert len(first.points) <= len(scans[0])
     assert np.isfinite(first.points).all()
+
+
+@pytest.mark.parametrize("heading", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_a_start_in_full_flight_is_found(heading):
+    n, speed = 12, 23.0
+    pose = curve(heading * speed, 0.0)
+    world = record(TOWN, np.array([pose(SCAN_GAP * i) for i in range(n)]), n_beams=40)
+
+    def steps_with(tried):
+        found = register_scans(world.sequence, OdometrySettings(start_steps=tried), SweepTiming(), np.ones(n - 1))
+        return np.array([scan.T_last_this[0, 3] for scan in found][1:])
+
+    assert np.abs(steps_with(())).max() < 0.5  # m; rings lie on rings
+    np.testing.assert_allclose(steps_with((1.0, 2.5)), heading * SCAN_GAP * speed, atol=0.1)
+
+
+def test_a_vehicle_that_stands_stays_whatever_is_tried():
+    n = 12
+    world = record((*TOWN, van(0.0, 3.0, 0.0, 9.0), van(14.0, -3.0, np.pi, 9.0)), np.array([curve(0.0, 0.0)(0.0)] * n))
+    found = register_scans(world.sequence, OdometrySettings(), SweepTiming(), np.ones(n - 1))
+    assert max(np.linalg.norm(scan.T_last_this[:3, 3]) for scan in found) < 0.05

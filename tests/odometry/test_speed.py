@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from raw_worlds import curve, true_poses, worst_distance
-from worlds import Block, record, van
+from raw_worlds import CANYON, curve, true_poses, worst_distance
+from worlds import record, van
 
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, missing_distance
@@ -12,13 +12,6 @@ from automos.settings import RefineSettings
 SETTINGS = RefineSettings()
 N, SPEED = 30, 8.0
 
-CANYON = (
-    Block((20.0, 9.0, 6.0), (160.0, 2.0, 12.0)),
-    Block((20.0, -9.0, 6.0), (160.0, 2.0, 12.0)),
-    *(Block((x, 7.6, 3.0), (1.0, 1.0, 6.0)) for x in (-21.0, -9.0, 2.0, 19.0, 30.0, 45.0)),
-    *(Block((x, -7.6, 3.0), (1.0, 1.0, 6.0)) for x in (-15.0, -4.0, 9.0, 25.0, 38.0)),
-)
-"""Two smooth façades with a porch here and there."""
 TRAFFIC = (van(8.0, 0.0, 0.0, SPEED), van(-9.0, 0.2, 0.0, SPEED), van(2.0, 3.5, 0.0, SPEED), van(-5.0, 3.5, 0.0, SPEED))
 
 

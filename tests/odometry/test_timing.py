@@ -14,7 +14,9 @@ POSE = curve(8.0, 0.5)
 
 
 def choose(sequence, poses=None, **settings):
-    return choose_timing(sequence, OdometrySettings(**{"voxel": 0.5, **settings}), poses, read_clock(sequence))
+    return choose_timing(
+        sequence, OdometrySettings(**{"voxel": 0.5, "start_steps": (), **settings}), poses, read_clock(sequence)
+    )
 
 
 def raw(turn, seam_deg, every=1):

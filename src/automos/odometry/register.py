@@ -50,7 +50,8 @@ def _first_twist(sequence: Sequence, settings: OdometrySettings, timing: SweepTi
     """Return the (6,) motion per usual gap at the start."""
     scans = [sequence[i] for i in range(min(settings.start_scans, len(sequence)))]
     twist = _twist_from_rest(scans, settings, timing, gaps)
-    if np.linalg.norm(twist[:3]) > settings.start_clear_step or len(sequence) <= settings.start_scans:
+    is_clear = np.linalg.norm(twist[:3]) > settings.start_clear_step
+    if is_clear or not settings.start_steps or len(sequence) <= settings.start_scans:
         return twist
     n = min(settings.start_fold_scans, len(sequence))
     trials = [_Trial.of(sequence[i], settings, timing) for i in range(n)]
