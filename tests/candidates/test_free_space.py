@@ -80,7 +80,7 @@ def test_a_car_that_leaves_has_moved_while_it_still_stood():
     car = van(14.0, -2.0)
     frames = watch(SCENE, n_scans=60, shown=lambda time: (car,) if time < 2.45 else ())
     moved, _ = shares(frames, car, range(4, 24, 4))
-    assert moved > 0.9
+    assert moved > 0.8  # its lone points, on edges, count less
 
 
 def test_a_car_that_arrives_has_moved_while_it_stands():
