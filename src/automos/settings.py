@@ -116,7 +116,7 @@ class OdometrySettings(_Group):
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
     start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
     start_convergence: float = Field(1e-4, gt=0, description="m, the same as `convergence` for these, at most")
-    start_clear_step: float = Field(1.0, gt=0, description="m from scan to scan, faster starts are no mistaken rest")
+    start_clear_step: float = Field(0.2, gt=0, description="m from scan to scan, faster starts are no mistaken rest")
     start_steps: tuple[float, ...] = Field((1.0, 2.5), description="m from scan to scan, tried at slower ones")
     start_fold_scans: int = Field(10, ge=3, description="scans whose folding decides between these")
     start_voxel: float = Field(1.5, gt=0, description="m, local map voxel in these trials")

@@ -50,13 +50,13 @@ def _first_twist(sequence: Sequence, settings: OdometrySettings, timing: SweepTi
     """Return the (6,) motion per usual gap at the start."""
     scans = [sequence[i] for i in range(min(settings.start_scans, len(sequence)))]
     twist = _twist_from_rest(scans, settings, timing, gaps)
-    is_clear = np.linalg.norm(twist[:3]) > settings.start_clear_step
-    if is_clear or not settings.start_steps or len(sequence) <= settings.start_scans:
+    if not settings.start_steps or len(sequence) <= settings.start_scans:
         return twist
     n = min(settings.start_fold_scans, len(sequence))
     trials = [_Trial.of(sequence[i], settings, timing) for i in range(n)]
-    _, misfit = _fold_from(twist, trials, settings, timing, gaps)
-    if misfit is None:
+    folded, misfit = _fold_from(twist, trials, settings, timing, gaps)
+    # What pulls registrations off pulls them to rest, so a motion that remains is none by mistake.
+    if misfit is None or np.linalg.norm(folded[:3]) > settings.start_clear_step:
         return twist
     best, best_misfit = twist, misfit + np.log1p(-settings.start_gain)
     quick = settings.model_copy(update={"voxel": settings.start_voxel, "max_iterations": settings.start_iterations})
