@@ -43,11 +43,11 @@ class MemoryWatch(threading.Thread):
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self.stage, self.peak, self._stop = "start", {}, threading.Event()
+        self.stage, self.peak, self._done = "start", {}, threading.Event()
 
     def run(self) -> None:
         me = psutil.Process()
-        while not self._stop.wait(0.2):
+        while not self._done.wait(0.2):
             total = 0
             for process in [me, *me.children(recursive=True)]:
                 try:
@@ -57,7 +57,7 @@ class MemoryWatch(threading.Thread):
             self.peak[self.stage] = max(self.peak.get(self.stage, 0), total)
 
     def finish(self) -> None:
-        self._stop.set()
+        self._done.set()
         self.join()
 
 
