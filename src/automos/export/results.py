@@ -81,7 +81,12 @@ def write_results(
         file.writelines(_tracks_json(result))
     run = {
         "fingerprint": key,
-        "recording": {"name": sequence.name, "scans": len(result), "input": sequence.fingerprint()},
+        "recording": {
+            "name": sequence.name,
+            "scans": len(result),
+            "input": sequence.fingerprint(),
+            "source": None if sequence.source is None else str(sequence.source.resolve()),
+        },
         "points": counts,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},

@@ -1,0 +1,37 @@
+"""The commands that show results: parse, call one function, print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+look_app = typer.Typer()
+console = Console(stderr=True)
+output = Console(highlight=False, markup=False, soft_wrap=True)
+
+Results = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder of automos label")]
+Recording = Annotated[
+    Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
+]
+Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
+
+
+@look_app.command()
+def report(
+    results: Results,
+    recording: Recording = None,
+    out: Annotated[Path | None, typer.Option(help="HTML file to write; default: RUN/report.html")] = None,
+    format: Format = None,
+) -> None:
+    """Write one HTML page about a run: what moved, where, how sure, how good. It opens without a network."""
+    from automos.export.open_run import open_run
+    from automos.progress import StageProgress
+    from automos.visualization.report import write_report
+
+    path = out or results / "report.html"
+    with StageProgress(console, results.name) as progress:
+        write_report(open_run(results, recording, format, progress), path)
+    output.print(path)

@@ -1,0 +1,41 @@
+"""A results folder opened together with the recording it was made from, which run.json names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from automos.datasets import open_sequence
+from automos.errors import InputError
+from automos.export.run_files import RunFiles
+from automos.workspace import Workspace
+
+
+def open_run(
+    folder: Path,
+    recording: Path | None = None,
+    format: str | None = None,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> RunFiles:
+    """Return the results in `folder` with their recording.
+
+    Parameters
+    ----------
+    recording : where the recording is; not needed while it is where it was when it was labelled.
+    format : the recording's format, where guessing fails.
+
+    Raises
+    ------
+    InputError
+        No results in `folder`, no recording where it is looked for, or one of other scans.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder; give the results folder of automos label")
+    if recording is None:
+        source = Workspace(folder).read_run().get("recording", {}).get("source")
+        if source is None:
+            raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
+        if not Path(source).exists():
+            raise InputError(f"the recording is not at {source} any more; give its path after {folder}")
+        recording = Path(source)
+    return RunFiles(folder, open_sequence(recording, format), progress)
