@@ -1,0 +1,1 @@
+"""III-E: LMNet learns from labels and runs online; what joins the network to recordings, poses and worlds."""

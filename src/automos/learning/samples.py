@@ -1,0 +1,131 @@
+"""What one training step sees: windows drawn from recordings, changed at random, as images with targets."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.learning.recordings import LabeledRecording, Shelf
+from automos.network.augmentation import apply_change, draw_change
+from automos.network.images import BASE_CHANNELS, make_image
+from automos.settings import NetworkSettings
+
+_CLASS_NAMES = ("unlabeled", "static", "moving")
+
+
+class TrainingSamples:
+    """Windows of several recordings; which ones, and how they are changed, follows from seed and epoch alone."""
+
+    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+        self._shelf = Shelf(recordings, settings.training.cached_scans)
+        self._settings = settings
+        self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))])
+        self._order, self._epoch = self._all, 0
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Draw the windows of an epoch."""
+        training, n = self._settings.training, len(self._all)
+        rng = np.random.default_rng([training.seed, epoch, 1])
+        wanted = training.samples or n
+        rounds = -(-wanted // n)
+        self._order = self._all[np.concatenate([rng.permutation(n) for _ in range(rounds)])[:wanted]]
+        self._epoch = epoch
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        recording, scan = self._order[index]
+        rng = np.random.default_rng([self._settings.training.seed, self._epoch, index, 2])
+        window, labels = self._shelf.window(int(recording), int(scan))
+        change = draw_change(rng, self._settings.augmentation, self._settings.image.width)
+        window, rows = apply_change(window, change, rng)
+        view = self._shelf.recordings[recording].view
+        image = make_image(window, view, self._settings.image)
+        target, confidence = _targets(image.index, labels.classes[rows], labels.confidence[rows])
+        sample = {"image": image.channels, "target": target}
+        return {**sample, "confidence": confidence} if self._settings.training.use_confidence else sample
+
+
+class ValidationSamples:
+    """Windows evenly spread over several recordings, unchanged."""
+
+    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+        self._shelf = Shelf(recordings, settings.training.cached_scans)
+        self._settings = settings
+        everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
+        n = min(settings.training.validation_scans, len(everything))
+        self._all = [everything[k] for k in np.unique(np.linspace(0, len(everything) - 1, n).astype(int))]
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Do nothing: they are the same in every epoch."""
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        recording, scan = self._all[index]
+        window, labels = self._shelf.window(recording, scan)
+        image = make_image(window, self._shelf.recordings[recording].view, self._settings.image)
+        target, _ = _targets(image.index, labels.classes, labels.confidence)
+        return {"image": image.channels, "target": target}
+
+
+def _targets(
+    index: npt.NDArray[np.int32], classes: npt.NDArray[np.uint8], confidence: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    """Return the class (H, W) int64 and the confidence (H, W) of what each pixel shows; 0 where it shows nothing."""
+    if len(classes) == 0:
+        return np.zeros(index.shape, np.int64), np.zeros(index.shape, np.float32)
+    is_seen = index >= 0
+    rows = np.maximum(index, 0)
+    return np.where(is_seen, classes[rows], 0).astype(np.int64), np.where(is_seen, confidence[rows], np.float32(0.0))
+
+
+def measure_classes(recordings: list[LabeledRecording], n_scans: int) -> npt.NDArray[np.float64]:
+    """Return (3,) class weights, 1 / (share of labelled points + 0.001) and 0 for unlabeled, from evenly spread scans.
+
+    Raises
+    ------
+    InputError : no point of a class in any of them.
+    """
+    counts = np.zeros(3)
+    for recording, index in _spread_scans(recordings, n_scans):
+        counts += np.bincount(recording.read(index).classes, minlength=3)[:3]
+    for c in (1, 2):
+        if counts[c] == 0:
+            names = ", ".join(recording.sequence.name for recording in recordings[:5])
+            raise InputError(
+                f"no {_CLASS_NAMES[c]} point in the labels of {names}: add recordings in which there are some"
+            )
+    share = counts[1:] / counts[1:].sum()
+    return np.concatenate([[0.0], 1.0 / (share + 0.001)])
+
+
+def measure_scale(
+    recordings: list[LabeledRecording], settings: NetworkSettings, n_scans: int = 20
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return the mean and the standard deviation (5,) of the base channels over the pixels that show something."""
+    n = len(BASE_CHANNELS)
+    pixels = []
+    for recording, index in _spread_scans(recordings, n_scans):
+        window, _ = recording.window(index, recording.read)
+        channels = make_image(window, recording.view, settings.image).channels[:n]
+        pixels.append(channels[:, channels[0] > 0.0])
+    values = np.concatenate(pixels, axis=1).astype(np.float64)
+    deviation = np.maximum(values.std(axis=1), 1e-3)
+    return values.mean(axis=1).astype(np.float32), deviation.astype(np.float32)
+
+
+def _spread_scans(recordings: list[LabeledRecording], n_scans: int) -> list[tuple[LabeledRecording, int]]:
+    """Return about `n_scans` scans, some of every recording."""
+    each = max(-(-n_scans // len(recordings)), 1)
+    return [
+        (recording, int(i))
+        for recording in recordings
+        for i in np.unique(np.linspace(0, len(recording) - 1, min(each, len(recording))).astype(int))
+    ]

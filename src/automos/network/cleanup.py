@@ -1,0 +1,76 @@
+"""From pixels back to points: each point asks the nearest pixels around its own (RangeNet++, IV-C).
+
+A pixel shows one point; others that fall into it may lie behind, on something else. Voters are the pixels of a window
+whose ranges come nearest to the point's.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.network.images import RangeImage
+from automos.network.projection import Image
+from automos.settings import CleanUpSettings
+
+
+def vote(
+    image: RangeImage, moving: Image, settings: CleanUpSettings
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return for every point (N,) the share of its voters that are moving, and their mean probability of it.
+
+    Parameters
+    ----------
+    image : the image that was segmented.
+    moving : (H, W) float32, probability of moving in each pixel.
+    settings : window, number of voters, cut-off. Where no pixel is near enough the nearest one votes; points without
+        a pixel have 0.
+    """
+    share, mean = np.zeros((2, len(image.pixels)), np.float32)
+    radius = settings.window // 2
+    offsets = np.arange(-radius, radius + 1)
+    squared = offsets[:, None] ** 2 + offsets[None, :] ** 2
+    far = (1.0 - np.exp(-squared / (2.0 * settings.sigma**2))).astype(np.float32)  # 0 in the middle
+    _vote(image.pixels, image.ranges, image.channels[0], moving, far, settings.voters, settings.cutoff, share, mean)
+    return share, mean
+
+
+@numba.njit(cache=True, nogil=True)
+def _vote(pixels, ranges, seen, moving, far, voters, cutoff, share, mean):  # type: ignore[no-untyped-def]
+    height, width = seen.shape
+    radius = len(far) // 2
+    costs, values = np.empty(voters, np.float32), np.empty(voters, np.float32)
+    for i in range(len(pixels)):
+        if pixels[i] < 0:
+            continue
+        row, column = pixels[i] // width, pixels[i] % width
+        n, closest, fallback = 0, np.float32(np.inf), np.float32(0.0)
+        for a in range(-radius, radius + 1):
+            if not 0 <= row + a < height:
+                continue
+            for b in range(-radius, radius + 1):
+                c = (column + b) % width
+                r = seen[row + a, c]
+                if r == 0.0:
+                    continue
+                apart = abs(r - ranges[i])
+                if apart < closest:
+                    closest, fallback = apart, moving[row + a, c]
+                # the middle would win whatever lies in front of the point, so it costs as its neighbours do
+                cost = apart * (far[a + radius, b + radius] if a != 0 or b != 0 else far[radius, radius + 1])
+                if apart > cutoff or (n == voters and cost >= costs[n - 1]):
+                    continue
+                k = n if n < voters else n - 1
+                while k > 0 and costs[k - 1] > cost:
+                    costs[k], values[k] = costs[k - 1], values[k - 1]
+                    k -= 1
+                costs[k], values[k] = cost, moving[row + a, c]
+                n = min(n + 1, voters)
+        if n == 0:
+            n, values[0] = 1, fallback
+        total, yes = np.float32(0.0), 0
+        for k in range(n):
+            total += values[k]
+            yes += values[k] > 0.5
+        share[i], mean[i] = yes / n, total / n

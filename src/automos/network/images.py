@@ -1,0 +1,90 @@
+"""What the network is given: one scan as a range image with its residuals, made from points and poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.network.projection import Image, ImageGrid, nearest_points, project
+from automos.network.residuals import residual_images
+from automos.scan import Points, Pose
+from automos.settings import ImageSettings
+
+BASE_CHANNELS = ("range", "x", "y", "z", "intensity")
+
+
+@dataclass(frozen=True, eq=False)
+class SensorView:
+    """How one sensor's scans become images: its beams and the scale of its intensities.
+
+    Attributes
+    ----------
+    grid : where its beams fall.
+    intensity_scale : the intensity that counts as 1; 0 where the sensor measures none.
+    """
+
+    grid: ImageGrid
+    intensity_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A scan and earlier ones, each compensated and in its own sensor frame.
+
+    Attributes
+    ----------
+    points : (N, 3) float32, metres.
+    intensity : (N,) float32 or None.
+    past : K earlier clouds (M, 3) float32, None where there is none.
+    T_now_past : (K, 4, 4) float64, from each of them to the present one.
+    """
+
+    points: Points
+    intensity: npt.NDArray[np.float32] | None
+    past: tuple[Points | None, ...]
+    T_now_past: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class RangeImage:
+    """A window as the network sees it, and the way back to points.
+
+    Attributes
+    ----------
+    channels : (5 + K, H, W) float32: range, x, y, z, intensity in [0, 1], residuals; 0 where a pixel is empty.
+    index : (H, W) int32, the point each pixel shows, -1 for none.
+    pixels : (N,) int32, the pixel each point falls into, -1 for none.
+    ranges : (N,) float32, metres.
+    """
+
+    channels: Image
+    index: npt.NDArray[np.int32]
+    pixels: npt.NDArray[np.int32]
+    ranges: npt.NDArray[np.float32]
+
+
+def make_image(window: Window, view: SensorView, settings: ImageSettings) -> RangeImage:
+    """Return the image of `window`."""
+    grid = view.grid
+    pixels, ranges = project(window.points, grid)
+    index = nearest_points(pixels, ranges, grid.size)
+    shown = np.flatnonzero(index >= 0)
+    rows = index[shown]
+    base = np.zeros((len(BASE_CHANNELS), grid.size), np.float32)
+    base[0, shown] = ranges[rows]
+    base[1:4, shown] = window.points[rows].T
+    if window.intensity is not None and view.intensity_scale > 0.0:
+        base[4, shown] = np.clip(np.nan_to_num(window.intensity[rows]) / view.intensity_scale, 0.0, 1.0)
+    base = base.reshape(-1, grid.height, grid.width)
+    limits = (settings.residual_min_range, settings.residual_max_range)
+    residuals = residual_images(base[0], window.past, window.T_now_past, grid, limits)
+    return RangeImage(np.concatenate([base, residuals]), index.reshape(grid.height, grid.width), pixels, ranges)
+
+
+def thin(points: Points, grid: ImageGrid) -> npt.NDArray[np.int64]:
+    """Return the rows of the points that are seen in the image, in order: all that earlier scans are needed for."""
+    pixels, ranges = project(points, grid)
+    index = nearest_points(pixels, ranges, grid.size)
+    return np.sort(index[index >= 0]).astype(np.int64)

@@ -1,0 +1,162 @@
+"""The training loop around LMNet: devices, precision, logs, early stop, resume, and the best network kept.
+
+OUT/best.pt        the network with the best IoU of the moving class on the validation recordings, all that it needs
+OUT/last.ckpt      where training stands; the same command goes on from it
+OUT/log/metrics.csv losses and scores by epoch;  OUT/tensorboard/ where TensorBoard is installed
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import logging
+from collections.abc import Sized
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy.typing as npt
+import pytorch_lightning as lightning
+import torch
+from pytorch_lightning.callbacks import EarlyStopping, ModelCheckpoint, TQDMProgressBar
+from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+from torch.utils.data import DataLoader
+
+from automos.errors import InputError
+from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
+from automos.network.module import MONITORED, Training
+from automos.settings import NetworkSettings
+
+_log = logging.getLogger(__name__)
+
+Device = Literal["auto", "cpu", "gpu"]
+
+
+class Samples(Sized, Protocol):
+    """Training or validation samples; `begin_epoch` says which epoch they are drawn for."""
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Draw anew."""
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        """Return `image` (C, H, W) float32, `target` (H, W) int64 and, if used, `confidence` (H, W) float32."""
+
+
+class _Data(lightning.LightningDataModule):
+    def __init__(self, train: Samples, validation: Samples, settings: NetworkSettings):
+        super().__init__()
+        self._train, self._validation, self._settings = train, validation, settings.training
+
+    def train_dataloader(self) -> DataLoader:
+        assert self.trainer is not None
+        self._train.begin_epoch(self.trainer.current_epoch)
+        return self._loader(self._train)
+
+    def val_dataloader(self) -> DataLoader:
+        return self._loader(self._validation)
+
+    def _loader(self, samples: Samples) -> DataLoader:
+        # Samples come in the order in which they were drawn: what is drawn depends on seed and epoch alone.
+        return DataLoader(samples, self._settings.batch, num_workers=self._settings.loaders)  # type: ignore[arg-type]
+
+
+def train_network(
+    train: Samples,
+    validation: Samples,
+    settings: NetworkSettings,
+    class_weight: npt.NDArray,
+    scale: tuple[npt.NDArray, npt.NDArray],
+    out: Path,
+    card: dict[str, Any],
+    init: Path | None = None,
+    device: Device = "auto",
+    devices: int = 1,
+    quiet: bool = False,
+) -> Checkpoint:
+    """Train a network, or go on where a killed run stopped; return the best, which is also in `out` / best.pt.
+
+    Parameters
+    ----------
+    class_weight : (3,) weights of unlabeled (0), static, moving.
+    scale : mean and standard deviation (5,) of the base channels; those of `init` are kept where it is given.
+    card : what is to be known of the training data, written into the checkpoint.
+    init : checkpoint to start from (fine-tuning).
+    device : "gpu" trains in mixed precision; "auto" takes one if there is one, and says so if not.
+
+    Raises
+    ------
+    InputError : no such device, or a checkpoint of another shape.
+    """
+    accelerator = choose_accelerator(device)
+    logging.getLogger("pytorch_lightning").setLevel(logging.ERROR)  # its notes on hardware and its advertisements
+    lightning.seed_everything(settings.training.seed, workers=True, verbose=False)
+    run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
+    if init is None:
+        run.network.set_scale(*scale)
+    else:
+        start = load_checkpoint(init)
+        require_shape(start, settings.image, settings.model, init)
+        run.network.load_state_dict(start.network.state_dict())
+    best = ModelCheckpoint(
+        out, "best-{epoch}", monitor=MONITORED, mode="max", save_last=True, enable_version_counter=False
+    )
+    loggers: list[Any] = [CSVLogger(out, name="", version="log")]
+    if importlib.util.find_spec("tensorboard"):
+        loggers.append(TensorBoardLogger(out, name="", version="tensorboard"))
+    trainer = lightning.Trainer(
+        accelerator=accelerator,
+        devices=devices,
+        strategy="ddp" if devices > 1 else "auto",
+        precision="16-mixed" if accelerator == "cuda" else "32-true",
+        max_epochs=settings.training.epochs,
+        logger=loggers,
+        callbacks=[best, EarlyStopping(MONITORED, mode="max", patience=settings.training.patience), *_bar(quiet)],
+        enable_progress_bar=not quiet,
+        enable_model_summary=False,
+        log_every_n_steps=1,
+        num_sanity_val_steps=0,
+        reload_dataloaders_every_n_epochs=1,
+        default_root_dir=out,
+    )
+    data = _Data(train, validation, settings)
+    last = out / "last.ckpt"
+    if init is not None and not last.exists():
+        start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
+        card = {**card, "iou_before": round(start_iou, 4)}
+    trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
+    state = torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"]
+    run.load_state_dict(state)
+    score = {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
+    checkpoint = run.to_checkpoint({**card, **score, "class_weight": [round(float(w), 3) for w in class_weight]})
+    if trainer.is_global_zero:
+        save_checkpoint(out / "best.pt", checkpoint)
+    return checkpoint
+
+
+def choose_accelerator(device: Device) -> str:
+    """Return Lightning's name of the device.
+
+    Raises
+    ------
+    InputError : a GPU was asked for and there is none.
+    """
+    if torch.cuda.is_available() and device != "cpu":
+        return "cuda"
+    if device == "gpu":
+        raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
+    if device == "auto":
+        _log.warning("no GPU was found: working on the CPU, which is slower")
+    return "cpu"
+
+
+def read_curve(out: Path) -> list[dict[str, float]]:
+    """Return one row an epoch of what a training run logged, e.g. epoch and val_iou_moving."""
+    rows: dict[int, dict[str, float]] = {}
+    with (out / "log" / "metrics.csv").open() as file:
+        for line in csv.DictReader(file):
+            row = rows.setdefault(int(line["epoch"]), {})
+            row.update({name: float(value) for name, value in line.items() if value})
+    return [rows[epoch] for epoch in sorted(rows)]
+
+
+def _bar(quiet: bool) -> list[lightning.Callback]:
+    return [] if quiet else [TQDMProgressBar(refresh_rate=1, leave=True)]
