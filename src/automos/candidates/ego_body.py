@@ -147,11 +147,15 @@ def _find_constant(ranges, tolerance, min_share, reach):  # type: ignore[no-unty
             m = 0
             for k in range(n):
                 if ranges[k, v, u] > 0.0:
-                    values[m] = ranges[k, v, u]
+                    at = m  # kept in order: sorting costs seconds to compile
+                    while at > 0 and values[at - 1] > ranges[k, v, u]:
+                        values[at] = values[at - 1]
+                        at -= 1
+                    values[at] = ranges[k, v, u]
                     m += 1
-            if m < min_share * n:
+            if m == 0 or m < min_share * n:
                 continue
-            median = np.median(values[:m])
+            median = 0.5 * (values[(m - 1) // 2] + values[m // 2])
             if not np.isfinite(median):
                 continue
             same = 0

@@ -8,6 +8,7 @@ of breaking the map.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,11 @@ from automos.odometry.motion import SweepTiming
 from automos.odometry.sweeps import usable_points
 from automos.scan import Points, Pose, Scan
 from automos.settings import OdometrySettings
+
+STEP_DIGITS = 6
+"""Decimals (m, rad) of a step. Threads add in any order, which shows in the sixteenth digit: reruns are identical."""
+MAX_THREADS = 4
+"""More have too few points each to be any faster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +80,9 @@ class KissOdometry:
             icp.last_delta = inverse(last_pose) @ predicted
             icp.register_frame(points.astype(np.float64), np.empty(0))
             is_registered = bool(np.isfinite(icp.last_pose).all())
+            if is_registered:
+                step = se3_log(inverse(last_pose) @ icp.last_pose)
+                icp.last_pose = last_pose @ se3_exp(np.round(step, STEP_DIGITS))
         if not is_registered:
             icp.last_pose = predicted
         step = inverse(last_pose) @ icp.last_pose
@@ -98,7 +107,8 @@ def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
         registration=RegistrationConfig(
             max_num_iterations=settings.max_iterations,
             convergence_criterion=settings.convergence,
-            max_num_threads=1,  # more are not faster at these sizes, and one is deterministic
+            # The first that is asked for holds for the process: KISS-ICP limits its threads once.
+            max_num_threads=min(settings.threads or os.cpu_count() or 1, MAX_THREADS),
         ),
         mapping=MappingConfig(
             voxel_size=map_voxel(settings),

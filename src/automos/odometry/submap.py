@@ -224,12 +224,14 @@ def _shape_voxels(sums, voxel, near):  # type: ignore[no-untyped-def]
         edge = voxel * (1 << level_of(x, y, z, near))
         wide = (0.12 * edge) ** 2
         if values[1] > wide:
-            if values[0] < 0.1 * values[1]:  # a plane
-                axes[i, 0] = vectors[0]
-                variance[i, 0] = values[0]
-        elif values[2] > wide and values[1] < 0.1 * values[2] and abs(vectors[2, 2]) > 0.8:  # an upright edge
-            axes[i, 0], axes[i, 1] = vectors[0], vectors[1]
-            variance[i, 0], variance[i, 1] = values[0], values[1]
+            directions = 1 if values[0] < 0.1 * values[1] else 0  # a plane
+        else:
+            is_upright = values[1] < 0.1 * values[2] and abs(vectors[2, 2]) > 0.8
+            directions = 2 if values[2] > wide and is_upright else 0  # an upright edge
+        for k in range(directions):
+            variance[i, k] = values[k]
+            for j in range(3):
+                axes[i, k, j] = vectors[k, j]
     return mean, axes, variance
 
 
