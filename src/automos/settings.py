@@ -429,11 +429,136 @@ class FreeSpaceSettings(_Group):
 class CandidatesSettings(_Group):
     """III-B: which points may be dynamic."""
 
-    method: Literal["free_space", "erasor"] = "free_space"
+    method: Literal[
+        "free_space", "erasor", "octomap", "removert", "yoon", "pfreundschuh", "dufomap", "m_detector", "hmm_mos"
+    ] = "free_space"
     ground: GroundSettings = GroundSettings()
     ego_body: EgoBodySettings = EgoBodySettings()
     erasor: ErasorSettings = ErasorSettings()
     free_space: FreeSpaceSettings = FreeSpaceSettings()
+
+
+class BatchSettings(_Group):
+    """How map-based methods cut a recording: batches overlap, so what stands at the end of one is seen to leave."""
+
+    scans: int = Field(200, ge=2, description="scans in one batch, at most")
+    length: float = Field(160.0, gt=0, description="m driven in one batch, at most")
+
+
+class OctomapSettings(_Group):
+    """Octomap-based removal (Arora et al., ECMR 2021)."""
+
+    batch: BatchSettings = BatchSettings()
+    voxel: float = Field(0.1, gt=0, description="m")
+    max_range: float = Field(60.0, gt=0, description="m, longer rays are not cast; their ends are unknown")
+    hit: float = Field(0.7, gt=0.5, lt=1, description="probability of occupied given a hit")
+    miss: float = Field(0.4, gt=0, lt=0.5, description="probability of occupied given a ray through")
+    lowest: float = Field(0.12, gt=0, lt=0.5, description="probability, no voxel is freer")
+    highest: float = Field(0.97, gt=0.5, lt=1, description="probability, none more occupied")
+    image_range: float = Field(50.0, gt=0, description="m around the sensor, height images")
+    image_cells: tuple[float, ...] = Field(
+        (0.05, 0.07, 0.09, 0.11, 0.13), min_length=1, description="m, pixels of the height images"
+    )
+    image_low: float = Field(-0.27, description="m above the ground under the sensor, black of the height images")
+    image_high: float = Field(3.23, description="m above the ground under the sensor, white")
+    weak_edge: float = Field(15.0, gt=0, description="grey values, Canny's lower threshold")
+    strong_edge: float = Field(300.0, gt=0, description="grey values, Canny's upper threshold")
+    max_ground: float = Field(0.63, description="m above the ground under the sensor, what is higher is no ground")
+    ground_share: float = Field(0.5, ge=0, le=1, description="of the height images that must call a point ground")
+    neighbours: int = Field(5, ge=1, description="nearest known points that decide on an unknown one")
+
+
+class RemovertSettings(_Group):
+    """Removert (Kim and Kim, IROS 2020): remove at fine resolutions, revert at coarse ones."""
+
+    batch: BatchSettings = BatchSettings(scans=150)
+    voxel: float = Field(0.05, gt=0, description="m, of the map")
+    max_range: float = Field(80.0, gt=0, description="m, points used")
+    remove: tuple[float, ...] = Field((2.5, 2.0, 1.5), min_length=1, description="pixels per degree, one pass each")
+    revert: tuple[float, ...] = Field((1.0, 0.9, 0.8, 0.7), description="pixels per degree, one pass each; none: off")
+    every: int = Field(1, ge=1, description="every how many scans the map is compared with")
+    max_elevation_deg: float = Field(25.0, gt=0, le=90, description="deg above and below the sensor that is looked at")
+    difference: float = Field(0.05, gt=0, description="of the range, by which the map must be nearer than the scan")
+
+
+class YoonSettings(_Group):
+    """Yoon, Tang and Barfoot (CRV 2019): residuals, checked for free space, grown."""
+
+    gap: float = Field(0.5, gt=0, description="s between a scan and those before and after that it is compared with")
+    residual: float = Field(0.3, gt=0, description="m to the nearest point of the other scan, from which on: candidate")
+    window_deg: float = Field(0.5, gt=0, description="deg, rays of the other scan that speak of a candidate")
+    margin: float = Field(0.5, gt=0, description="m, how far behind a candidate these rays must all end")
+    box_deg: float = Field(1.0, gt=0, description="deg, half the side of the box filter in the range image")
+    box_points: int = Field(4, ge=1, description="candidates in the box, itself counted, to keep one")
+    grow_gap: float = Field(0.4, gt=0, description="m, regions do not cross wider gaps")
+    grow_steps: int = Field(5, ge=0, description="such steps, at most, from a seed")
+    max_range: float = Field(80.0, gt=0, description="m, points used")
+
+
+class PfreundschuhSettings(_Group):
+    """Pfreundschuh et al. (ICRA 2021) as Chen et al. ran it: Removert's visibility, voted on by HDBSCAN clusters."""
+
+    min_cluster_size: int = Field(10, ge=2, description="voxels")
+    voxel: float = Field(0.15, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+    max_range: float = Field(60.0, gt=0, description="m, points used")
+    share: float = Field(0.3, gt=0, le=1, description="of a cluster's points that must have been seen through")
+
+
+class DufomapSettings(_Group):
+    """DUFOMap (Duberg et al., RA-L 2024): the authors' library, its own names."""
+
+    batch: BatchSettings = BatchSettings()
+    resolution: float = Field(0.1, gt=0, description="m, voxel")
+    d_s: float = Field(0.2, ge=0, description="m, hits are inflated by")
+    d_p: int = Field(2, ge=0, description="voxels, the unknown is inflated by")
+    min_range: float = Field(0.2, gt=0, description="m; points at the sensor itself poison its map")
+    max_range: float = Field(50.0, gt=0, description="m, points used")
+
+
+class MDetectorSettings(_Group):
+    """M-detector (Wu et al., Nature Communications 2024): occlusion against past depth images, then clusters."""
+
+    images: int = Field(10, ge=2, description="past depth images asked")
+    gap: float = Field(0.1, gt=0, description="s between them")
+    row_deg: float = Field(0.6, gt=0, description="deg, pixel of a depth image in elevation")
+    column_deg: float = Field(0.4, gt=0, description="deg, pixel in azimuth")
+    depth: float = Field(0.3, gt=0, description="m, points whose depths differ by more occlude one another")
+    depth_share: float = Field(0.01, ge=0, description="of the range, added to it")
+    min_occluded: int = Field(3, ge=1, description="images whose points are occluded, of those that see the place")
+    max_agreeing: int = Field(0, ge=0, description="images on whose static points it lies, at most")
+    chain: int = Field(2, ge=1, description="how often in a row something goes behind (or before) itself")
+    max_speed: float = Field(40.0, gt=0, description="m/s, of what goes along a ray")
+    cluster_voxel: float = Field(0.3, gt=0, description="m, events in touching voxels are one cluster")
+    cluster_points: int = Field(10, ge=1, description="events that make a cluster")
+    cluster_steps: int = Field(2, ge=0, description="voxels by which clusters are completed, over what is not ground")
+    max_range: float = Field(80.0, gt=0, description="m, points used")
+
+
+class HmmMosSettings(_Group):
+    """HMM-MOS (Bhandari et al., 2024): a hidden Markov model per voxel, filtered in space and time."""
+
+    batch: BatchSettings = BatchSettings()
+    voxel: float = Field(0.25, gt=0, description="m")
+    max_range: float = Field(50.0, gt=0, description="m, points used")
+    deviation: float = Field(0.25, gt=0, description="m, of a hit around the surface that caused it")
+    change: float = Field(0.005, gt=0, lt=0.5, description="probability per scan that a voxel's state changes")
+    sure: float = Field(0.99, gt=0.5, lt=1, description="probability from which on a state is believed")
+    memory: int = Field(300, ge=1, description="scans for which a change is remembered")
+    reach: int = Field(2, ge=0, description="voxels around, 2: 5 x 5 x 5, over which changes are summed")
+    window: int = Field(5, ge=1, description="scans, likewise")
+    min_sum: float = Field(3.0, ge=0, description="changes that make motion, at least; Otsu may ask for more")
+
+
+class BaselinesSettings(_Group):
+    """IV-B: the methods that ours is compared with. ERASOR's settings are those of the candidates."""
+
+    octomap: OctomapSettings = OctomapSettings()
+    removert: RemovertSettings = RemovertSettings()
+    yoon: YoonSettings = YoonSettings()
+    pfreundschuh: PfreundschuhSettings = PfreundschuhSettings()
+    dufomap: DufomapSettings = DufomapSettings()
+    m_detector: MDetectorSettings = MDetectorSettings()
+    hmm_mos: HmmMosSettings = HmmMosSettings()
 
 
 class InstancesSettings(_Group):
@@ -462,6 +587,91 @@ class OutputSettings(_Group):
     track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
 
 
+class ImageSettings(_Group):
+    """III-E: the range image that the network sees."""
+
+    height: int = Field(64, ge=16, multiple_of=16, description="rows; a sensor's beams are shared out among them")
+    width: int = Field(2048, ge=16, multiple_of=16, description="columns")
+    residuals: int = Field(8, ge=0, description="residual images, one each for as many earlier scans")
+    spacing: float = Field(0.1, gt=0, description="s between the scans of successive residual images")
+    residual_min_range: float = Field(2.0, ge=0, description="m, nearer points have no residual")
+    residual_max_range: float = Field(50.0, gt=0, description="m, points further away have no residual")
+
+
+class ModelSettings(_Group):
+    """The network's shape."""
+
+    name: Literal["salsanext", "rangenet"] = "salsanext"
+    channels: int = Field(32, ge=4, multiple_of=4, description="of the first layer; 32 is full size, 8 narrow")
+    dropout: float = Field(0.2, ge=0, lt=1, description="share of channels left out while training")
+
+
+class AugmentationSettings(_Group):
+    """Changes of the world that should change no label, each with its probability."""
+
+    turn: float = Field(1.0, ge=0, le=1, description="probability of a turn about the vertical by any angle")
+    mirror: float = Field(0.5, ge=0, le=1, description="probability of exchanging left and right")
+    shift: float = Field(0.5, ge=0, le=1, description="probability of a shift")
+    shift_x: float = Field(2.0, ge=0, description="m, at most")
+    shift_y: float = Field(2.0, ge=0, description="m, at most")
+    shift_z: float = Field(0.3, ge=0, description="m, at most")
+    drop: float = Field(0.5, ge=0, le=1, description="probability of dropping points")
+    max_dropped: float = Field(0.5, ge=0, lt=1, description="share of points dropped at most")
+    no_intensity: float = Field(0.3, ge=0, le=1, description="probability of doing without intensities")
+
+
+class TrainingSettings(_Group):
+    """How the network learns (LMNet: SGD at 0.01, 150 epochs)."""
+
+    epochs: int = Field(150, ge=1, description="at most")
+    samples: int = Field(0, ge=0, description="scans an epoch, drawn anew each time; 0: every scan once")
+    batch: int = Field(8, ge=1, description="scans a step and device")
+    optimizer: Literal["adamw", "sgd"] = "adamw"
+    learning_rate: float = Field(0.002, gt=0, description="at its highest")
+    momentum: float = Field(0.9, ge=0, lt=1, description="of sgd")
+    weight_decay: float = Field(1e-4, ge=0)
+    warm_up: float = Field(1.0, ge=0, description="epochs until the learning rate is at its highest")
+    schedule: Literal["cosine", "exponential"] = "cosine"
+    decay: float = Field(0.99, gt=0, le=1, description="factor of the learning rate per epoch, if exponential")
+    patience: int = Field(30, ge=1, description="epochs without a better validation until training stops")
+    use_confidence: bool = Field(False, description="weigh every point's loss by the confidence of its label")
+    validation_scans: int = Field(100, ge=1, description="scans an epoch is judged by, evenly spread over the recordings")
+    weighed_scans: int = Field(60, ge=1, description="scans in which classes are counted for their weights")
+    seed: int = Field(0, ge=0)
+    loaders: int = Field(0, ge=0, description="processes that prepare scans; 0: the training process itself")
+    cached_scans: int = Field(4000, ge=0, description="scans kept in memory, thinned to one point per pixel")
+
+
+class CleanUpSettings(_Group):
+    """From pixels back to points (RangeNet++)."""
+
+    window: int = Field(5, ge=1, le=15, description="pixels, width and height of where voters are looked for")
+    voters: int = Field(5, ge=1, description="pixels that vote on a point")
+    sigma: float = Field(1.0, gt=0, description="pixels, how soon far voters count less")
+    cutoff: float = Field(1.0, gt=0, description="m, pixels whose range differs by more do not vote")
+
+
+class OnlineSettings(_Group):
+    """The network on the robot."""
+
+    engine: Literal["auto", "torch", "onnxruntime", "openvino"] = Field("auto", description="what runs the network")
+    device: Literal["auto", "cpu", "gpu"] = "auto"
+    threads: int = Field(0, ge=0, description="of the network on a CPU; 0: one per core")
+    timing_scans: int = Field(16, ge=8, description="scans after which it is found out how sweeps are timed")
+    pattern_points: int = Field(1000, ge=100, description="points a scan needs to show the sensor's beams")
+
+
+class NetworkSettings(_Group):
+    """III-E: LMNet, online moving-object segmentation."""
+
+    image: ImageSettings = ImageSettings()
+    model: ModelSettings = ModelSettings()
+    augmentation: AugmentationSettings = AugmentationSettings()
+    training: TrainingSettings = TrainingSettings()
+    cleanup: CleanUpSettings = CleanUpSettings()
+    online: OnlineSettings = OnlineSettings()
+
+
 class Settings(_Group):
     """All settings of one run."""
 
@@ -471,6 +681,8 @@ class Settings(_Group):
     tracking: TrackingSettings = TrackingSettings()
     labels: LabelsSettings = LabelsSettings()
     output: OutputSettings = OutputSettings()
+    network: NetworkSettings = NetworkSettings()
+    baselines: BaselinesSettings = BaselinesSettings()
 
 
 PRESETS: dict[str, dict[str, Any]] = {

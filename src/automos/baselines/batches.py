@@ -1,0 +1,46 @@
+"""Recordings cut into overlapping batches, so that the memory of map-based methods does not grow with the drive.
+
+A batch answers for its own frames only, but sees some before and after them: something that stands at the end of the
+own frames is still seen to leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.erasor import cut_submaps
+from automos.scan import Frame, Frames, Mask
+from automos.settings import BatchSettings, ErasorSettings
+
+
+class Batch(NamedTuple):
+    """Frames seen together, and those among them that are answered for."""
+
+    frames: range
+    own: range
+
+
+def cut_batches(frames: Frames, settings: BatchSettings, start: int = 0) -> Iterator[Batch]:
+    """Yield batches whose own frames tile the recording from `start` on, in order; cut as ERASOR's submaps are."""
+    limits = ErasorSettings(submap_scans=settings.scans, submap_length=settings.length)
+    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], limits):
+        if own_last > start:
+            yield Batch(range(first, last), range(max(own_first, start), own_last))
+
+
+def is_within(frame: Frame, max_range: float, min_range: float = 0.0) -> Mask:
+    """Return (M,) bool: which points of `frame` are between the ranges, metres from the sensor."""
+    squared = np.einsum("ij,ij->i", frame.points, frame.points)
+    return (squared <= max_range**2) & (squared >= min_range**2)
+
+
+def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:
+    """Return (M,) bool: the points whose own voxel is moving. This is how every map here becomes labels of scans.
+
+    ids : (M,) voxel of each point, -1 for none (never moving).   is_moving : (V,) bool.
+    """
+    return np.append(is_moving, False)[ids]  # id -1 reads the False at the end

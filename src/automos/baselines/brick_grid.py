@@ -1,0 +1,161 @@
+"""Voxels in bricks of 8 x 8 x 8, through which rays are followed.
+
+Only voxels that some point of the batch fell into are stored: what a ray passes elsewhere can decide on no point. Most
+of the air lies in bricks without any, which a ray crosses at the cost of one look-up each.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+_SIDE_BITS = 3
+_SIDE = 1 << _SIDE_BITS
+_CELLS = _SIDE**3
+
+
+class BrickGrid:
+    """Voxels in order of first appearance; grows as points are added."""
+
+    def __init__(self, voxel: float, origins: npt.NDArray, reach: float):
+        """Take the voxels' edge, the sensor's positions (N, 3), level frame, and how far points lie from them; metres."""
+        self.voxel = voxel
+        self.low = np.asarray(origins, np.float64).min(axis=0) - reach - voxel
+        extent = np.asarray(origins, np.float64).max(axis=0) + reach + voxel - self.low
+        self._table = np.full(tuple(np.ceil(extent / (voxel * _SIDE)).astype(int) + 1), -1, np.int32)
+        self._cells = np.full((1024, _CELLS), -1, np.int32)
+        self._n_bricks = 0
+        self.n_voxels = 0
+
+    def __len__(self) -> int:
+        return self.n_voxels
+
+    def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
+        """Return (M,) int32: the voxel of each of `points` (M, 3), level frame, within reach; new where there was none."""
+        ids = np.empty(len(points), np.int32)
+        done = 0
+        while done < len(points):
+            done, self._n_bricks, self.n_voxels = _insert(
+                points, done, self.low, 1.0 / self.voxel, self._table, self._cells, self._n_bricks, self.n_voxels, ids
+            )
+            if done < len(points):  # all bricks are taken
+                more = np.full((len(self._cells), _CELLS), -1, np.int32)
+                self._cells = np.concatenate([self._cells, more])
+        return ids
+
+    def pass_rays(self, origin: npt.NDArray, ends: npt.NDArray, stamp: int, passed: npt.NDArray[np.int32]) -> None:
+        """Write `stamp` into `passed` (V,) for all voxels between `origin` (3,) and each of `ends` (M, 3), theirs apart."""
+        _pass_rays(np.asarray(origin), ends, self.low, 1.0 / self.voxel, self._table, self._cells, stamp, passed)
+
+    def neighbours(self, ids: npt.NDArray[np.int32], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
+        """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 where there is none.
+
+        indices : (V, 3) int32 of all voxels (`indices`).
+        """
+        out = np.empty((len(ids), (2 * reach + 1) ** 3), np.int32)
+        _neighbours(ids, indices, reach, self._table, self._cells, out)
+        return out
+
+    def indices(self) -> npt.NDArray[np.int32]:
+        """Return (V, 3) int32: where each voxel lies in the grid."""
+        indices = np.empty((self.n_voxels, 3), np.int32)
+        _indices(self._table, self._cells, indices)
+        return indices
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _cell(x, y, z):  # type: ignore[no-untyped-def]
+    return ((x & (_SIDE - 1)) << (2 * _SIDE_BITS)) | ((y & (_SIDE - 1)) << _SIDE_BITS) | (z & (_SIDE - 1))
+
+
+@numba.njit(cache=True, nogil=True)
+def _insert(points, start, low, per_metre, table, cells, n_bricks, n_voxels, ids):  # type: ignore[no-untyped-def]
+    """Write the voxels of `points` from `start` on into `ids`; return how far the free bricks lasted, and the counts."""
+    for i in range(start, len(points)):
+        x = int((points[i, 0] - low[0]) * per_metre)
+        y = int((points[i, 1] - low[1]) * per_metre)
+        z = int((points[i, 2] - low[2]) * per_metre)
+        brick = table[x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS]
+        if brick < 0:
+            if n_bricks == len(cells):
+                return i, n_bricks, n_voxels
+            brick = n_bricks
+            table[x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS] = brick
+            n_bricks += 1
+        cell = _cell(x, y, z)
+        if cells[brick, cell] < 0:
+            cells[brick, cell] = n_voxels
+            n_voxels += 1
+        ids[i] = cells[brick, cell]
+    return len(points), n_bricks, n_voxels
+
+
+@numba.njit(cache=True, nogil=True)
+def _pass_rays(origin, ends, low, per_metre, table, cells, stamp, passed):  # type: ignore[no-untyped-def]
+    """Amanatides and Woo's walk through the voxels."""
+    start, step, at, last = np.empty(3), np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
+    due, stride = np.empty(3), np.empty(3)
+    for a in range(3):
+        start[a] = (origin[a] - low[a]) * per_metre
+    for i in range(len(ends)):
+        n = 0
+        for a in range(3):
+            end = (ends[i, a] - low[a]) * per_metre
+            at[a], last[a] = int(start[a]), int(end)
+            way = end - start[a]
+            step[a] = 1 if way > 0.0 else -1
+            stride[a] = 1.0 / max(abs(way), 1e-12)
+            border = at[a] + 1.0 if way > 0.0 else float(at[a])
+            due[a] = abs(border - start[a]) * stride[a]
+            n += abs(last[a] - at[a])
+        x, y, z = at[0], at[1], at[2]
+        brick_x, brick_y, brick_z, brick = -1, -1, -1, -1
+        for _ in range(n):
+            if x >> _SIDE_BITS != brick_x or y >> _SIDE_BITS != brick_y or z >> _SIDE_BITS != brick_z:
+                brick_x, brick_y, brick_z = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS
+                brick = table[brick_x, brick_y, brick_z]
+            if brick >= 0:
+                v = cells[brick, _cell(x, y, z)]
+                if v >= 0:
+                    passed[v] = stamp
+            if due[0] <= due[1] and due[0] <= due[2]:
+                x += step[0]
+                due[0] += stride[0]
+            elif due[1] <= due[2]:
+                y += step[1]
+                due[1] += stride[1]
+            else:
+                z += step[2]
+                due[2] += stride[2]
+
+
+@numba.njit(cache=True, nogil=True)
+def _indices(table, cells, out):  # type: ignore[no-untyped-def]
+    for bx in range(table.shape[0]):
+        for by in range(table.shape[1]):
+            for bz in range(table.shape[2]):
+                brick = table[bx, by, bz]
+                if brick < 0:
+                    continue
+                for c in range(_CELLS):
+                    v = cells[brick, c]
+                    if v >= 0:
+                        out[v, 0] = (bx << _SIDE_BITS) + (c >> (2 * _SIDE_BITS))
+                        out[v, 1] = (by << _SIDE_BITS) + ((c >> _SIDE_BITS) & (_SIDE - 1))
+                        out[v, 2] = (bz << _SIDE_BITS) + (c & (_SIDE - 1))
+
+
+@numba.njit(cache=True, nogil=True)
+def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-untyped-def]
+    nx, ny, nz = table.shape
+    for i in range(len(ids)):
+        n = 0
+        for x in range(indices[ids[i], 0] - reach, indices[ids[i], 0] + reach + 1):
+            for y in range(indices[ids[i], 1] - reach, indices[ids[i], 1] + reach + 1):
+                for z in range(indices[ids[i], 2] - reach, indices[ids[i], 2] + reach + 1):
+                    bx, by, bz = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS
+                    inside = 0 <= bx < nx and 0 <= by < ny and 0 <= bz < nz
+                    brick = table[bx, by, bz] if inside else -1
+                    out[i, n] = cells[brick, _cell(x, y, z)] if brick >= 0 else -1
+                    n += 1

@@ -1,0 +1,93 @@
+"""Octomap-based removal: what rays went through more often than they ended in it was there for a while only.
+
+Our reading of Arora, Wiesmann, Chen, Stachniss, "Mapping the Static Parts of Dynamic Scenes from 3D LiDAR Point Clouds
+Exploiting Ground Segmentation" (ECMR 2021): occupancy of voxels by ray casting with OctoMap's sensor model, batch by
+batch; voxels with ground points stay occupied, whatever grazing rays say; a point is moving if its voxel is free, and
+where its voxel is unknown its nearest neighbours decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.baselines.batches import Batch, cut_batches, is_within, labels_of_voxels
+from automos.baselines.brick_grid import BrickGrid
+from automos.baselines.height_images import find_ground
+from automos.geometry import transform
+from automos.scan import Frame, Frames, Mask
+from automos.settings import OctomapSettings
+
+
+def find_moving(frames: Frames, settings: OctomapSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
+    """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel is free."""
+    for batch in cut_batches(frames, settings.batch, start):
+        ids_of, is_free = _map_batch(frames, batch, settings)
+        for k in batch.own:
+            ids = ids_of[k - batch.frames[0]]
+            yield k, _ask_neighbours(frames[k], ids, labels_of_voxels(ids, is_free), settings.neighbours)
+
+
+def _map_batch(
+    frames: Frames, batch: Batch, settings: OctomapSettings
+) -> tuple[list[npt.NDArray[np.int32]], npt.NDArray[np.bool_]]:
+    """Return of each frame which voxel every point fell into, -1 for none, and (V,) which voxels are free."""
+    grid = BrickGrid(
+        settings.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], settings.max_range
+    )
+    # z up at the sensor's mount, ground under the vehicle at z = 0: what it stands on may rise and fall.
+    T_body_sensor = frames.T_level_sensor[0].copy()
+    T_body_sensor[:2, 3] = 0.0
+    ids_of, ground_ids = [], []
+    for k in batch.frames:
+        frame = frames[k]
+        used = is_within(frame, settings.max_range)
+        ids = np.full(len(used), -1, np.int32)
+        ids[used] = grid.add(frame.points_level[used])
+        ids_of.append(ids)
+        ground_ids.append(ids[find_ground(transform(T_body_sensor, frame.points), settings) & used])
+    is_pinned = np.zeros(len(grid), bool)
+    is_pinned[np.concatenate(ground_ids)] = True
+
+    log_odds, passed = np.zeros(len(grid), np.float32), np.full(len(grid), -1, np.int32)
+    hit = np.full(len(grid), -1, np.int32)
+    model = tuple(
+        np.float32(np.log(p / (1.0 - p))) for p in (settings.hit, settings.miss, settings.lowest, settings.highest)
+    )
+    for k, ids in zip(batch.frames, ids_of, strict=True):
+        frame = frames[k]
+        grid.pass_rays(frame.origin_level, _shortened(frame, settings.max_range), k, passed)
+        hit[ids[ids >= 0]] = k
+        _update(log_odds, passed, hit, k, *model)
+    return ids_of, (log_odds < 0.0) & ~is_pinned
+
+
+def _shortened(frame: Frame, max_range: float) -> npt.NDArray[np.float32]:
+    """Return the ends (M, 3) of the frame's rays, level frame, none further than `max_range` from the sensor."""
+    ranges = np.sqrt(np.einsum("ij,ij->i", frame.points, frame.points))
+    points = frame.points * np.minimum(max_range / ranges, 1.0)[:, None]
+    return transform(frame.T_level_sensor, points.astype(np.float32))
+
+
+@numba.njit(cache=True, nogil=True)
+def _update(log_odds, passed, hit, stamp, more, less, lowest, highest):  # type: ignore[no-untyped-def]
+    """One scan's say: once per voxel, and a hit outweighs any number of rays through."""
+    for v in range(len(log_odds)):
+        if hit[v] == stamp:
+            log_odds[v] = min(log_odds[v] + more, highest)
+        elif passed[v] == stamp:
+            log_odds[v] = max(log_odds[v] + less, lowest)
+
+
+def _ask_neighbours(frame: Frame, ids: npt.NDArray[np.int32], is_moving: Mask, n: int) -> Mask:
+    """Return `is_moving`, points without a voxel labelled as most of their `n` nearest neighbours that have one."""
+    unknown, known = np.flatnonzero(ids < 0), np.flatnonzero(ids >= 0)
+    if len(unknown) and len(known) >= n:
+        from scipy.spatial import cKDTree
+
+        _, nearest = cKDTree(frame.points[known]).query(frame.points[unknown], k=[*range(1, n + 1)], workers=-1)
+        is_moving[unknown] = is_moving[known[nearest]].mean(axis=1) > 0.5
+    return is_moving

@@ -1,0 +1,83 @@
+"""Range images: the nearest (or farthest) point per pixel of evenly spaced elevations and azimuths."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.free_space_pattern import turn_of
+
+Image = npt.NDArray[np.float32]
+
+NOTHING = np.float32(np.inf)
+
+
+class ImageShape(NamedTuple):
+    """Pixels of a range image that goes all the way round.
+
+    Attributes
+    ----------
+    rows, columns : pixels; row 0 is the lowest, column 0 begins behind the sensor.
+    lowest : radians, elevation at which row 0 begins.
+    row_height : radians.
+    """
+
+    rows: int
+    columns: int
+    lowest: float
+    row_height: float
+
+
+def image_shape(row_deg: float, column_deg: float, lowest_deg: float, highest_deg: float) -> ImageShape:
+    """Return the shape of an image with pixels of about `row_deg` x `column_deg` between two elevations, degrees."""
+    rows = max(round((highest_deg - lowest_deg) / row_deg), 1)
+    columns = max(round(360.0 / column_deg), 1)
+    return ImageShape(rows, columns, float(np.radians(lowest_deg)), float(np.radians(highest_deg - lowest_deg)) / rows)
+
+
+@numba.njit(cache=True, nogil=True)
+def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
+    """Return row, column and range of a point (float32) in the sensor frame; row -1 where it is out of the image."""
+    level = np.sqrt(x * x + y * y)
+    r = np.sqrt(x * x + y * y + z * z)
+    # `turn_of` is half a turn ahead and grows with the angle: of (level, z) it is the elevation.
+    elevation = (turn_of(level, z) - np.float32(0.5)) * np.float32(6.2831853)
+    row = (elevation - np.float32(shape.lowest)) / np.float32(shape.row_height)
+    if row < np.float32(0.0) or row >= shape.rows:
+        return -1, 0, r
+    return int(row), int(turn_of(x, y) * shape.columns), r
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
+    """Return (rows, columns) float32: the shortest range of `points` (M, 3), sensor frame, in each pixel, else inf."""
+    image = np.full((shape.rows, shape.columns), NOTHING)
+    for i in range(len(points)):
+        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+        if v >= 0:
+            image[v, u] = min(image[v, u], r)
+    return image
+
+
+@numba.njit(cache=True, nogil=True)
+def shortest_around(image, rows, columns):  # type: ignore[no-untyped-def]
+    """Return the shortest range within `rows` above and below and `columns` to both sides, which go round."""
+    h, w = image.shape
+    upright = np.empty_like(image)
+    for v in range(h):
+        for u in range(w):
+            low = NOTHING
+            for b in range(max(v - rows, 0), min(v + rows + 1, h)):
+                low = min(low, image[b, u])
+            upright[v, u] = low
+    out = np.empty_like(image)
+    for v in range(h):
+        for u in range(w):
+            low = NOTHING
+            for a in range(u - columns, u + columns + 1):
+                low = min(low, upright[v, a % w])
+            out[v, u] = low
+    return out

@@ -1,0 +1,59 @@
+"""Regions of points that touch, as voxels that do."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.baselines.brick_grid import BrickGrid
+from automos.scan import Mask
+
+
+def grow_regions(points: npt.NDArray, is_seed: Mask, is_object: Mask, voxel: float, steps: int) -> Mask:
+    """Return (M,) bool: the seeds, and what is reached from them over objects in `steps` steps to touching voxels.
+
+    points : (M, 3) metres.   is_seed, is_object : (M,).   voxel : metres.
+    """
+    rows = np.flatnonzero(is_seed | is_object)
+    if not is_seed.any():
+        return is_seed
+    grid, ids = _voxels(points[rows], voxel)
+    indices = grid.indices()
+    is_reached = np.zeros(len(grid), bool)
+    border = np.unique(ids[is_seed[rows]])
+    is_reached[border] = True
+    for _ in range(steps):
+        around = np.unique(grid.neighbours(border, indices, 1))
+        border = around[(around >= 0) & ~np.append(is_reached, True)[around]]
+        is_reached[border] = True
+    out = is_seed.copy()
+    out[rows] |= is_reached[ids]
+    return out
+
+
+def drop_small_regions(points: npt.NDArray, is_member: Mask, voxel: float, min_points: int) -> Mask:
+    """Return (M,) bool: `is_member` without regions of touching voxels that hold fewer than `min_points` of them.
+
+    points : (M, 3) metres.   voxel : metres.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    rows = np.flatnonzero(is_member)
+    if not len(rows):
+        return is_member
+    grid, ids = _voxels(points[rows], voxel)
+    around = grid.neighbours(np.arange(len(grid), dtype=np.int32), grid.indices(), 1)
+    voxel_of, other = np.repeat(np.arange(len(grid)), around.shape[1]), around.ravel()
+    touches = other >= 0
+    links = coo_matrix((touches[touches], (voxel_of[touches], other[touches])), shape=(len(grid), len(grid)))
+    _, region = connected_components(links, directed=False)
+    size = np.bincount(region[ids])
+    out = np.zeros_like(is_member)
+    out[rows] = size[region[ids]] >= min_points
+    return out
+
+
+def _voxels(points: npt.NDArray, voxel: float) -> tuple[BrickGrid, npt.NDArray[np.int32]]:
+    grid = BrickGrid(voxel, np.stack([points.min(axis=0), points.max(axis=0)]), 0.0)
+    return grid, grid.add(points)

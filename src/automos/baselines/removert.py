@@ -1,0 +1,113 @@
+"""Removert: map points that are nearer than what a scan sees in their direction are removed; some are given back.
+
+Our reading of Kim and Kim, "Remove, then Revert: Static Point Cloud Map Construction using Multiresolution Range
+Images" (IROS 2020). Remove: map and scan are projected to range images of the scan, fine pixels first; where the map is
+nearer by a share of the range, the map's nearest voxel in that pixel leaves the map. Revert, which the public code
+never had: what left is looked at again in ever coarser pixels, in which the nearest return around a direction counts;
+what no scan removes there comes back. Grazing ground and edges come back, what left its place does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.baselines.batches import Batch, cut_batches, is_within, labels_of_voxels
+from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
+from automos.candidates.voxel_map import VoxelMap
+from automos.geometry import inverse
+from automos.parallel import available_cores, map_in_order
+from automos.scan import Frames, Mask
+from automos.settings import RemovertSettings
+
+
+def find_moving(frames: Frames, settings: RemovertSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
+    """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel left the map."""
+    for batch in cut_batches(frames, settings.batch, start):
+        mean, ids_of = _aggregate(frames, batch, settings)
+        is_removed = clean_map(mean, frames, batch.frames[:: settings.every], settings)
+        for k in batch.own:
+            yield k, labels_of_voxels(ids_of[k - batch.frames[0]], is_removed)
+
+
+def _aggregate(
+    frames: Frames, batch: Batch, settings: RemovertSettings
+) -> tuple[npt.NDArray[np.float32], list[npt.NDArray[np.int32]]]:
+    """Return the mean of every voxel (V, 3), level frame, and of each frame which voxel each point fell into."""
+    voxels = VoxelMap(settings.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
+    ids_of = []
+    for k in batch.frames:
+        frame = frames[k]
+        used = is_within(frame, settings.max_range)
+        ids = np.full(len(used), -1, np.int32)
+        ids[used] = voxels.add(frame.points_level[used])
+        ids_of.append(ids)
+    return voxels.mean, ids_of
+
+
+def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, settings: RemovertSettings) -> Mask:
+    """Return (V,) bool: the voxels of the map `mean` (V, 3), level frame, that `scans` remove and do not give back."""
+    is_removed = np.zeros(len(mean), bool)
+    for per_degree in settings.remove:
+        static = np.flatnonzero(~is_removed)
+        is_removed[static[_condemn(mean[static], frames, scans, per_degree, settings, only_nearest=True)]] = True
+    for per_degree in settings.revert:
+        removed = np.flatnonzero(is_removed)
+        is_removed[removed] = _condemn(mean[removed], frames, scans, per_degree, settings, only_nearest=False)
+    return is_removed
+
+
+def _condemn(
+    points: npt.NDArray[np.float32],
+    frames: Frames,
+    scans: range,
+    per_degree: float,
+    settings: RemovertSettings,
+    only_nearest: bool,
+) -> Mask:
+    """Return (V,) bool: the points that any of the scans sees through, of those nearest in their pixel or of all."""
+    edge = settings.max_elevation_deg
+    shape = image_shape(1.0 / per_degree, 1.0 / per_degree, -edge, edge)
+    condemned = np.zeros(len(points), bool)
+
+    def compare(k: int) -> None:
+        # Threads only ever write True here: their order does not matter.
+        frame = frames[k]
+        seen = nearest_ranges(frame.points[is_within(frame, settings.max_range)], shape)
+        T = inverse(frame.T_level_sensor)[:3].astype(np.float32)
+        _mark_seen_through(points, T, seen, shape, settings.max_range, settings.difference, only_nearest, condemned)
+
+    for _ in map_in_order(compare, scans, available_cores(), threads=True):
+        pass
+    return condemned
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark_seen_through(points, T, seen, shape: ImageShape, max_range, difference, only_nearest, condemned):  # type: ignore[no-untyped-def]
+    """Set `condemned` (V,) of `points` (V, 3) that are nearer than `seen`, from the sensor that `T` (3, 4) leads to."""
+    nearest = np.full((shape.rows, shape.columns), NOTHING)
+    nearest_id = np.full((shape.rows, shape.columns), -1, np.int32)
+    for i in range(len(points)):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
+        y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
+        if x * x + y * y > max_range * max_range:
+            continue
+        z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
+        v, u, r = pixel_of(x, y, z, shape)
+        if v < 0 or seen[v, u] == NOTHING:
+            continue
+        if only_nearest:
+            if r < nearest[v, u]:
+                nearest[v, u] = r
+                nearest_id[v, u] = i
+        elif seen[v, u] - r > difference * seen[v, u]:
+            condemned[i] = True
+    if only_nearest:
+        for v in range(shape.rows):
+            for u in range(shape.columns):
+                if nearest_id[v, u] >= 0 and seen[v, u] - nearest[v, u] > difference * seen[v, u]:
+                    condemned[nearest_id[v, u]] = True

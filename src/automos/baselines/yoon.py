@@ -1,0 +1,105 @@
+"""Yoon's method: what is far from everything another scan saw, where that scan saw free space, has moved.
+
+Our reading of Yoon, Tang and Barfoot, "Mapless Online Detection of Dynamic Objects in 3D Lidar" (CRV 2019): each scan is
+compared with one before and one after it, motion compensated and aligned. Points without a neighbour there are
+candidates; those on rays of the other scan that went on are kept, those that were hidden or out of its sight are not; a
+box filter takes lone ones away; regions grow from what is left over near points that are not ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from automos.baselines.batches import is_within
+from automos.baselines.neighbours_in_time import scans_at
+from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of, shortest_around
+from automos.baselines.regions import grow_regions
+from automos.candidates.ground import segment_ground
+from automos.geometry import inverse, transform
+from automos.scan import Frame, Frames, Mask
+from automos.settings import GroundSettings, YoonSettings
+
+_EDGE_DEG = 60.0  # no ray of a spinning sensor rises or falls more steeply
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is kept of a scan while others are compared with it."""
+
+    frame: Frame
+    tree: cKDTree
+    shortest: npt.NDArray[np.float32]  # of the rays around each pixel
+
+
+def find_moving(
+    frames: Frames, stamps: npt.NDArray, settings: YoonSettings, ground: GroundSettings, start: int = 0
+) -> Iterator[tuple[int, Mask]]:
+    """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
+    shape = image_shape(settings.window_deg, settings.window_deg, -_EDGE_DEG, _EDGE_DEG)
+    seen: dict[int, _Seen] = {}
+    for k in range(start, len(frames)):
+        others = scans_at(stamps, k, (-settings.gap, settings.gap))
+        for j in sorted({k, *others} - set(seen)):
+            seen[j] = _look(frames[j], shape)
+        seen = {j: scan for j, scan in seen.items() if j >= min(k, *others, k)}
+        frame = seen[k].frame
+        is_seed = np.zeros(len(frame.points), bool)
+        for j in others:
+            is_seed |= _find_changed(frame, seen[j], shape, settings)
+        is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
+        is_object &= is_within(frame, settings.max_range)
+        is_seed &= is_object
+        is_seed &= _has_company(
+            frame.points, is_seed, shape, round(settings.box_deg / settings.window_deg), settings.box_points
+        )
+        yield k, grow_regions(frame.points_level, is_seed, is_object, settings.grow_gap, settings.grow_steps)
+
+
+def _look(frame: Frame, shape: ImageShape) -> _Seen:
+    return _Seen(frame, cKDTree(frame.points_level), shortest_around(nearest_ranges(frame.points, shape), 1, 1))
+
+
+def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, settings: YoonSettings) -> Mask:
+    """Return (M,) bool: the frame's points where the other scan saw nothing near, but rays that went on behind."""
+    there = transform(inverse(other.frame.T_level_sensor) @ frame.T_level_sensor, frame.points)
+    is_changed = np.zeros(len(there), bool)
+    _find_free(there, other.shortest, shape, settings.margin, settings.max_range, is_changed)
+    rows = np.flatnonzero(is_changed)  # free space first: it is quicker to tell
+    residual, _ = other.tree.query(frame.points_level[rows], distance_upper_bound=settings.residual)
+    is_changed[rows] = np.isinf(residual)
+    return is_changed
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_free(points, shortest, shape, margin, max_range, is_free):  # type: ignore[no-untyped-def]
+    for i in range(len(points)):
+        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+        if v >= 0 and r < max_range and shortest[v, u] != NOTHING:
+            is_free[i] = shortest[v, u] - r > margin
+
+
+@numba.njit(cache=True, nogil=True)
+def _has_company(points, is_seed, shape, reach, min_points):  # type: ignore[no-untyped-def]
+    """Return (M,) bool: the seeds with at least `min_points` seeds within `reach` pixels, themselves counted."""
+    counts = np.zeros((shape.rows, shape.columns), np.int32)
+    for i in range(len(points)):
+        if is_seed[i]:
+            v, u, _ = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+            if v >= 0:
+                counts[v, u] += 1
+    out = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        if is_seed[i]:
+            v, u, _ = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+            n = 0
+            for b in range(max(v - reach, 0), min(v + reach + 1, shape.rows)):
+                for a in range(u - reach, u + reach + 1):
+                    n += counts[b, a % shape.columns]
+            out[i] = v >= 0 and n >= min_points
+    return out
