@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from worlds import lane, write_bins
 
 # The same examples on every run: a failure seen once is seen again. The first call of a kernel may compile it.
 settings.register_profile("automos", deadline=None, derandomize=True, max_examples=50)
@@ -52,3 +54,57 @@ def _unpack_once(packed: Path) -> Path:
             subprocess.run([sys.executable, packed / "unpack.py", root, *_NAMES], check=True, stdout=subprocess.DEVNULL)
             done.touch()
     return root
+
+
+@pytest.fixture(scope="session")
+def lane_run(tmp_path_factory) -> Path:
+    """Return a results folder of a small world, labelled by one command; the recording has truth. Copy to change it."""
+    from automos.datasets import open_sequence
+    from automos.labeling import label_recording
+    from automos.settings import load_settings
+
+    folder = tmp_path_factory.mktemp("lane")
+    world, recording = lane(), folder / "lane"
+    write_bins(world.sequence, recording / "velodyne")
+    (recording / "labels").mkdir()
+    for name, truth in zip(world.sequence.names, world.truth, strict=True):
+        truth.astype("u4").tofile(recording / "labels" / f"{name}.label")
+    (recording / "times.txt").write_text("".join(f"{stamp:.9f}\n" for stamp in world.sequence.stamps))
+    label_recording(open_sequence(recording), folder / "run", load_settings("default"), workers=1)
+    return folder / "run"
+
+
+@pytest.fixture(scope="session")
+def _chromium():
+    """Return a headless browser; skip with a reason where there is none."""
+    selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: pip install selenium")
+    from selenium.common.exceptions import WebDriverException
+
+    driver = shutil.which("chromedriver")
+    binary = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if driver is None or binary is None:
+        pytest.skip("no browser: install chromium and chromium-driver")
+    options = selenium.ChromeOptions()
+    options.binary_location = binary
+    for argument in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "window-size=1280,900"):
+        options.add_argument(f"--{argument}")
+    for argument in ("use-angle=swiftshader", "enable-unsafe-swiftshader"):  # WebGL without a graphics card
+        options.add_argument(f"--{argument}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    try:
+        opened = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
+    except WebDriverException as error:
+        pytest.skip(f"the browser does not start: {error.msg}")
+    opened.set_script_timeout(20)
+    yield opened
+    opened.quit()
+
+
+@pytest.fixture
+def browser(_chromium):
+    """Return a headless browser whose page says nothing on its console: neither errors nor warnings of the page."""
+    _chromium.get("about:blank")
+    _chromium.get_log("browser")
+    yield _chromium
+    said = [entry["message"] for entry in _chromium.get_log("browser") if entry["level"] == "SEVERE"]
+    assert said == []

@@ -35,3 +35,36 @@ def report(
     with StageProgress(console, results.name) as progress:
         write_report(open_run(results, recording, format, progress), path)
     output.print(path)
+
+
+@look_app.command()
+def review(
+    results: Results,
+    recording: Recording = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free one")] = 0,
+    browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+    format: Format = None,
+) -> None:
+    """Step through the objects of a run, least certain first, and decide: moving, static or unsure.
+
+    Labels, tracks.json and the report are rewritten. Every decision is kept in RUN/review.jsonl and holds when the
+    recording is labelled again.
+    """
+    from automos.export.open_run import open_run
+    from automos.progress import StageProgress
+    from automos.review.server import ReviewServer
+    from automos.review.session import Session
+
+    with StageProgress(console, results.name) as progress:
+        session = Session(open_run(results, recording, format), progress)
+    server = ReviewServer(session, port)
+    output.print(f"{server.url}  (Ctrl-C ends the review)")
+    if browser:
+        typer.launch(server.url)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        console.print("writing what was decided")
+    finally:
+        server.server_close()
+        session.close()

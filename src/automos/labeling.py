@@ -12,6 +12,7 @@ from automos.export.results import write_results
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
+from automos.review.apply import reapply
 from automos.scan import Sequence
 from automos.settings import Settings
 from automos.workspace import RUN_FILE, Workspace
@@ -44,7 +45,8 @@ def label_recording(
         poses = read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
     with StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
-        return write_results(folder, sequence, result, settings, progress)
+        write_results(folder, sequence, result, settings, progress)
+        return reapply(folder, sequence, progress)
 
 
 def summary(run: dict[str, Any], folder: Path) -> str:
@@ -57,6 +59,7 @@ def summary(run: dict[str, Any], folder: Path) -> str:
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled",
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
+        *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
         f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; "
         f"labels in {folder}/predictions",
     ]

@@ -63,7 +63,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
         "heading": np.arctan2(T_level_sensor[:, 1, 0], T_level_sensor[:, 0, 0]).round(3).tolist(),
         "length": round(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), 1),
         "map": ground.to_page(),
-        "tracks": [_track_row(track) for track in sorted(tracks, key=doubt)],
+        "tracks": [track_row(track) for track in sorted(tracks, key=doubt)],
         "pictures": pictures.to_page(),
         "boxes": _packed_boxes(tracks, n),
         "truth": truth.to_page(),
@@ -83,7 +83,8 @@ def _most_telling(tracks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return order[:MAX_THUMBNAILS]
 
 
-def _track_row(track: dict[str, Any]) -> dict[str, Any]:
+def track_row(track: dict[str, Any]) -> dict[str, Any]:
+    """Return what a table shows of a track of tracks.json."""
     seen = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
     centers = np.array([box["center"] for box in seen])
     speeds = np.array([np.hypot(*box["velocity"][:2]) for box in seen])

@@ -1,0 +1,83 @@
+"""Which tracks of a run a decision is about: those that lie on the points that were decided on."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+import numpy as np
+
+from automos.review.decisions import Cover, Decision, cover
+from automos.review.run_stages import RunStages
+
+MOMENTS = 12
+"""Scans of a track that a decision remembers, evenly over its life."""
+SHARED = 0.5
+"""Share of the decided points that a track must hold, and of the track's points that must have been decided on."""
+LIFE = 0.25
+"""Share of the remembered scans in which a track must be, for brushing past an object is not being it."""
+
+
+def cover_track(stages: RunStages, track: int) -> dict[str, Cover]:
+    """Return what `track` (index, from 0) covers: the rows of its points in some scans, by the scans' names."""
+    rows = stages.tracks.rows_of(track)
+    scans = stages.tracks.scan[rows][stages.tracks.is_observed[rows]]
+    covers = {}
+    for i in (
+        scans[np.unique(np.linspace(0, len(scans) - 1, MOMENTS).round().astype(int))].tolist() if len(scans) else []
+    ):
+        own = np.flatnonzero(stages.track_of_points(i) == track)
+        if len(own):
+            covers[stages.names[i]] = cover(stages.frame(i).kept[own])
+    return covers
+
+
+def match(stages: RunStages, decisions: Iterable[Decision]) -> tuple[dict[int, str], list[Decision]]:
+    """Return the verdict decided for each track (index, from 0), and the decisions that find no track any more.
+
+    Decisions on tracks of this very run hold for the track of their number. Others hold for every track that shares
+    more than half of its points with them; a track that was cut in two keeps the decision in both. Later decisions
+    replace earlier ones, and "undo" takes them back.
+    """
+    decided: dict[int, str] = {}
+    lost = []
+    owners: dict[str, np.ndarray] = {}
+    for decision in decisions:
+        if decision.tracking == stages.keys["tracking"]:
+            found = [decision.track - 1] if 1 <= decision.track <= len(stages.tracks) else []
+        else:
+            found = _holders(stages, decision, owners)
+        for track in found:
+            decided[track] = decision.verdict
+        if not found and decision.verdict != "undo":
+            lost.append(decision)
+    return {track: verdict for track, verdict in decided.items() if verdict != "undo"}, lost
+
+
+def _holders(stages: RunStages, decision: Decision, owners: dict[str, np.ndarray]) -> list[int]:
+    """Return the tracks that lie on the points of `decision`; `owners` keeps each scan's for the next decision."""
+    shared: dict[int, float] = defaultdict(float)
+    theirs: dict[int, float] = defaultdict(float)
+    ours: dict[int, float] = defaultdict(float)
+    scans: dict[int, int] = defaultdict(int)
+    index = {name: i for i, name in enumerate(stages.names)}
+    for name, covered in decision.covers.items():
+        if name not in index or not covered.rows:
+            continue
+        if name not in owners:
+            owners[name] = stages.frame(index[name]).scatter(stages.track_of_points(index[name]), fill=-1)
+        owner = owners[name]
+        rows = [row for row in covered.rows if row < len(owner)]
+        for track, hits in zip(*np.unique(owner[rows], return_counts=True), strict=True):
+            if track >= 0:
+                shared[int(track)] += hits / len(covered.rows) * covered.n_points
+                theirs[int(track)] += int((owner == track).sum())
+                ours[int(track)] += covered.n_points
+                scans[int(track)] += 1
+    return [
+        track
+        for track in sorted(shared)
+        if shared[track] > SHARED * ours[track]
+        and shared[track] > SHARED * theirs[track]
+        and scans[track] >= LIFE * len(decision.covers)
+    ]

@@ -1,0 +1,155 @@
+"""The review's page, served to this machine alone.
+
+Bound to 127.0.0.1, but a browser here shows pages of strangers too, and these can send requests to any address. So a
+request counts only if it names this server as its host (a stranger's name that resolves to 127.0.0.1 does not), comes
+from no other origin, and a decision only as JSON, which other origins may not send unasked.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from automos.errors import AutomosError, InputError
+from automos.review.session import Session
+from automos.visualization.page_files import page_text
+
+_log = logging.getLogger(__name__)
+
+HOST = "127.0.0.1"
+MAX_BODY = 1000
+"""Bytes a decision may have."""
+_OWN = ("review.html", "review.css", "review.js", "review_gl.js")
+_SHARED = ("look.css", "look.js")
+_KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
+
+
+class ReviewServer(ThreadingHTTPServer):
+    """Serves one session on 127.0.0.1."""
+
+    daemon_threads = True
+
+    def __init__(self, session: Session, port: int = 0):
+        """Listen on `port`, any free one if 0.
+
+        Raises
+        ------
+        InputError
+            The port is taken.
+        """
+        try:
+            super().__init__((HOST, port), _Handler)
+        except OSError as error:
+            raise InputError(
+                f"port {port} cannot be used ({error.strerror}); choose another --port, or none"
+            ) from error
+        self.session = session
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self.server_port}/"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: ReviewServer
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:  # noqa: N802
+        if not self._is_ours():
+            return
+        url = urlsplit(self.path)
+        name = url.path.lstrip("/") or "review.html"
+        if name in _OWN:
+            self._send(files("automos.review").joinpath("page", name).read_text(encoding="utf-8"), name)
+        elif name in _SHARED:
+            self._send(page_text(name), name)
+        elif name == "api/overview":
+            self._answer(self.server.session.overview)
+        elif name == "api/status":
+            self._answer(self.server.session.status)
+        elif name == "api/scene":
+            self._answer(lambda: self.server.session.scene(_number(parse_qs(url.query).get("track", [""])[0])))
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def do_POST(self) -> None:  # noqa: N802
+        self.close_connection = True  # whatever is refused, its body is not read
+        if not self._is_ours():
+            return
+        if self.headers.get_content_type() != "application/json":
+            return self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "decisions come as JSON")
+        size = self.headers.get("Content-Length", "")
+        if not size.isdigit() or int(size) > MAX_BODY:
+            return self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "that is no decision")
+        try:
+            body = json.loads(self.rfile.read(int(size)) or b"{}")
+        except ValueError:
+            return self._refuse(HTTPStatus.BAD_REQUEST, "that is not JSON")
+        if self.path == "/api/decide" and isinstance(body, dict):
+            return self._answer(lambda: self._decide(body))
+        if self.path == "/api/finish":
+            return self._answer(lambda: self._finish())
+        return self._refuse(HTTPStatus.NOT_FOUND, "there is nothing to decide here")
+
+    def _decide(self, body: dict[str, Any]) -> dict[str, Any]:
+        self.server.session.decide(_number(body.get("track")), str(body.get("verdict")))
+        return self.server.session.status()
+
+    def _finish(self) -> dict[str, Any]:
+        self.server.session.close()
+        return self.server.session.status()
+
+    # ------------------------------------------------------------------------------------------------- in and out
+    def _is_ours(self) -> bool:
+        """Return whether the request comes from the page itself; refuse it otherwise."""
+        port = self.server.server_port
+        hosts = {f"{HOST}:{port}", f"localhost:{port}"}
+        origin = self.headers.get("Origin")
+        is_here = self.headers.get("Host") in hosts and (origin is None or origin in {f"http://{h}" for h in hosts})
+        if not is_here or self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            self.close_connection = True
+            self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
+            return False
+        return True
+
+    def _answer(self, make: Any) -> None:
+        try:
+            self._send(json.dumps(make()), "answer.json")
+        except AutomosError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+
+    def _refuse(self, status: HTTPStatus, why: str) -> None:
+        self._send(json.dumps({"error": why}), "error.json", status)
+
+    def _send(self, text: str, name: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        content = text.encode()
+        self.send_response(status)
+        self.send_header("Content-Type", f"{_KINDS[name.rsplit('.', 1)[-1]]}; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header(
+            "Content-Security-Policy", "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src data:"
+        )
+        self.send_header("X-Frame-Options", "DENY")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("Cache-Control", "no-store")
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        _log.debug(format, *args)
+
+
+def _number(value: Any) -> int:
+    try:
+        return int(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{value!r} is no object's number") from None

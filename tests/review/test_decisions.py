@@ -1,0 +1,43 @@
+"""The log of decisions: only ever added to, read back as written, forgiving of a crash and of nothing else."""
+
+import numpy as np
+import pytest
+
+from automos.errors import InputError
+from automos.review.decisions import LOG_FILE, Cover, Decision, append_decision, cover, read_decisions
+
+ONE = Decision("2026-01-02T03:04:05+00:00", 3, "moving", "static", "key", {"000001": Cover(2, [5, 9])})
+TWO = Decision("2026-01-02T03:05:05+00:00", 3, "undo", "static", "key", {})
+
+
+def test_decisions_are_read_back_as_they_were_written(tmp_path):
+    assert read_decisions(tmp_path) == []
+    append_decision(tmp_path, ONE)
+    first = (tmp_path / LOG_FILE).read_bytes()
+    append_decision(tmp_path, TWO)
+    assert (tmp_path / LOG_FILE).read_bytes().startswith(first)
+    assert read_decisions(tmp_path) == [ONE, TWO]
+
+
+def test_a_line_cut_short_by_a_crash_is_passed_over_and_swallows_none(tmp_path):
+    append_decision(tmp_path, ONE)
+    with (tmp_path / LOG_FILE).open("a") as file:
+        file.write('{"at": "2026-01-02T0')
+    assert read_decisions(tmp_path) == [ONE]
+    append_decision(tmp_path, TWO)
+    assert (tmp_path / LOG_FILE).read_text().count("\n") == 3
+    with pytest.raises(InputError, match="line 2 is no decision"):  # whole now, so it is damage and is told
+        read_decisions(tmp_path)
+
+
+@pytest.mark.parametrize("line", ["nonsense", "[]", '{"at": "x"}'])
+def test_a_damaged_line_is_named(tmp_path, line):
+    (tmp_path / LOG_FILE).write_text(line + "\n")
+    with pytest.raises(InputError, match=r"review.jsonl, line 1 is no decision .*; mend or remove that line"):
+        read_decisions(tmp_path)
+
+
+def test_a_cover_keeps_some_rows_and_the_number_of_all():
+    assert cover(np.array([4, 7])) == Cover(2, [4, 7])
+    some = cover(np.arange(1000), most=5)
+    assert some == Cover(1000, [0, 249, 499, 749, 999])

@@ -1,0 +1,196 @@
+"""The page of the review: for this machine's own browser alone, and what it decides is written."""
+
+import http.client
+import json
+import shutil
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from automos.export.open_run import open_run
+from automos.labels import Label
+from automos.review.decisions import read_decisions
+from automos.review.server import ReviewServer
+from automos.review.session import Session
+
+
+@pytest.fixture
+def server(lane_run, tmp_path):
+    """Return a server that runs on a copy of a run."""
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    server = ReviewServer(Session(open_run(run)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield server
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def ask(server, path, body=None, **headers):
+    """Return the status and the answer of a request; a header set to None is not sent, Host included."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    content = None if body is None else json.dumps(body)
+    sent = {"Host": f"127.0.0.1:{server.server_port}", "Content-Type": "application/json"}
+    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request("GET" if body is None else "POST", path, content, sent)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, text
+
+
+DECIDE = {"track": 1, "verdict": "static"}
+
+
+def test_it_listens_on_this_machine_alone(server):
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_tracks_come_with_what_was_found_least_certain_first(server):
+    status, text = ask(server, "/api/overview")
+    tracks = json.loads(text)["tracks"]
+    assert status == 200
+    assert [track["confidence"] for track in tracks] == sorted(track["confidence"] for track in tracks)
+    assert len(tracks) == len(server.session.stages.tracks)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},  # a stranger's name that resolves to 127.0.0.1
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec_Fetch_Site": "cross-site"},
+    ],
+)
+def test_other_sites_can_neither_read_nor_decide(server, headers):
+    for path, body in (("/api/overview", None), ("/api/decide", DECIDE), ("/", None)):
+        status, text = ask(server, path, body, **headers)
+        assert status == 403
+        assert "only the page itself" in text
+    assert read_decisions(server.session.run.folder) == []
+
+
+def test_a_form_of_another_site_cannot_decide_even_without_an_origin(server):
+    status, _ = ask(server, "/api/decide", DECIDE, Content_Type="text/plain")
+    assert status == 415
+    assert read_decisions(server.session.run.folder) == []
+
+
+@pytest.mark.parametrize(
+    ("body", "why"),
+    [
+        ({"track": 9999, "verdict": "moving"}, "there is no object 9999"),
+        ({"track": 1, "verdict": "parked"}, "'parked' is no verdict"),
+        ({"track": None, "verdict": "moving"}, "None is no object's number"),
+    ],
+)
+def test_a_decision_that_makes_no_sense_is_refused_in_a_sentence(server, body, why):
+    status, text = ask(server, "/api/decide", body)
+    assert status == 400
+    assert why in json.loads(text)["error"]
+    assert read_decisions(server.session.run.folder) == []
+
+
+@pytest.mark.parametrize("path", ["/../run.json", "/page/review.html", "/api/nothing", "/%2e%2e/run.json"])
+def test_no_other_file_is_served(server, path):
+    assert ask(server, path)[0] == 404
+
+
+def test_a_scene_holds_the_tracks_points_at_moments_of_its_life(server):
+    from base64 import b64decode
+
+    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["tracks"] if t["verdict"] == "moving")
+    scene = json.loads(ask(server, f"/api/scene?track={moving['id']}")[1])
+    points = np.frombuffer(b64decode(scene["points"]), "<i2").reshape(-1, 3) / 100.0
+    kinds = np.frombuffer(b64decode(scene["kinds"]), np.uint8)
+    assert len(points) == len(kinds) == scene["starts"][-1]
+    assert len(scene["moments"]) == len(scene["starts"]) - 1
+    for k, moment in enumerate(scene["moments"]):
+        own = points[scene["starts"][k] : scene["starts"][k + 1]][
+            kinds[scene["starts"][k] : scene["starts"][k + 1]] == 3
+        ]
+        assert len(own)
+        assert np.abs(np.median(own, axis=0) - moment["box"][:3]).max() < 2.0
+
+
+def test_a_decision_is_in_the_log_at_once_and_soon_in_labels_tracks_and_report(server):
+    run = server.session.run.folder
+    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["tracks"] if t["verdict"] == "moving")
+    before = count_moving(run)
+    status, _ = ask(server, "/api/decide", {"track": moving["id"], "verdict": "static"})
+    assert status == 200
+    assert [(d.track, d.verdict, d.found) for d in read_decisions(run)] == [(moving["id"], "static", "moving")]
+    assert ask(server, "/api/finish", {})[0] == 200
+    assert 0 < count_moving(run) < before
+    track = json.loads((run / "tracks.json").read_text())["tracks"][moving["id"] - 1]
+    assert (track["verdict"], track["found"]["verdict"]) == ("static", "moving")
+    assert '"reviewed":true' in (run / "report.html").read_text()
+
+
+def count_moving(run):
+    return sum(int((np.fromfile(p, np.uint32) & 0xFFFF == Label.MOVING).sum()) for p in (run / "predictions").iterdir())
+
+
+# ------------------------------------------------------------------------------------------------------ in a browser
+def wait_for(browser, script, seconds=15):
+    """Return what `script` returns as soon as that is something."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = browser.execute_script(f"return {script}")
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"never true: {script}")
+
+
+@pytest.mark.browser
+def test_one_key_decides_and_shows_the_next(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.find_element("tag name", "body").send_keys("u")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [(d.track, d.verdict) for d in read_decisions(server.session.run.folder)] == [(int(first), "unknown")]
+    assert browser.find_element("id", "progress-text").text.startswith("1 of")
+
+    browser.find_element("tag name", "body").send_keys("\ue013")  # arrow up
+    wait_for(browser, f"document.body.dataset.shown === '{first}'")
+    browser.find_element("tag name", "body").send_keys("z")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert server.session.decided == {}
+
+
+@pytest.mark.browser
+def test_an_object_is_drawn_in_3d_and_from_above(browser, server):
+    browser.get(server.url)
+    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")["id"]
+    wait_for(browser, "document.body.dataset.shown")
+    browser.execute_script(f"document.querySelector('#queue [data-id=\"{moving}\"]').click()")
+    wait_for(browser, f"document.body.dataset.shown === '{moving}'")
+    browser.execute_async_script("setTimeout(arguments[0], 300)")
+    greens = """(() => {
+        const canvas = document.getElementById("%s");
+        const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+        const context = copy.getContext("2d");
+        context.drawImage(canvas, 0, 0);
+        const p = context.getImageData(0, 0, copy.width, copy.height).data;
+        let n = 0;
+        for (let i = 0; i < p.length; i += 4) n += p[i + 3] > 0 && p[i + 1] > 1.4 * p[i] && p[i + 1] > 1.2 * p[i + 2];
+        return n;
+    })()"""
+    assert wait_for(browser, greens % "above") > 20
+    assert wait_for(browser, greens % "space") > 20
+
+
+@pytest.mark.browser
+def test_finishing_writes_the_report_and_says_so(browser, server):
+    browser.get(server.url)
+    wait_for(browser, "document.body.dataset.shown")
+    browser.find_element("tag name", "body").send_keys("m")
+    browser.find_element("id", "finish").click()
+    wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
+    assert (server.session.run.folder / "report.html").exists()
