@@ -25,12 +25,10 @@ def test_a_line_cut_short_by_a_crash_is_passed_over_and_swallows_none(tmp_path):
         file.write('{"at": "2026-01-02T0')
     assert read_decisions(tmp_path) == [ONE]
     append_decision(tmp_path, TWO)
-    assert (tmp_path / LOG_FILE).read_text().count("\n") == 3
-    with pytest.raises(InputError, match="line 2 is no decision"):  # whole now, so it is damage and is told
-        read_decisions(tmp_path)
+    assert read_decisions(tmp_path) == [ONE, TWO]
 
 
-@pytest.mark.parametrize("line", ["nonsense", "[]", '{"at": "x"}'])
+@pytest.mark.parametrize("line", ['{"at": }', '{"at": "x"}'])
 def test_a_damaged_line_is_named(tmp_path, line):
     (tmp_path / LOG_FILE).write_text(line + "\n")
     with pytest.raises(InputError, match=r"review.jsonl, line 1 is no decision .*; mend or remove that line"):

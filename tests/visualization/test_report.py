@@ -96,7 +96,7 @@ def test_a_browser_draws_map_curves_and_pictures(browser, page):
         const canvas = document.querySelector(arguments[0]);
         const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
         const seen = new Set();
-        for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3]) seen.add(`${pixels[i]},${pixels[i + 1]},${pixels[i + 2]}`);
+        for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3]) seen.add(pixels.slice(i, i + 3).join());
         return seen.size;"""
     assert browser.execute_script(painted, "#map") > 10
     assert browser.execute_script(painted, "#tracks-body canvas") > 3

@@ -20,7 +20,7 @@ def picture(centers):
     body = np.random.default_rng(0).uniform([-1.9, -0.9, 0.3], [1.9, 0.9, 1.4], (300, 3))
     around = np.array([[2.0, 3.0, 1.0], [2.0, -3.0, 0.05]])  # something standing, and ground
     for i, x in enumerate(centers):
-        made.add(i, np.vstack([body + [x, 0.0, 0.0], around]))
+        made.add(i, np.vstack([body + np.array([x, 0.0, 0.0]), around]))
     page = made.to_page()[7]
     rows = np.frombuffer(base64.b64decode(page["points"]), np.uint8).reshape(-1, 3).astype(float)
     x = page["center"][0] + rows[:, 0] * 2 * page["half"] / GRID - page["half"]

@@ -98,15 +98,14 @@ def read_decisions(folder: Path) -> list[Decision]:
     Raises
     ------
     InputError
-        A line that is no decision; a last line that was cut short by a crash is passed over.
+        A line that is no decision. Lines cut short by a crash, without their closing brace, are passed over.
     """
     path = folder / LOG_FILE
     if not path.exists():
         return []
-    lines = path.read_text(encoding="utf-8").splitlines()
     found = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        if not line.strip().endswith("}"):
             continue
         try:
             fields = json.loads(line)
@@ -115,8 +114,6 @@ def read_decisions(folder: Path) -> list[Decision]:
             if decision.verdict not in CHOICES:
                 raise ValueError(decision.verdict)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            if number == len(lines) and not _ends_whole(path):
-                break
             raise InputError(f"{path}, line {number} is no decision ({error}); mend or remove that line") from None
         found.append(decision)
     return found
