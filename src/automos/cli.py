@@ -14,6 +14,7 @@ from rich.text import Text
 
 from automos.cli_formats import formats_app
 from automos.cli_look import look_app
+from automos.cli_network import network_app
 from automos.errors import AutomosError, InputError, SettingsError
 
 app = typer.Typer(
@@ -24,6 +25,7 @@ app = typer.Typer(
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
 app.add_typer(formats_app)
+app.add_typer(network_app)
 app.add_typer(look_app)
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)

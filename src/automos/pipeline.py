@@ -18,12 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
+from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
-from automos.stages import find_candidates, find_segments, follow_and_judge, paint
+from automos.stages import find_candidates, find_segments, follow_and_judge, hear_network, paint
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
@@ -62,7 +63,8 @@ def label(
         run.once("odometry", lambda tick: estimate_trajectory(sequence, settings.odometry, poses, tick).to_arrays())
     )
     frames = SequenceFrames(sequence, trajectory)
-    candidates = run.each("candidates", partial(find_candidates, frames, trajectory.stamps, settings, workers))
+    find = partial(find_candidates, frames, trajectory.stamps, settings, workers)
+    candidates = run.each("candidates", partial(hear_network, find, frames, names, settings.self_training))
     instances = run.each("instances", partial(find_segments, frames, candidates, names, settings.instances, workers))
     followed = run.once("tracking", lambda tick: follow_and_judge(trajectory, instances, names, settings))
     tracks, verdicts = Tracks.from_arrays(followed), Verdicts.from_arrays(followed)
@@ -78,9 +80,13 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
     """Return each stage's fingerprint: it changes with all that shapes the stage's results."""
     given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     key = fingerprint(__version__, sequence.fingerprint(), given)
-    keys = {}
+    keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
-        key = fingerprint(key, stage, settings.model_dump(mode="json").get(stage))
+        key = fingerprint(key, stage, chosen.get(stage))
+        if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):
+            key = fingerprint(key, chosen["baselines"])
+        if stage == "candidates" and settings.self_training.folder:
+            key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key
     return keys
 

@@ -476,7 +476,7 @@ class RemovertSettings(_Group):
     max_range: float = Field(80.0, gt=0, description="m, points used")
     remove: tuple[float, ...] = Field((2.5, 2.0, 1.5), min_length=1, description="pixels per degree, one pass each")
     revert: tuple[float, ...] = Field((1.0, 0.9, 0.8, 0.7), description="pixels per degree, one pass each; none: off")
-    every: int = Field(1, ge=1, description="every how many scans the map is compared with")
+    every: int = Field(5, ge=1, description="every how many scans the map is compared with")
     max_elevation_deg: float = Field(25.0, gt=0, le=90, description="deg above and below the sensor that is looked at")
     difference: float = Field(0.05, gt=0, description="of the range, by which the map must be nearer than the scan")
 
@@ -635,7 +635,7 @@ class TrainingSettings(_Group):
     decay: float = Field(0.99, gt=0, le=1, description="factor of the learning rate per epoch, if exponential")
     patience: int = Field(30, ge=1, description="epochs without a better validation until training stops")
     use_confidence: bool = Field(False, description="weigh every point's loss by the confidence of its label")
-    validation_scans: int = Field(100, ge=1, description="scans an epoch is judged by, evenly spread over the recordings")
+    validation_scans: int = Field(100, ge=1, description="scans an epoch is judged by, evenly spread")
     weighed_scans: int = Field(60, ge=1, description="scans in which classes are counted for their weights")
     seed: int = Field(0, ge=0)
     loaders: int = Field(0, ge=0, description="processes that prepare scans; 0: the training process itself")
@@ -661,6 +661,24 @@ class OnlineSettings(_Group):
     pattern_points: int = Field(1000, ge=100, description="points a scan needs to show the sensor's beams")
 
 
+class SelfTrainingSettings(_Group):
+    """What a network says of each point, as a further cue for the labeler."""
+
+    folder: str = Field("", description="probabilities/ of automos segment --probabilities; empty: no cue")
+    weight: float = Field(0.5, ge=0, description="of the network's log-odds beside those of the evidence")
+    most: float = Field(0.98, gt=0.5, lt=1, description="probability that the network is trusted with at most")
+
+
+class SceneFlowSettings(_Group):
+    """The rival that thresholds scene flow (IV-C)."""
+
+    max_range: float = Field(50.0, gt=0, description="m, points further away count as static")
+    min_height: float = Field(0.3, description="m above the ground under the first scan; lower points are static")
+    neighbours: int = Field(16, ge=1, description="points whose median flow a point takes")
+    min_speed: float = Field(1.4, gt=0, description="m/s from which on a point moves (SeFlow: 0.14 m a scan)")
+    max_speed: float = Field(44.0, gt=0, description="m/s, faster is a point that appeared")
+
+
 class NetworkSettings(_Group):
     """III-E: LMNet, online moving-object segmentation."""
 
@@ -670,6 +688,7 @@ class NetworkSettings(_Group):
     training: TrainingSettings = TrainingSettings()
     cleanup: CleanUpSettings = CleanUpSettings()
     online: OnlineSettings = OnlineSettings()
+    scene_flow: SceneFlowSettings = SceneFlowSettings()
 
 
 class Settings(_Group):
@@ -682,6 +701,7 @@ class Settings(_Group):
     labels: LabelsSettings = LabelsSettings()
     output: OutputSettings = OutputSettings()
     network: NetworkSettings = NetworkSettings()
+    self_training: SelfTrainingSettings = SelfTrainingSettings()
     baselines: BaselinesSettings = BaselinesSettings()
 
 

@@ -10,13 +10,14 @@ Every method of a stage leaves the same arrays, so that methods can be combined 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates import erasor
+from automos.baselines.methods import BASELINES
+from automos.candidates.cue import add_cue, read_cue
 from automos.candidates.free_space import FreeSpace
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -27,7 +28,7 @@ from automos.labels import Label
 from automos.odometry import Trajectory
 from automos.parallel import available_cores, map_in_order
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
-from automos.settings import InstancesSettings, Settings
+from automos.settings import InstancesSettings, SelfTrainingSettings, Settings
 from automos.tracking.completion import paint_objects
 from automos.tracking.confidence import point_confidence
 from automos.tracking.extension import extend_tracks
@@ -48,21 +49,38 @@ def find_candidates(
     frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, missing: list[int]
 ) -> PerScan:
     """Yield for each missing scan how each of its points may have moved, and what kind of point it is."""
-    method = {"erasor": _erasor, "free_space": _free_space}[settings.candidates.method]
-    return method(frames, stamps, settings, workers, missing[0])
+    find = _free_space if settings.candidates.method == "free_space" else _moving_points
+    return find(frames, stamps, settings, workers, missing[0])
 
 
-def _erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
+def hear_network(
+    find: Callable[[list[int]], PerScan],
+    frames: Frames,
+    names: list[str],
+    settings: SelfTrainingSettings,
+    missing: list[int],
+) -> PerScan:
+    """Yield what `find` finds; where a network's word on each point is at hand, it is added (self-training)."""
+    for i, arrays in find(missing):
+        if not settings.folder:
+            yield i, arrays
+            continue
+        frame = frames[i]
+        probability = read_cue(settings, names[i], frame.n_points)[frame.kept]
+        yield i, {**arrays, "score": add_cue(arrays["score"], probability, settings)}
+
+
+def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
     pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
     ray_steps = np.array([pattern.row_height, pattern.column_width])
-    for i, score in erasor.find_candidates(frames, settings.candidates.erasor, start):
+    for i, is_moving in BASELINES[settings.candidates.method].find_moving(frames, stamps, settings, start):
         frame = frames[i]
         points, ground = frame.points_level, settings.candidates.ground
         surface = fit_ground(points, frame.origin_level, ground)
         kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
         kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < settings.candidates.erasor.ego_radius] = EGO_BODY
         height = points[:, 2] - surface.height_at(points)
-        yield i, _candidates(score, kind, height, ray_steps)
+        yield i, _candidates(is_moving.astype(np.float32), kind, height, ray_steps)
 
 
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:

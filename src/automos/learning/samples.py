@@ -47,8 +47,10 @@ class TrainingSamples:
         view = self._shelf.recordings[recording].view
         image = make_image(window, view, self._settings.image)
         target, confidence = _targets(image.index, labels.classes[rows], labels.confidence[rows])
-        sample = {"image": image.channels, "target": target}
-        return {**sample, "confidence": confidence} if self._settings.training.use_confidence else sample
+        sample: dict[str, npt.NDArray] = {"image": image.channels, "target": target}
+        if self._settings.training.use_confidence:
+            sample["confidence"] = confidence
+        return sample
 
 
 class ValidationSamples:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from automos.atomic import write_text
 from automos.errors import InputError, MissingExtraError
@@ -34,7 +34,7 @@ def train(
     out: Path,
     settings: Settings,
     init: Path | None = None,
-    device: Literal["auto", "cpu", "gpu"] = "auto",
+    device: str = "auto",
     devices: int = 1,
     quiet: bool = False,
     progress: Progress | None = None,

@@ -64,6 +64,11 @@ class RangeImage:
     pixels: npt.NDArray[np.int32]
     ranges: npt.NDArray[np.float32]
 
+    @property
+    def shown(self) -> npt.NDArray[np.int64]:
+        """Rows of the points that are seen, in order: all that later scans need of this one."""
+        return np.sort(self.index[self.index >= 0]).astype(np.int64)
+
 
 def make_image(window: Window, view: SensorView, settings: ImageSettings) -> RangeImage:
     """Return the image of `window`."""
@@ -77,10 +82,10 @@ def make_image(window: Window, view: SensorView, settings: ImageSettings) -> Ran
     base[1:4, shown] = window.points[rows].T
     if window.intensity is not None and view.intensity_scale > 0.0:
         base[4, shown] = np.clip(np.nan_to_num(window.intensity[rows]) / view.intensity_scale, 0.0, 1.0)
-    base = base.reshape(-1, grid.height, grid.width)
+    images = base.reshape(-1, grid.height, grid.width)
     limits = (settings.residual_min_range, settings.residual_max_range)
-    residuals = residual_images(base[0], window.past, window.T_now_past, grid, limits)
-    return RangeImage(np.concatenate([base, residuals]), index.reshape(grid.height, grid.width), pixels, ranges)
+    residuals = residual_images(images[0], window.past, window.T_now_past, grid, limits)
+    return RangeImage(np.concatenate([images, residuals]), index.reshape(grid.height, grid.width), pixels, ranges)
 
 
 def thin(points: Points, grid: ImageGrid) -> npt.NDArray[np.int64]:

@@ -12,7 +12,7 @@ import importlib.util
 import logging
 from collections.abc import Sized
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy.typing as npt
 import pytorch_lightning as lightning
@@ -27,8 +27,6 @@ from automos.network.module import MONITORED, Training
 from automos.settings import NetworkSettings
 
 _log = logging.getLogger(__name__)
-
-Device = Literal["auto", "cpu", "gpu"]
 
 
 class Samples(Sized, Protocol):
@@ -54,9 +52,9 @@ class _Data(lightning.LightningDataModule):
     def val_dataloader(self) -> DataLoader:
         return self._loader(self._validation)
 
-    def _loader(self, samples: Samples) -> DataLoader:
+    def _loader(self, samples: Any) -> DataLoader:
         # Samples come in the order in which they were drawn: what is drawn depends on seed and epoch alone.
-        return DataLoader(samples, self._settings.batch, num_workers=self._settings.loaders)  # type: ignore[arg-type]
+        return DataLoader(samples, self._settings.batch, num_workers=self._settings.loaders)
 
 
 def train_network(
@@ -68,7 +66,7 @@ def train_network(
     out: Path,
     card: dict[str, Any],
     init: Path | None = None,
-    device: Device = "auto",
+    device: str = "auto",
     devices: int = 1,
     quiet: bool = False,
 ) -> Checkpoint:
@@ -132,13 +130,15 @@ def train_network(
     return checkpoint
 
 
-def choose_accelerator(device: Device) -> str:
+def choose_accelerator(device: str) -> str:
     """Return Lightning's name of the device.
 
     Raises
     ------
-    InputError : a GPU was asked for and there is none.
+    InputError : a GPU was asked for and there is none, or a device of another name.
     """
+    if device not in ("auto", "cpu", "gpu"):
+        raise InputError(f"there is no device '{device}': choose auto, cpu or gpu")
     if torch.cuda.is_available() and device != "cpu":
         return "cuda"
     if device == "gpu":

@@ -1,0 +1,57 @@
+"""A further cue of motion beside the evidence: what a network that saw the recording before says of each point.
+
+Log-odds add up. The network's are bounded, so that what was clearly seen to stay, or to have moved, stands.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.settings import SelfTrainingSettings
+
+
+def add_cue(
+    score: npt.NDArray[np.uint8], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
+) -> npt.NDArray[np.uint8]:
+    """Return scores (M,) uint8 (255 has moved, 0 has stayed, 128 unknown) with the network's word added.
+
+    `probability` (M,) is that of moving, in [0, 1].
+    """
+    evidence = (score.astype(np.float64) + 0.5) / 256.0
+    heard = np.clip(probability.astype(np.float64), 1.0 - settings.most, settings.most)
+    odds = np.log(evidence / (1.0 - evidence)) + settings.weight * np.log(heard / (1.0 - heard))
+    return np.clip(256.0 / (1.0 + np.exp(-odds)), 0.0, 255.0).astype(np.uint8)
+
+
+def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.NDArray[np.floating]:
+    """Return (n_points,) probabilities of the scan `name`.
+
+    Raises
+    ------
+    InputError : no file of that name, or one of another scan.
+    """
+    path = Path(settings.folder) / f"{name}.npy"
+    try:
+        probability = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(
+            f"{path} cannot be read ({error}): self_training.folder must hold what automos segment --probabilities "
+            "writes for this recording"
+        ) from None
+    if probability.shape != (n_points,):
+        raise InputError(f"{path} has shape {probability.shape}, but the scan has {n_points} points: segment it again")
+    return probability
+
+
+def cue_fingerprint(settings: SelfTrainingSettings) -> str:
+    """Return a text that changes when any file of the cue does."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(settings.folder).glob("*.npy")):
+        status = path.stat()
+        digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
+    return digest.hexdigest()

@@ -1,0 +1,204 @@
+"""The commands of the network: parse, call one function, print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+import yaml
+from rich.console import Console
+
+if TYPE_CHECKING:
+    from automos.settings import Settings
+
+network_app = typer.Typer()
+console = Console(stderr=True)
+output = Console(highlight=False, markup=False, soft_wrap=True)
+
+SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. network.model.channels=8")]
+Device = Annotated[str, typer.Option(help="auto, cpu or gpu")]
+Sources = list[str]
+
+
+@network_app.command()
+def train(
+    data: Annotated[Sources, typer.Option(help="RECORDING with labels of its own, or RECORDING=RESULTS; repeatable")],
+    out: Annotated[Path, typer.Option(help="folder for the network and its logs")] = Path("automos_network"),
+    extra: Annotated[Sources | None, typer.Option(help="more of the same, without a part in validation")] = None,
+    validation: Annotated[
+        Sources | None, typer.Option(help="what the best epoch is chosen by; default: the last of --data")
+    ] = None,
+    init: Annotated[Path | None, typer.Option(help="checkpoint to start from: fine-tuning")] = None,
+    device: Device = "auto",
+    devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+) -> None:
+    """Train LMNet on labelled recordings; the best network is OUT/best.pt.
+
+    [bold]Examples[/bold]
+
+    automos train --data my_log=automos_runs/my_log             labels that automos label made
+
+    automos train --data kitti/sequences/00 --validation kitti/sequences/08 --extra road=automos_runs/road
+
+    automos train --data my_log=automos_runs/my_log --init best.pt --set network.training.epochs=10
+    """
+    from automos.learning.recordings import Source
+    from automos.learning.train import TrainingData
+    from automos.learning.train import train as train_on
+    from automos.progress import StageProgress
+
+    sources = [Source.parse(text) for text in data]
+    held_out = [Source.parse(text) for text in validation or []]
+    if not held_out and len(sources) > 1:
+        held_out = [sources.pop()]
+    together = TrainingData((*sources, *map(Source.parse, extra or [])), tuple(held_out))
+    with StageProgress(console, "train") as progress:
+        best = train_on(together, out, _settings(settings, set_), init, device, devices, progress=progress)
+    output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
+
+
+@network_app.command()
+def segment(
+    recording: Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")],
+    weights: Annotated[
+        Path | None, typer.Option(help="checkpoint (.pt) or exported network (.onnx); default: the one that came along")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="results folder [default: automos_segmented/NAME]")] = None,
+    format: Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")] = None,
+    probabilities: Annotated[bool, typer.Option("--probabilities", help="write how likely each point moves")] = False,
+    device: Device = "auto",
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+) -> None:
+    """Label every scan online: from itself and the scans before it, as on a robot.
+
+    [bold]Examples[/bold]
+
+    automos segment my_log/                        the small network that came along, on the CPU
+
+    automos segment my_log/ --weights best.pt --device gpu
+    """
+    from automos.datasets import open_recordings
+    from automos.learning.segment import open_network, segment_recording, summary
+    from automos.progress import StageProgress
+
+    chosen = _settings(settings, set_, {"network.online.device": device})
+    network = open_network(weights, chosen)
+    recordings = open_recordings(recording, format)
+    for sequence in recordings:
+        folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
+        with StageProgress(console, sequence.name) as progress:
+            run = segment_recording(sequence, folder, network, chosen, probabilities, progress)
+        output.print(summary(run, folder))
+
+
+@network_app.command("export-network")
+def export_network(
+    weights: Annotated[Path, typer.Argument(help="checkpoint (.pt)")],
+    out: Annotated[Path | None, typer.Option(help="file to write; default: beside the checkpoint")] = None,
+) -> None:
+    """Write a checkpoint as ONNX, which OpenVINO and ONNX Runtime run; it is compared with the checkpoint."""
+    from automos.learning.train import require_training
+
+    require_training()
+    from automos.network.checkpoint import load_checkpoint
+    from automos.network.export import export_onnx
+
+    path = out or weights.with_suffix(".onnx")
+    difference = export_onnx(load_checkpoint(weights), path)
+    output.print(f"{path}\nlargest difference to the checkpoint: {difference:.1e}")
+
+
+@network_app.command()
+def reproduce(
+    experiment: Annotated[str, typer.Argument(help="table2, or table3 (with the curve of Fig. 3)")],
+    out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it goes on")] = Path("reproduced"),
+    train: Annotated[list[Path] | None, typer.Option(help="recordings with manual labels [default: simulated]")] = None,
+    validation: Annotated[list[Path] | None, typer.Option(help="recordings to choose epochs by")] = None,
+    test: Annotated[list[Path] | None, typer.Option(help="recordings to score")] = None,
+    extra: Annotated[list[Path] | None, typer.Option(help="recordings without labels")] = None,
+    away_train: Annotated[list[Path] | None, typer.Option(help="table3: the other environment, without labels")] = None,
+    away_validation: Annotated[list[Path] | None, typer.Option(help="table3: to choose its epochs by")] = None,
+    away_test: Annotated[list[Path] | None, typer.Option(help="table3: to score there")] = None,
+    predictions: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER, another method's label files to score; repeatable")
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="the full network and image; default: the narrow one")] = False,
+    device: Device = "auto",
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+) -> None:
+    """Repeat an experiment of the paper with LMNet, on simulated worlds or on recordings of yours.
+
+    [bold]Examples[/bold]
+
+    automos reproduce table2 --out reproduced          everything simulated, an hour or two on a CPU
+
+    automos reproduce table2 --train kitti/sequences/00 ... --validation kitti/sequences/08 --test kitti/sequences/08
+    """
+    from automos.errors import InputError
+    from automos.learning.experiments import (
+        SMALL,
+        TUNING,
+        Experiment,
+        draw_curves,
+        table_three,
+        table_two,
+        write_table,
+    )  # fmt: skip
+    from automos.progress import StageProgress
+
+    if experiment not in ("table2", "table3"):
+        raise InputError(f"there is no experiment '{experiment}': choose table2 or table3")
+    base = {} if full else SMALL
+    chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
+    with StageProgress(console, experiment) as progress:
+        work = Experiment(out, chosen, tuning, device, progress)
+        home = _data(train, validation, test, extra) or work.simulated("K")
+        if experiment == "table2":
+            named = dict(_named(text) for text in predictions or [])
+            rows = table_two(work, home, named)
+        else:
+            away = _data(away_train, away_validation, away_test, None) or work.simulated("A")
+            rows, curves = table_three(work, home, away)
+            draw_curves(curves, out / "figure3.png")
+    output.print(write_table(rows, out / f"{experiment}.json"))
+
+
+def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
+    """Return the recordings that the user gave by purpose, None where none were given."""
+    from automos.errors import InputError
+    from automos.learning.experiments import Data
+
+    if not any((train, validation, test, extra)):
+        return None
+    if not (train and validation and test):
+        raise InputError("recordings of your own need all of --train, --validation and --test (or the --away- ones)")
+    return Data(tuple(train), tuple(validation), tuple(test), tuple(extra or ()))
+
+
+def _named(text: str) -> tuple[str, Path]:
+    from automos.errors import InputError
+
+    name, sign, folder = text.partition("=")
+    if not sign:
+        raise InputError(f"--predictions {text} has no name: write --predictions NAME=FOLDER")
+    return name, Path(folder)
+
+
+def _settings(file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Settings:
+    """Return the default preset, changed by `given`, by a file, then by overrides."""
+    from automos.errors import SettingsError
+    from automos.settings import load_settings
+
+    values = dict(given or {})
+    for item in overrides or []:
+        key, sign, text = item.partition("=")
+        if not sign:
+            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
+        values[key.strip()] = yaml.safe_load(text)
+    return load_settings("default", file, values)

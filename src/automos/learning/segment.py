@@ -1,0 +1,122 @@
+"""`automos segment`: one recording through the online network, labels out as `automos label` writes them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos import __version__
+from automos.atomic import atomic_path, remove_parts, write_text
+from automos.errors import InputError
+from automos.labels import Label, pack
+from automos.learning.online import STAGES, OnlineSegmenter
+from automos.network.deployed import Deployed, load_network
+from automos.pose_files import write_kitti
+from automos.run import Progress
+from automos.scan import Scan, Sequence
+from automos.settings import Settings, dump_yaml
+from automos.workspace import RUN_FILE
+
+SHIPPED = "lmnet.onnx"
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Milliseconds of one stage over a recording."""
+
+    median: float
+    p99: float
+
+
+def open_network(weights: Path | None, settings: Settings) -> Deployed:
+    """Return the network in `weights`, the one that comes with the package where none is given."""
+    shipped = Path(str(files("automos.network"))) / SHIPPED
+    return load_network(weights or shipped, settings.network.online)
+
+
+def segment_recording(
+    sequence: Sequence,
+    folder: Path,
+    network: Deployed,
+    settings: Settings,
+    probabilities: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Label every scan of `sequence` from itself and the ones before; write labels, poses and run.json to `folder`.
+
+    Parameters
+    ----------
+    probabilities : also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
+
+    Raises
+    ------
+    InputError : the folder holds another program's labels, or cannot be written.
+    """
+    if (folder / "stages").exists() or (any(folder.glob("predictions/*.label")) and not (folder / RUN_FILE).exists()):
+        raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
+    places = [folder / "predictions", *([folder / "probabilities"] if probabilities else [])]
+    for place in places:
+        place.mkdir(parents=True, exist_ok=True)
+        remove_parts(place)
+    (folder / RUN_FILE).unlink(missing_ok=True)
+    segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)
+    stamps, counts, poses = sequence.stamps, dict.fromkeys((label.name.lower() for label in Label), 0), []
+    for i, name in enumerate(sequence.names):
+        labels, moving = segmenter.segment(_stamped(sequence[i], stamps, i))
+        poses.append(segmenter.T_world_sensor)
+        with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
+            pack(labels).tofile(temporary)
+        if probabilities:
+            with atomic_path(folder / "probabilities" / f"{name}.npy") as temporary, temporary.open("wb") as file:
+                np.save(file, moving.astype(np.float16))
+        for label in Label:
+            counts[label.name.lower()] += int((labels == label).sum())
+        if progress is not None:
+            progress("segment", i + 1, len(sequence))
+    write_kitti(folder / "poses.txt", np.array(poses))
+    write_text(folder / "settings.yaml", dump_yaml(settings))
+    run = {
+        "recording": {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()},
+        "network": {"engine": network.engine, "image": network.image.model_dump(mode="json"), "card": network.card},
+        "points": counts,
+        "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},
+        "versions": {"automos": __version__},
+    }
+    write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    return run
+
+
+def latencies(segmenter: OnlineSegmenter) -> dict[str, Latency]:
+    """Return median and 99th percentile in milliseconds of every stage and of all together."""
+    seconds = {stage: np.array(segmenter.seconds[stage]) for stage in STAGES}
+    n = min(len(values) for values in seconds.values())
+    seconds["all"] = np.sum([values[len(values) - n :] for values in seconds.values()], axis=0)
+    return {
+        stage: Latency(*(round(float(1e3 * np.percentile(values, q)), 2) for q in (50, 99)))
+        for stage, values in seconds.items()
+        if len(values)
+    }
+
+
+def summary(run: dict[str, Any], folder: Path) -> str:
+    """Return what was done in a few lines for a terminal."""
+    points = run["points"]
+    total = max(sum(points.values()), 1)
+    spent = ", ".join(f"{stage} {ms['median']:.0f}/{ms['p99']:.0f}" for stage, ms in run["milliseconds"].items())
+    return (
+        f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, {points['moving']:,} moving "
+        f"({100 * points['moving'] / total:.2f} %)\n"
+        f"{run['network']['engine']}, ms a scan, median/p99: {spent}\nlabels in {folder}/predictions"
+    )
+
+
+def _stamped(scan: Scan, stamps: np.ndarray | None, index: int) -> Scan:
+    """Return the scan with the recording's clock."""
+    if stamps is None:
+        return scan
+    return Scan(scan.points, scan.intensity, scan.time, scan.ring, float(stamps[index]), scan.name)

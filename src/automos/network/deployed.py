@@ -1,0 +1,157 @@
+"""A trained network ready to run: PyTorch for checkpoints, OpenVINO or ONNX Runtime for exported ones.
+
+Whatever runs it, it is a function from an image (C, H, W) to the probability (H, W) that what each pixel shows moves.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from automos.errors import InputError, MissingExtraError
+from automos.network.projection import Image
+from automos.settings import ImageSettings, OnlineSettings
+
+METADATA = "automos"
+"""Key of an exported network's metadata that holds image settings and card as JSON."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deployed:
+    """A network that can be run.
+
+    Attributes
+    ----------
+    image : the images it takes.
+    run : (5 + K, H, W) float32 to (H, W) float32 in [0, 1].
+    engine : what runs it.
+    card : what it was trained on and how it scored.
+    """
+
+    image: ImageSettings
+    run: Callable[[Image], Image]
+    engine: str
+    card: dict[str, Any] = field(default_factory=dict)
+
+
+def load_network(weights: Path, settings: OnlineSettings) -> Deployed:
+    """Return the network in `weights`, a checkpoint (.pt) or an exported network (.onnx).
+
+    Raises
+    ------
+    InputError : no such file, not a network of ours, an engine that cannot run it, or no GPU where one is asked for.
+    MissingExtraError : nothing that runs it is installed.
+    """
+    if not weights.exists():
+        raise InputError(f"{weights} does not exist: give a checkpoint (.pt) or an exported network (.onnx)")
+    if weights.suffix != ".onnx":
+        if settings.engine not in ("auto", "torch"):
+            raise InputError(f"{settings.engine} runs exported networks only: automos export-network {weights} first")
+        return _load_torch(weights, settings)
+    if settings.engine == "torch":
+        raise InputError(f"{weights} is an exported network, which torch does not run: give the checkpoint (.pt)")
+    runners = {"openvino": _load_openvino, "onnxruntime": _load_onnxruntime}
+    wanted = list(runners) if settings.engine == "auto" else [settings.engine]
+    if settings.device == "gpu" and settings.engine == "auto":
+        wanted = ["onnxruntime"]  # OpenVINO knows Intel's GPUs only
+    for engine in wanted:
+        if find_spec(engine):
+            return runners[engine](weights, settings)
+    raise MissingExtraError(f"running {weights.name} needs {' or '.join(wanted)}: pip install 'automos[deploy]'")
+
+
+def _load_torch(weights: Path, settings: OnlineSettings) -> Deployed:
+    if not find_spec("torch"):
+        raise MissingExtraError(
+            f"running {weights.name} needs torch: pip install 'automos[train]', or export the network to ONNX"
+        )
+    import torch
+
+    from automos.network.checkpoint import load_checkpoint
+    from automos.network.model import MovingProbability
+
+    has_gpu = torch.cuda.is_available()
+    if settings.device == "gpu" and not has_gpu:
+        raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
+    device = torch.device("cuda" if has_gpu and settings.device != "cpu" else "cpu")
+    checkpoint = load_checkpoint(weights)
+    network = MovingProbability(checkpoint.network).eval().to(device)
+    if device.type == "cpu" and settings.threads:
+        torch.set_num_threads(settings.threads)
+
+    def run(image: Image) -> Image:
+        with torch.inference_mode(), torch.autocast(device.type, torch.float16, enabled=device.type == "cuda"):
+            return network(torch.from_numpy(image)[None].to(device))[0].float().cpu().numpy()
+
+    return Deployed(checkpoint.image, run, f"torch on {device.type}", checkpoint.card)
+
+
+def _load_openvino(weights: Path, settings: OnlineSettings) -> Deployed:
+    import openvino
+
+    core = openvino.Core()
+    device = "GPU" if settings.device == "gpu" else "CPU"
+    if device not in {name.split(".")[0] for name in core.available_devices}:
+        raise InputError(f"OpenVINO sees no {device} here (it sees {core.available_devices}): use --device cpu")
+    model = _read(weights, core.read_model)
+    options: dict[str, Any] = {"PERFORMANCE_HINT": "LATENCY"}
+    if device == "CPU":
+        options["INFERENCE_NUM_THREADS"] = settings.threads or _cores()
+    compiled = core.compile_model(model, device, options)
+    text = model.get_rt_info(["framework", METADATA]).astype(str) if model.has_rt_info(["framework", METADATA]) else ""
+    image, card = _described(text, weights)
+
+    def run(pixels: Image) -> Image:
+        return compiled(pixels[None])[0][0]
+
+    return Deployed(image, run, f"openvino on {device.lower()}", card)
+
+
+def _load_onnxruntime(weights: Path, settings: OnlineSettings) -> Deployed:
+    import onnxruntime
+
+    provider = "CUDAExecutionProvider"
+    has_gpu = provider in onnxruntime.get_available_providers()
+    if settings.device == "gpu" and not has_gpu:
+        raise InputError(
+            "ONNX Runtime sees no GPU, but one was asked for: install onnxruntime-gpu, or use --device cpu"
+        )
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = settings.threads or _cores()
+    use_gpu = has_gpu and settings.device != "cpu"
+    providers = [provider] if use_gpu else []
+    session = _read(weights, lambda p: onnxruntime.InferenceSession(p, options, [*providers, "CPUExecutionProvider"]))
+    image, card = _described(session.get_modelmeta().custom_metadata_map.get(METADATA, ""), weights)
+
+    def run(pixels: Image) -> Image:
+        return session.run(None, {"image": pixels[None]})[0][0]
+
+    return Deployed(image, run, f"onnxruntime on {'gpu' if use_gpu else 'cpu'}", card)
+
+
+def _read(weights: Path, read: Callable[[str], Any]) -> Any:
+    try:
+        return read(str(weights))
+    except Exception as error:  # the runtimes raise classes of their own
+        reason = " ".join(str(error).split())[:160]
+        raise InputError(f"{weights} cannot be read as an ONNX network ({reason}): export it again") from None
+
+
+def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]:
+    """Return the image settings and the card that the export wrote into the network."""
+    try:
+        content = json.loads(text)
+        return ImageSettings(**content["image"]), content["card"]
+    except (ValueError, KeyError, TypeError, ValidationError):
+        raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,79 @@
+"""A checkpoint as an ONNX file, which runs without PyTorch; what comes out is compared with what went in."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from automos.atomic import atomic_path
+from automos.errors import AutomosError, MissingExtraError
+from automos.network.checkpoint import Checkpoint
+from automos.network.deployed import METADATA, load_network
+from automos.network.images import BASE_CHANNELS
+from automos.network.model import MovingProbability
+from automos.settings import OnlineSettings
+
+TOLERANCE = 1e-3
+"""Largest difference of a probability that is a matter of rounding."""
+
+
+def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE) -> float:
+    """Write `checkpoint` as ONNX with its settings and card inside; return the largest difference between the two.
+
+    Raises
+    ------
+    AutomosError : the exported network answers differently, by more than `tolerance`.
+    MissingExtraError : onnx and onnxruntime are not installed.
+    """
+    try:
+        import onnx
+        import onnxruntime  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(f"exporting needs {error.name}: pip install 'automos[train,deploy]'") from None
+    network = MovingProbability(checkpoint.network).eval()
+    image = checkpoint.image
+    shape = (1, len(BASE_CHANNELS) + image.residuals, image.height, image.width)
+    with atomic_path(path) as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            network,
+            (torch.zeros(shape),),
+            str(temporary),
+            input_names=["image"],
+            output_names=["moving"],
+            dynamo=True,
+            external_data=False,
+            verbose=False,
+        )
+        model = onnx.load(temporary)
+        entry = model.metadata_props.add()
+        entry.key = METADATA
+        entry.value = json.dumps({"image": image.model_dump(mode="json"), "card": checkpoint.card})
+        onnx.save(model, temporary)
+    difference = compare(network, path, shape)
+    if not difference <= tolerance:
+        path.unlink()
+        raise AutomosError(
+            f"the exported network differs from the checkpoint by {difference:.2g} where {tolerance:.2g} is a matter "
+            "of rounding: use another version of onnxscript or torch"
+        )
+    return difference
+
+
+def compare(network: MovingProbability, path: Path, shape: tuple[int, ...], seed: int = 0) -> float:
+    """Return the largest difference of the exported network's answers to `network`'s, on images of random worlds."""
+    rng = np.random.default_rng(seed)
+    exported = load_network(path, OnlineSettings(engine="onnxruntime", device="cpu"))
+    worst = 0.0
+    for _ in range(3):
+        pixels = rng.normal(0.0, 5.0, shape[1:]).astype(np.float32)
+        pixels[0] = np.abs(pixels[0]) * (rng.random(shape[2:]) < 0.8)  # some pixels are empty
+        pixels[len(BASE_CHANNELS) :] = rng.random((shape[1] - len(BASE_CHANNELS), *shape[2:])) < 0.1
+        with torch.inference_mode():
+            wanted = network(torch.from_numpy(pixels)[None])[0].numpy()
+        worst = max(worst, float(np.abs(exported.run(pixels) - wanted).max()))
+    return worst
