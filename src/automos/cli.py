@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
 from rich.text import Text
 
+from automos.cli_compare import compare_app
 from automos.cli_formats import formats_app
 from automos.cli_look import look_app
 from automos.cli_network import network_app
-from automos.errors import AutomosError, InputError, SettingsError
+from automos.errors import AutomosError, InputError
 
 app = typer.Typer(
     add_completion=False,
@@ -25,6 +25,7 @@ app = typer.Typer(
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
 app.add_typer(formats_app)
+app.add_typer(compare_app)
 app.add_typer(network_app)
 app.add_typer(look_app)
 console = Console(stderr=True)
@@ -159,19 +160,9 @@ def show_settings(preset: Preset = "default", settings: SettingsFile = None, set
 
 
 def _settings(preset: str, file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Any:
-    from automos.settings import load_settings
+    from automos.settings import load_settings, read_overrides
 
-    values = {**(given or {})}
-    for item in overrides or []:
-        key, sign, text = item.partition("=")
-        if not sign:
-            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
-        try:
-            values[key.strip()] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise SettingsError(
-                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
-            ) from None
+    values = {**(given or {}), **read_overrides(overrides)}
     return load_settings(preset, file, values)
 
 

@@ -7,7 +7,7 @@ whatever measures best. Order of precedence: preset < settings file < command li
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -739,6 +739,27 @@ def load_settings(
         return Settings.model_validate(tree)
     except ValidationError as error:
         raise SettingsError(_sentence(error)) from None
+
+
+def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
+    """Return the settings written as "tracking.max_misses=3", by their names; values are YAML's.
+
+    Raises
+    ------
+    SettingsError : one of them has no value, or none that YAML understands.
+    """
+    values = {}
+    for item in items or []:
+        key, sign, text = item.partition("=")
+        if not sign:
+            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
+        try:
+            values[key.strip()] = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise SettingsError(
+                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
+            ) from None
+    return values
 
 
 def dump_yaml(settings: Settings) -> str:

@@ -19,7 +19,7 @@ class BrickGrid:
     """Voxels in order of first appearance; grows as points are added."""
 
     def __init__(self, voxel: float, origins: npt.NDArray, reach: float):
-        """Take the voxels' edge, the sensor's positions (N, 3), level frame, and how far points lie from them; metres."""
+        """Take the voxels' edge, the sensor's positions (N, 3), level frame, and the points' reach, metres."""
         self.voxel = voxel
         self.low = np.asarray(origins, np.float64).min(axis=0) - reach - voxel
         extent = np.asarray(origins, np.float64).max(axis=0) + reach + voxel - self.low
@@ -32,7 +32,7 @@ class BrickGrid:
         return self.n_voxels
 
     def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
-        """Return (M,) int32: the voxel of each of `points` (M, 3), level frame, within reach; new where there was none."""
+        """Return (M,) int32: the voxel of each of `points` (M, 3), level frame, within reach; new if need be."""
         ids = np.empty(len(points), np.int32)
         done = 0
         while done < len(points):
@@ -45,10 +45,10 @@ class BrickGrid:
         return ids
 
     def pass_rays(self, origin: npt.NDArray, ends: npt.NDArray, stamp: int, passed: npt.NDArray[np.int32]) -> None:
-        """Write `stamp` into `passed` (V,) for all voxels between `origin` (3,) and each of `ends` (M, 3), theirs apart."""
+        """Write `stamp` into `passed` (V,) for the voxels from `origin` (3,) to before each of `ends` (M, 3)."""
         _pass_rays(np.asarray(origin), ends, self.low, 1.0 / self.voxel, self._table, self._cells, stamp, passed)
 
-    def neighbours(self, ids: npt.NDArray[np.int32], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
+    def neighbours(self, ids: npt.NDArray[np.integer], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
         """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 where there is none.
 
         indices : (V, 3) int32 of all voxels (`indices`).
@@ -71,7 +71,7 @@ def _cell(x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _insert(points, start, low, per_metre, table, cells, n_bricks, n_voxels, ids):  # type: ignore[no-untyped-def]
-    """Write the voxels of `points` from `start` on into `ids`; return how far the free bricks lasted, and the counts."""
+    """Write the voxels of `points` from `start` on into `ids`; return how far free bricks lasted, and counts."""
     for i in range(start, len(points)):
         x = int((points[i, 0] - low[0]) * per_metre)
         y = int((points[i, 1] - low[1]) * per_metre)

@@ -4,7 +4,8 @@ Our reading of Bhandari, James, Phillips, McAree, "Moving Object Segmentation in
 Models" (IROS workshop, 2024). Every voxel is unobserved, free or occupied; what a scan says of the voxels that its rays
 went through or ended in follows from their distance to the nearest voxel that was hit. Voxels that turned from free to
 occupied are summed over their neighbourhood and the last scans; Otsu's threshold tells motion from flicker. Only the
-past is used, as in the paper.
+past is used, as in the paper. What we add: ground is never moving, and what touches something that stands there and
+never came does not count, because a surface on the border of two voxels is now in the one, now in the other.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _NEVER = -(1 << 30)
 def find_moving(
     frames: Frames, settings: HmmMosSettings, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
-    """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points in voxels that were entered."""
+    """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points in entered voxels."""
     for batch in cut_batches(frames, settings.batch, start):
         first, seen = batch.frames[0], range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
         grid = BrickGrid(settings.voxel, frames.T_level_sensor[first : seen[-1] + 1, :3, 3], settings.max_range)
@@ -62,6 +63,7 @@ class _Voxels:
         self._state = np.full(n, _UNOBSERVED, np.int8)
         self._entered = np.full(n, _NEVER, np.int32)  # when it last turned from free to occupied
         self._passed, self._hit = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
+        self._stood = np.zeros(n, bool)  # something that is not ground was hit in it
         self._recent: deque[npt.NDArray] = deque()
         self._count = np.zeros(n, np.int64)  # in how many of the last scans something stood in it that had come
 
@@ -79,7 +81,9 @@ class _Voxels:
         standing_free = standing[self._state[standing] == _FREE]
         _filter(seen, likelihood, self._belief, self._state, self._entered, k, about.change, about.sure)
         self._entered[standing_free] = k
+        self._stood[standing] = True
         turned = standing[self._entered[standing] > k - about.memory]
+        turned = turned[~self._is_beside_what_stayed(turned, k)]
         self._recent.append(turned)
         self._count[turned] += 1
         if len(self._recent) > about.window:
@@ -88,6 +92,14 @@ class _Voxels:
         is_moving = np.zeros(len(self._count), bool)
         is_moving[turned[sums >= max(about.min_sum, otsu_threshold(sums))]] = True
         return is_moving
+
+    def _is_beside_what_stayed(self, voxels: npt.NDArray, k: int) -> Mask:
+        """Return (K,) bool: which of `voxels` touch one in which something stands that never came.
+
+        A surface on the border of two voxels is now in the one, now in the other.
+        """
+        has_stayed = self._stood & (self._state == _OCCUPIED) & (self._entered <= k - self._settings.memory)
+        return np.append(has_stayed, False)[self._grid.neighbours(voxels, self._indices, 1)].any(axis=1)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -128,12 +140,16 @@ def _filter(seen, likelihood, belief, state, entered, k, change, sure):  # type:
 
 
 def otsu_threshold(values: npt.NDArray) -> float:
-    """Return the whole number from which on `values` (N,), whole and not negative, are the upper of two classes."""
+    """Return the value from which on `values` (N,), not negative, are the upper of two classes; 0 where all are one.
+
+    Classes are told apart on a scale of ratios (quarters of an octave): a near van has a hundred times the voxels of a
+    far pedestrian, and on a plain scale it would be the one class and everything else the other.
+    """
     if len(values) == 0:
         return 0.0
-    counts = np.bincount(values).astype(np.float64)
+    counts = np.bincount(np.floor(4.0 * np.log2(1.0 + values)).astype(np.int64)).astype(np.float64)
     below, mean_below = np.cumsum(counts), np.cumsum(counts * np.arange(len(counts)))
     above, mean_above = below[-1] - below, mean_below[-1] - mean_below
     with np.errstate(divide="ignore", invalid="ignore"):
-        between = below * above * (mean_below / below - mean_above / above) ** 2
-    return float(np.nan_to_num(between).argmax() + 1) if np.nanmax(between, initial=0.0) > 0.0 else 0.0
+        between = np.nan_to_num(below * above * (mean_below / below - mean_above / above) ** 2)
+    return float(2.0 ** ((between.argmax() + 1) / 4.0) - 1.0) if between.max() > 0.0 else 0.0

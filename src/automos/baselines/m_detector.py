@@ -70,7 +70,7 @@ def _draw(frame: Frame, stamp: float, is_moving: Mask, shape: ImageShape) -> _De
 
 @numba.njit(cache=True, nogil=True)
 def _span_around(points, shape):  # type: ignore[no-untyped-def]
-    """Return (rows, columns, 2) float32: shortest and longest range in the 3 x 3 pixels around each; inf, -inf: none."""
+    """Return (rows, columns, 2) float32: shortest and longest range of 3 x 3 pixels; inf, -inf: none."""
     h, w = shape.rows, shape.columns
     span = np.empty((h, w, 2), np.float32)
     span[:, :, 0], span[:, :, 1] = np.inf, -np.inf

@@ -1,7 +1,7 @@
 """Yoon's method: what is far from everything another scan saw, where that scan saw free space, has moved.
 
-Our reading of Yoon, Tang and Barfoot, "Mapless Online Detection of Dynamic Objects in 3D Lidar" (CRV 2019): each scan is
-compared with one before and one after it, motion compensated and aligned. Points without a neighbour there are
+Our reading of Yoon, Tang and Barfoot, "Mapless Online Detection of Dynamic Objects in 3D Lidar" (CRV 2019): every scan
+is compared with one before and one after it, motion compensated and aligned. Points without a neighbour there are
 candidates; those on rays of the other scan that went on are kept, those that were hidden or out of its sight are not; a
 box filter takes lone ones away; regions grow from what is left over near points that are not ground.
 """
@@ -47,7 +47,7 @@ def find_moving(
         others = scans_at(stamps, k, (-settings.gap, settings.gap))
         for j in sorted({k, *others} - set(seen)):
             seen[j] = _look(frames[j], shape)
-        seen = {j: scan for j, scan in seen.items() if j >= min(k, *others, k)}
+        seen = {j: scan for j, scan in seen.items() if j >= min(k, *others)}
         frame = seen[k].frame
         is_seed = np.zeros(len(frame.points), bool)
         for j in others:

@@ -1,0 +1,45 @@
+"""How far methods agree on what moves, with or without truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Intersection over union of what each two methods call moving, pooled over all points of all scans.
+
+    Attributes
+    ----------
+    methods : K names.
+    iou : (K, K) in [0, 1], nan where neither calls anything moving.
+    """
+
+    methods: tuple[str, ...]
+    iou: npt.NDArray[np.float64]
+
+    def to_dict(self) -> dict[str, dict[str, float | None]]:
+        """Return the matrix by names, None for nan."""
+        return {
+            a: {b: None if np.isnan(value) else float(value) for b, value in zip(self.methods, row, strict=True)}
+            for a, row in zip(self.methods, self.iou, strict=True)
+        }
+
+
+def measure_agreement(methods: Sequence[str], scans: Iterable[Sequence[npt.NDArray[np.bool_]]]) -> Agreement:
+    """Return how far `methods` agree.
+
+    scans : for each scan what each method says, in the methods' order: (N,) bool moving.
+    """
+    both = np.zeros((len(methods), len(methods)), np.int64)
+    for masks in scans:
+        said = np.stack(list(masks)).astype(np.float32)  # (K, N); float32 counts exactly up to 16 million points
+        both += (said @ said.T).astype(np.int64)
+    alone = np.diag(both)
+    either = alone[:, None] + alone[None, :] - both
+    with np.errstate(invalid="ignore"):
+        return Agreement(tuple(methods), both / np.where(either > 0, either, np.nan))

@@ -1,0 +1,164 @@
+"""Table I of the paper on any recording: every method from the same poses, scored, timed, compared with each other."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import write_text
+from automos.comparison.agreement import Agreement, measure_agreement
+from automos.comparison.labelers import TITLES, choose_methods
+from automos.comparison.panel import choose_scan, draw_panel
+from automos.comparison.runs import Cost, MethodRuns, is_moving
+from automos.errors import InputError, MissingExtraError
+from automos.evaluation.moving import Counts, Scores, count
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    recording, n_scans : what was compared on.
+    poses : where the poses came from that all methods were given.
+    scores : of each method; empty where the recording has no truth.
+    costs : of each method that ran.
+    missing : methods that did not, and why.
+    agreement : between those that ran.
+    """
+
+    recording: str
+    n_scans: int
+    poses: str
+    scores: dict[str, Scores]
+    costs: dict[str, Cost]
+    missing: dict[str, str]
+    agreement: Agreement
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers; ratios in [0, 1], None where there is none."""
+        methods = {}
+        for name, cost in self.costs.items():
+            scores = self.scores.get(name)
+            ratios = {} if scores is None else {key: _plain(getattr(scores, key)) for key in _RATIOS}
+            methods[name] = {
+                "title": TITLES[name],
+                **ratios,
+                "seconds_per_scan": cost.seconds_per_scan,
+                "peak_mb": _plain(cost.peak_memory / 1e6),
+            }
+        return {
+            "recording": self.recording,
+            "n_scans": self.n_scans,
+            "poses": self.poses,
+            "methods": methods,
+            "missing": self.missing,
+            "agreement": self.agreement.to_dict(),
+        }
+
+    def tables(self) -> list[Table]:
+        """Return Table I, and how far the methods agree."""
+        from rich.table import Table
+
+        table = Table(title=f"{self.recording}: {self.n_scans} scans, {self.poses}")
+        table.add_column("method")
+        for heading in ("IoU %", "precision %", "recall %", "s/scan", "peak MB"):
+            table.add_column(heading, justify="right")
+        for name, cost in self.costs.items():
+            scores = self.scores.get(name)
+            ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
+            memory = "" if math.isnan(cost.peak_memory) else f"{cost.peak_memory / 1e6:.0f}"
+            table.add_row(TITLES[name], *ratios, f"{cost.seconds_per_scan:.2f}", memory)
+        for name, why in self.missing.items():
+            table.add_row(TITLES[name], why)
+        matrix = Table("", *map(str, range(1, len(self.agreement.methods) + 1)), title="agreement: IoU % of what moves")
+        for k, (name, row) in enumerate(zip(self.agreement.methods, self.agreement.iou, strict=True), start=1):
+            matrix.add_row(f"{k} {TITLES[name]}", *(_percent(value) for value in row))
+        return [table, matrix]
+
+
+_RATIOS = ("iou", "precision", "recall")
+
+
+def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Comparison:
+    """Return what `methods` (all where none is named) make of a recording; those whose library is missing are named.
+
+    Raises
+    ------
+    InputError
+        A method that there is not, or none that could be run.
+    """
+    costs: dict[str, Cost] = {}
+    missing: dict[str, str] = {}
+    for method in choose_methods(methods):
+        try:
+            costs[method] = runs.cost(method)
+        except MissingExtraError as error:
+            missing[method] = str(error)
+            _log.warning("%s is left out: %s", TITLES[method], error)
+    if not costs:
+        raise InputError("no method could be run: " + "; ".join(missing.values()))
+    counts = {method: Counts() for method in costs}
+    agreement = measure_agreement(list(costs), _masks(runs, counts))
+    has_truth = any(part.n_scans for part in counts.values())
+    scores = {method: part.scores for method, part in counts.items()} if has_truth else {}
+    return Comparison(runs.sequence.name, len(runs.sequence), _describe_poses(runs), scores, costs, missing, agreement)
+
+
+def write_comparison(
+    runs: MethodRuns, comparison: Comparison, radius: float = 40.0, scan: int | None = None
+) -> tuple[Path, Path]:
+    """Write `compare.json` and the panel `compare.png` into the runs' folder; return both paths.
+
+    `radius` is how far around the sensor is shown, metres; `scan` which one, by default the one with most movers.
+    """
+    methods = list(comparison.costs)
+    if scan is not None and not 0 <= scan < comparison.n_scans:
+        raise InputError(f"there is no scan {scan}: {comparison.recording} has 0 to {comparison.n_scans - 1}")
+    scan = choose_scan(runs, methods) if scan is None else scan
+    report, picture = runs.folder / "compare.json", runs.folder / "compare.png"
+    draw_panel(runs, methods, scan, radius, picture)
+    write_text(report, json.dumps({**comparison.to_dict(), "picture_of_scan": scan}, indent=2, allow_nan=False) + "\n")
+    return report, picture
+
+
+def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDArray[np.bool_]]]:
+    """Yield what each method calls moving in each scan; scores are added to `counts` on the way."""
+    for i in range(len(runs.sequence)):
+        scan, truth = runs.sequence[i], runs.sequence.truth(i)
+        said = {method: runs.labels(method, i, len(scan)) for method in counts}
+        if truth is not None:
+            with np.errstate(invalid="ignore", over="ignore"):
+                ranges = np.linalg.norm(scan.points, axis=1)
+            for method, labels in said.items():
+                counts[method] += count(labels, truth, ranges)
+        yield [is_moving(labels) for labels in said.values()]
+
+
+def _describe_poses(runs: MethodRuns) -> str:
+    about = runs.trajectory.diagnostics
+    thickness = about.get("wall_thickness_m")
+    source = "poses given" if runs.has_given_poses else "poses by AutoMOS's odometry"
+    return source if thickness is None else f"{source} (walls {100 * thickness:.1f} cm thick)"
+
+
+def _percent(value: float) -> str:
+    return "-" if math.isnan(value) else f"{100 * value:.1f}"
+
+
+def _plain(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)

@@ -1,0 +1,45 @@
+"""Fig. 4 of the paper: one scan, one picture per method, the same view."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automos.comparison.labelers import TITLES
+from automos.comparison.runs import MethodRuns, is_moving
+from automos.labels import to_mos
+from automos.visualization.topdown import View, draw_views
+
+
+def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, path: Path) -> None:
+    """Write what each of `methods` says of scan `scan` to a PNG file.
+
+    True dynamic points are green, false dynamic red, false static blue, true static grey; without truth what is called
+    moving is green. `radius` (metres) is how far around the sensor is shown.
+    """
+    frame, truth = runs.frames[scan], runs.sequence.truth(scan)
+    true = None if truth is None else to_mos(truth)[frame.kept].astype(np.uint8)
+    views = [
+        View(
+            TITLES[method],
+            frame.points_level,
+            runs.labels(method, scan, frame.n_points)[frame.kept].astype(np.uint8),
+            true,
+        )
+        for method in methods
+    ]
+    draw_views(views, path, frame.origin_level[:2], radius, columns=4)
+
+
+def choose_scan(runs: MethodRuns, methods: list[str]) -> int:
+    """Return the scan with most points that truly move; without truth, that methods call moving."""
+    counts = []
+    for i in range(len(runs.sequence)):
+        truth = runs.sequence.truth(i)
+        if truth is not None:
+            counts.append(int(is_moving(to_mos(truth)).sum()))
+        else:
+            n = len(runs.sequence[i])
+            counts.append(sum(int(is_moving(runs.labels(method, i, n)).sum()) for method in methods))
+    return int(np.argmax(counts))
