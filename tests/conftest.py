@@ -75,7 +75,7 @@ def lane_run(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def _chromium():
+def chromium():
     """Return a headless browser; skip with a reason where there is none."""
     selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: pip install selenium")
     from selenium.common.exceptions import WebDriverException
@@ -101,10 +101,10 @@ def _chromium():
 
 
 @pytest.fixture
-def browser(_chromium):
+def browser(chromium):
     """Return a headless browser whose page says nothing on its console: neither errors nor warnings of the page."""
-    _chromium.get("about:blank")
-    _chromium.get_log("browser")
-    yield _chromium
-    said = [entry["message"] for entry in _chromium.get_log("browser") if entry["level"] == "SEVERE"]
+    chromium.get("about:blank")
+    chromium.get_log("browser")
+    yield chromium
+    said = [entry["message"] for entry in chromium.get_log("browser") if entry["level"] == "SEVERE"]
     assert said == []

@@ -68,3 +68,38 @@ def review(
     finally:
         server.server_close()
         session.close()
+
+
+@look_app.command()
+def view(
+    results: Results,
+    recording: Recording = None,
+    rrd: Annotated[Path | None, typer.Option(help="write a file for the viewer instead of opening it")] = None,
+    web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web; 0: any free one")] = 0,
+    browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
+    points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 40_000,
+    format: Format = None,
+) -> None:
+    """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors where there is truth."""
+    from automos.export.open_run import open_run
+    from automos.progress import StageProgress
+    from automos.visualization.viewer import Viewer, save_recording
+
+    with StageProgress(console, results.name) as progress:
+        run = open_run(results, recording, format, progress)
+        if rrd is not None:
+            save_recording(run, rrd, points)
+    if rrd is not None:
+        output.print(rrd)
+        return
+    with Viewer(web, port) as viewer:
+        if viewer.url is not None:
+            output.print(f"{viewer.url}  (Ctrl-C ends the viewer)")
+            if browser:
+                typer.launch(viewer.url)
+        try:
+            viewer.send(run, points)
+            viewer.wait()
+        except KeyboardInterrupt:
+            return

@@ -1,0 +1,127 @@
+"""Rerun's viewer for a run: in a window, in a browser on this machine, or as a file for later.
+
+Rerun's own calls to serve a recording listen on every network the machine is in. Its program can be told not to, so it
+is started here, bound to 127.0.0.1, and the recording is sent to it.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from automos.atomic import atomic_path
+from automos.errors import InputError
+from automos.export.run_files import RunFiles
+from automos.visualization.rerun_log import load_rerun, log_run, make_recording
+
+HOST = "127.0.0.1"
+START = 20.0
+"""Seconds the viewer has to start listening."""
+
+
+def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
+    """Write `run` as a recording of Rerun to `path`, whole or not at all; errors are those of `log_run`."""
+    with atomic_path(path) as temporary:
+        stream = make_recording(run)
+        stream.save(temporary)
+        log_run(run, stream, max_static)
+        stream.flush()
+        stream.disconnect()
+
+
+class Viewer:
+    """A running viewer that recordings can be sent to; a context that ends it."""
+
+    def __init__(self, web: bool = False, port: int = 0):
+        """Start the viewer: in a window, or `web` to be shown by a browser at `url` (its `port`, 0: any free one).
+
+        Raises
+        ------
+        MissingExtraError
+            Rerun is not installed.
+        InputError
+            The viewer does not start.
+        """
+        program = _program()
+        self._port = _free_port()
+        self.url = None
+        arguments = ["--bind", HOST, "--port", str(self._port), "--server-memory-limit", "75%"]
+        if web:
+            page = port or _free_port()
+            arguments += ["--serve-web", "--web-viewer-port", str(page)]
+            self.url = f"http://{HOST}:{page}/?url=rerun%2Bhttp%3A%2F%2F{HOST}%3A{self._port}%2Fproxy"
+        else:
+            arguments += ["--expect-data-soon", "--hide-welcome-screen"]
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the viewer)
+        self._process = subprocess.Popen(
+            [program, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said
+        )
+        try:
+            for listening in [self._port, *([page] if web else [])]:
+                self._wait_for(listening)
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, run: RunFiles, max_static: int) -> None:
+        """Send `run` to the viewer, scan after scan; errors are those of `log_run`."""
+        stream = make_recording(run)
+        stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
+        log_run(run, stream, max_static)
+        stream.flush()
+
+    def wait(self) -> None:
+        """Wait until the viewer is closed, or until Ctrl-C."""
+        self._process.wait()
+
+    def close(self) -> None:
+        """End the viewer."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait()
+        self._said.close()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _wait_for(self, port: int) -> None:
+        end = time.monotonic() + START
+        while time.monotonic() < end:
+            if self._process.poll() is not None:
+                self._said.seek(0)
+                last = self._said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+                raise InputError(
+                    f"the viewer does not start ({last[0]}); without a screen, write a file with --rrd or use --web"
+                )
+            with socket.socket() as probe:
+                if probe.connect_ex((HOST, port)) == 0:
+                    return
+            time.sleep(0.05)
+        raise InputError(f"the viewer does not answer within {START:.0f} s; write a file with --rrd instead")
+
+
+def _program() -> Path:
+    """Return Rerun's program itself, not the script around it, which would leave the program behind when ended."""
+    load_rerun()
+    import rerun_cli
+
+    folder = Path(rerun_cli.__file__).parent
+    names = ("Rerun.app/Contents/MacOS/Rerun", "rerun", "rerun.exe")
+    found = next((folder / name for name in names if (folder / name).is_file()), None)
+    if found is None:
+        raise InputError(
+            f"{folder} holds no program of Rerun: install it again, pip install --force-reinstall rerun-sdk"
+        )
+    return found
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return int(probe.getsockname()[1])
