@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -54,33 +54,84 @@ def label(
     ------
     InputError : the recording or the poses cannot be used; the message says why and what to do.
     """
-    settings = settings or load_settings("default")
     workspace = workspace or Workspace()
-    names = sequence.names
-    run = Run(workspace, stage_keys(sequence, settings, poses), names, progress)
+    steps = Steps(sequence, settings or load_settings("default"), poses, workspace, workers, progress)
+    labels = steps.labels()
+    workspace.keep_only(steps.run.keys)
+    return Result(steps.trajectory, *steps.followed, steps.run.names, steps.run.seconds, steps.run.keys, labels)
 
-    trajectory = Trajectory.from_arrays(
-        run.once("odometry", lambda tick: estimate_trajectory(sequence, settings.odometry, poses, tick).to_arrays())
-    )
-    frames = SequenceFrames(sequence, trajectory)
-    find = partial(find_candidates, frames, trajectory.stamps, settings, workers)
-    candidates = run.each("candidates", partial(hear_network, find, frames, names, settings.self_training))
-    instances = run.each("instances", partial(find_segments, frames, candidates, names, settings.instances, workers))
-    followed = run.once("tracking", lambda tick: follow_and_judge(trajectory, instances, names, settings))
-    tracks, verdicts = Tracks.from_arrays(followed), Verdicts.from_arrays(followed)
-    labels = run.each(
-        "labels", partial(paint, frames, candidates, instances, names, tracks, verdicts, settings, workers)
-    )
 
-    workspace.keep_only(run.keys)
-    return Result(trajectory, tracks, verdicts, names, run.seconds, run.keys, labels)
+class Steps:
+    """The stages of one recording, each making whatever it needs of the ones before that is not there yet.
+
+    Candidates, instances and labels need nothing of other scans but poses and points: they can be made for a part of
+    the scans, by a process of its own, and are the same. Poses and tracks belong to the recording as a whole.
+    """
+
+    def __init__(
+        self,
+        sequence: Sequence,
+        settings: Settings,
+        poses: Pose | None = None,
+        workspace: Workspace | None = None,
+        workers: int = 0,
+        progress: Progress | None = None,
+    ):
+        """Take what `label` takes."""
+        self.sequence, self.settings, self.poses, self.workers = sequence, settings, poses, workers
+        self.run = Run(workspace or Workspace(), stage_keys(sequence, settings, poses), sequence.names, progress)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Where the sensor was (III-A)."""
+        about = self.settings.odometry
+        about = about.model_copy(update={"threads": about.threads or self.workers})
+        return Trajectory.from_arrays(
+            self.run.once(
+                "odometry", lambda tick: estimate_trajectory(self.sequence, about, self.poses, tick).to_arrays()
+            )
+        )
+
+    @cached_property
+    def frames(self) -> SequenceFrames:
+        """The scans with their poses, made when asked for."""
+        return SequenceFrames(self.sequence, self.trajectory)
+
+    def candidates(self, scans: range | None = None) -> Stage:
+        """Return which points may have moved (III-B), at least for `scans`."""
+        find = partial(find_candidates, self.frames, self.trajectory.stamps, self.settings, self.workers)
+        hear = partial(hear_network, find, self.frames, self.run.names, self.settings.self_training)
+        return self.run.each("candidates", hear, scans)
+
+    def instances(self, scans: range | None = None) -> Stage:
+        """Return the segments and their boxes (III-C), at least for `scans`."""
+        candidates, about = self.candidates(scans), self.settings.instances
+        find = partial(find_segments, self.frames, candidates, self.run.names, about, self.workers)
+        return self.run.each("instances", find, scans)
+
+    @cached_property
+    def followed(self) -> tuple[Tracks, Verdicts]:
+        """All objects over time, and the verdict on each (III-D)."""
+        instances, names = self.instances(), self.run.names
+        arrays = self.run.once(
+            "tracking", lambda tick: follow_and_judge(self.trajectory, instances, names, self.settings)
+        )
+        return Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays)
+
+    def labels(self, scans: range | None = None) -> Stage:
+        """Return every point's label, at least for `scans`."""
+        tracks, verdicts = self.followed
+        found = self.candidates(scans), self.instances(scans), self.run.names
+        return self.run.each(
+            "labels", partial(paint, self.frames, *found, tracks, verdicts, self.settings, self.workers), scans
+        )
 
 
 def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None) -> dict[str, str]:
     """Return each stage's fingerprint: it changes with all that shapes the stage's results."""
     given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     key = fingerprint(__version__, sequence.fingerprint(), given)
-    keys, chosen = {}, settings.model_dump(mode="json")
+    keys, chosen = {}, settings.model_dump(mode="json", exclude={"odometry": {"threads"}})
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))
         if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):

@@ -33,17 +33,23 @@ class Run:
                 stage.save("all", make(lambda done, total: self._progress(name, done, total)))
         return stage.load("all")
 
-    def each(self, name: str, make: Callable[[list[int]], Iterable[tuple[int, Arrays]]]) -> Stage:
-        """Return a stage with results for every scan; `make` is given the missing ones and yields them in order."""
+    def each(
+        self, name: str, make: Callable[[list[int]], Iterable[tuple[int, Arrays]]], scans: range | None = None
+    ) -> Stage:
+        """Return a stage with results for every scan, or for `scans` at least.
+
+        `make` is given the missing ones and yields them in order.
+        """
+        scans = range(len(self.names)) if scans is None else scans
         stage = self._workspace.stage(name, self.keys[name])
-        missing = stage.missing(self.names)
+        missing = [i for i in scans if not stage.has(self.names[i])]
         if missing:
             with self._timed(name):
-                done = len(self.names) - len(missing)
+                done = len(scans) - len(missing)
                 for i, arrays in make(missing):
                     stage.save(self.names[i], arrays)
                     done += 1
-                    self._progress(name, done, len(self.names))
+                    self._progress(name, done, len(scans))
         return stage
 
     @contextmanager

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +51,7 @@ def find_candidates(
 ) -> PerScan:
     """Yield for each missing scan how each of its points may have moved, and what kind of point it is."""
     find = _free_space if settings.candidates.method == "free_space" else _moving_points
-    return find(frames, stamps, settings, workers, missing[0])
+    return find(frames, stamps, settings, workers, range(missing[0], missing[-1] + 1))
 
 
 def hear_network(
@@ -70,10 +71,11 @@ def hear_network(
         yield i, {**arrays, "score": add_cue(arrays["score"], probability, settings)}
 
 
-def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
+def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
     ray_steps = np.array([pattern.row_height, pattern.column_width])
-    for i, is_moving in BASELINES[settings.candidates.method].find_moving(frames, stamps, settings, start):
+    find_moving = BASELINES[settings.candidates.method].find_moving
+    for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
         frame = frames[i]
         points, ground = frame.points_level, settings.candidates.ground
         surface = fit_ground(points, frame.origin_level, ground)
@@ -83,11 +85,11 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
         yield i, _candidates(is_moving.astype(np.float32), kind, height, ray_steps)
 
 
-def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, start: int) -> PerScan:
+def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     about = settings.candidates
     space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body)
     ray_steps = np.array([space.pattern.row_height, space.pattern.column_width])
-    for i, evidence in space.collect(start, workers or available_cores()):
+    for i, evidence in space.collect(scans.start, workers or available_cores(), scans.stop):
         yield i, _candidates(1.0 / (1.0 + np.exp(-evidence.net)), evidence.kind, evidence.height, ray_steps)
 
 

@@ -104,12 +104,12 @@ class FreeSpace:
         is_near = off <= self.settings.span_tolerance * np.abs(wanted - self.stamps[index])
         return np.setdiff1d(ids[nearest[is_near]], [index])
 
-    def collect(self, start: int = 0, threads: int = 2) -> Iterator[tuple[int, Evidence]]:
-        """Yield (index, evidence) of every frame from `start` on, in order; each frame is read once.
+    def collect(self, start: int = 0, threads: int = 2, stop: int | None = None) -> Iterator[tuple[int, Evidence]]:
+        """Yield (index, evidence) of every frame from `start` to before `stop`, in order; each frame is read once.
 
-        The result does not depend on the number of `threads`.
+        The result depends neither on the number of `threads` nor on where one starts and stops.
         """
-        todo = range(start, len(self.frames))
+        todo = range(start, len(self.frames) if stop is None else stop)
         partners = {i: self.partners(i) for i in todo}
         last_use = np.full(len(self.frames), -1)
         for i in todo:
