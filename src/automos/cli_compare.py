@@ -59,6 +59,55 @@ def compare(
         output.print(path)
 
 
+@compare_app.command("map")
+def make_map(
+    recording: Recording,
+    out: Out = None,
+    kinds: Annotated[
+        list[str] | None, typer.Option("--kind", help="ply, pcd or laz; repeatable [default: ply]")
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="whose labels: default, paper, or a method of automos compare")
+    ] = "default",
+    voxel: Annotated[float | None, typer.Option(help="metres, one point of the map per voxel [default: 0.1]")] = None,
+    poses: Poses = None,
+    calib: Calib = None,
+    set_: Overrides = None,
+    format: Format = None,
+    workers: Workers = 0,
+) -> None:
+    """Write the map of a recording without what moves, and pictures of it before and after.
+
+    [bold]Examples[/bold]
+
+    automos map my_log/ --kind laz --voxel 0.05
+
+    automos map kitti/sequences/07 --method removert       scored, too: the recording has truth
+    """
+    from automos.comparison.labelers import choose_methods
+    from automos.mapping.make_map import make_map as write_map
+    from automos.mapping.make_map import scores_by_name
+
+    (chosen,) = choose_methods([method])
+    overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
+    runs = _runs(recording, out or Path("automos_map"), out is None, poses, calib, overrides, format, workers)
+    runs.cost(chosen)
+    made = write_map(
+        runs.frames,
+        runs.sequence,
+        lambda i, n: runs.labels(chosen, i, n) & 0xFFFF,
+        runs.folder,
+        kinds or ["ply"],
+        runs.settings(chosen).map,
+        _say_when_started(),
+    )
+    if made.scores is not None:
+        output.print("  ".join(f"{name} {100 * value:.1f}" for name, value in scores_by_name(made.scores).items()))
+    output.print(f"{made.n_points:,} points")
+    for file in made.files:
+        output.print(file)
+
+
 def _runs(
     recording: Path,
     out: Path,

@@ -154,7 +154,7 @@ class OdometrySettings(_Group):
         False, description="take out the drift that revisits show; poses bend a little, which costs labels"
     )
     loops: LoopSettings = Field(default_factory=LoopSettings)
-    threads: int = Field(0, ge=0, description="0: all cores")
+    threads: int = Field(0, ge=0, description="shapes no result; 0: as many as the run has workers")
 
 
 class ErasorSettings(_Group):
@@ -579,6 +579,15 @@ class LabelsSettings(_Group):
     unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled")
 
 
+class MapSettings(_Group):
+    """The map without what moves (paper Fig. 5)."""
+
+    voxel: float = Field(0.1, gt=0, description="m, one point of the map per voxel: the mean of its points")
+    max_range: float = Field(60.0, gt=0, description="m, points used")
+    tile: float = Field(40.0, gt=0, description="m, side of the squares in which the map is made and written")
+    picture_pixels: int = Field(3000, ge=16, le=20000, description="pixels of the pictures' longer side, at most")
+
+
 class OutputSettings(_Group):
     """What is written per point."""
 
@@ -703,6 +712,7 @@ class Settings(_Group):
     network: NetworkSettings = NetworkSettings()
     self_training: SelfTrainingSettings = SelfTrainingSettings()
     baselines: BaselinesSettings = BaselinesSettings()
+    map: MapSettings = MapSettings()
 
 
 PRESETS: dict[str, dict[str, Any]] = {

@@ -33,13 +33,18 @@ def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, p
 
 
 def choose_scan(runs: MethodRuns, methods: list[str]) -> int:
-    """Return the scan with most points that truly move; without truth, that methods call moving."""
+    """Return the scan with most points that truly move; without truth, that methods call moving.
+
+    It is looked for in the middle half of the recording: methods that use only the past know nothing at the start.
+    """
+    n_scans = len(runs.sequence)
+    middle = range(n_scans // 4, max(n_scans - n_scans // 4, n_scans // 4 + 1))
     counts = []
-    for i in range(len(runs.sequence)):
+    for i in middle:
         truth = runs.sequence.truth(i)
         if truth is not None:
             counts.append(int(is_moving(to_mos(truth)).sum()))
         else:
             n = len(runs.sequence[i])
             counts.append(sum(int(is_moving(runs.labels(method, i, n)).sum()) for method in methods))
-    return int(np.argmax(counts))
+    return middle[int(np.argmax(counts))]

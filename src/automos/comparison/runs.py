@@ -26,6 +26,7 @@ from automos.evaluation.report import read_prediction
 from automos.labels import Label
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
+from automos.pipeline import stage_keys
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
@@ -78,6 +79,14 @@ class MethodRuns:
         """Return the settings of `method`: a preset's own, the default's for baselines."""
         return self._settings.get(method, self._settings["default"])
 
+    def _fingerprint(self, method: str) -> str:
+        """Return what changes with all that shapes what `method` finds."""
+        settings = self.settings(method)
+        if method in PRESETS:
+            return fingerprint(self._key, stage_keys(self.sequence, settings)["labels"])
+        chosen = settings.model_dump(mode="json")
+        return fingerprint(self._key, method, chosen["baselines"], chosen["candidates"])
+
     def cost(self, method: str) -> Cost:
         """Return what `method` took; it is run where its labels are not there yet.
 
@@ -86,7 +95,7 @@ class MethodRuns:
         MissingExtraError
             Its library is not installed.
         """
-        key = fingerprint(self._key, method, self.settings(method).model_dump(mode="json"))
+        key = self._fingerprint(method)
         file = self.folder / method / "cost.json"
         cost = _read_cost(file, key)
         if cost is None:

@@ -1,0 +1,93 @@
+"""Table I: every method on recordings with truth and on the scenario suite, all from the same estimated poses.
+
+    python benchmarks/table1.py [RECORDING ...] [--scenarios all | none | NAME ...] [--sensor HDL-64E] [--scans 40]
+                                [--seed 0] [--methods ...] [--cache FOLDER] [--json FILE]
+
+Labels, costs and simulated recordings are kept in the cache folder; a second run, or one after an interruption, makes
+only what is missing or was made with other settings. Empty the folder after a change of the code. The first run after
+an installation compiles kernels, and its seconds show it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from itertools import chain
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from automos import open_sequence
+from automos.comparison.compare import Comparison, compare, write_comparison
+from automos.comparison.labelers import TITLES, choose_methods
+from automos.comparison.runs import MethodRuns
+from automos.progress import StageProgress
+from automos.simulation import FORMAT, SCENARIOS, simulate, write
+
+STATIC_WORLDS = ("country",)
+"""Scenarios in which nothing moves: the share of false points counts, IoU has no meaning."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recordings", nargs="*", type=Path)
+    parser.add_argument("--scenarios", nargs="+", default=["all"])
+    parser.add_argument("--sensor", default="HDL-64E")
+    parser.add_argument("--scans", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--methods", nargs="+")
+    parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "table1")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    methods = choose_methods(arguments.methods)
+    named = {"all": list(SCENARIOS), "none": []}.get(arguments.scenarios[0], arguments.scenarios)
+    columns: dict[str, Comparison] = {}
+    for recording in chain(arguments.recordings, (_simulated(arguments, scenario) for scenario in named)):
+        sequence = open_sequence(recording)
+        runs = MethodRuns(sequence, arguments.cache / "runs" / sequence.name)
+        name = sequence.name.split(f"-{arguments.sensor}-")[0]
+        columns[name] = compare(runs, methods)
+        write_comparison(runs, columns[name])
+        for table in columns[name].tables()[:1]:
+            Console().print(table)
+        if arguments.json:
+            arguments.json.write_text(json.dumps({name: c.to_dict() for name, c in columns.items()}, indent=1))
+    Console(width=240).print(_table(columns, methods))
+
+
+def _simulated(arguments: argparse.Namespace, scenario: str) -> Path:
+    folder = f"{scenario}-{arguments.sensor}-{arguments.scans}-{arguments.seed}-v{FORMAT}"
+    recording = arguments.cache / folder
+    recording.parent.mkdir(parents=True, exist_ok=True)
+    with StageProgress(Console(stderr=True), folder) as progress:
+        write(simulate(scenario, arguments.sensor, arguments.scans, arguments.seed), recording, 0, progress)
+    return recording
+
+
+def _table(columns: dict[str, Comparison], methods: list[str]) -> Table:
+    worlds = [name for name in columns if name in SCENARIOS and name not in STATIC_WORLDS]
+    table = Table(
+        "method",
+        *columns,
+        "mean of worlds",
+        title="IoU % of the moving class; false points per scan where nothing moves",
+    )
+    for method in methods:
+        cells = [_cell(comparison, method, name) for name, comparison in columns.items()]
+        ious = [columns[name].scores[method].iou for name in worlds if method in columns[name].scores]
+        table.add_row(TITLES[method], *cells, f"{100 * sum(ious) / len(ious):.1f}" if ious else "")
+    return table
+
+
+def _cell(comparison: Comparison, method: str, name: str) -> str:
+    if method not in comparison.scores:
+        return ""
+    scores = comparison.scores[method]
+    if name in STATIC_WORLDS:
+        return f"({scores.false_dynamic / comparison.n_scans:.0f})"
+    return f"{100 * scores.iou:.1f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""The map of a recording without what moves, written while it is made."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import write_text
+from automos.labels import Label, to_mos
+from automos.mapping.height_picture import HeightPicture
+from automos.mapping.metrics import MapCounts, MapScores
+from automos.mapping.tiles import Tile, Tiles
+from automos.mapping.writers import check_kind, open_cloud
+from automos.run import Progress
+from automos.scan import Frames, Sequence
+from automos.settings import MapSettings
+
+
+@dataclass(frozen=True)
+class MadeMap:
+    """Where a map is, how many points it has, and its scores, None where the recording has no truth."""
+
+    files: list[Path]
+    n_points: int
+    scores: MapScores | None
+
+
+def make_map(
+    frames: Frames,
+    sequence: Sequence,
+    labels_of: Callable[[int, int], npt.NDArray],
+    out: Path,
+    kinds: list[str],
+    settings: MapSettings,
+    progress: Progress | None = None,
+) -> MadeMap:
+    """Write the map without what moves, a picture of it, and one of the map with all points, into the folder `out`.
+
+    Parameters
+    ----------
+    frames, sequence : the recording, posed, and as it is.
+    labels_of : takes a scan's index and number of points, returns their labels (N,) of `Label`. Only points called
+        static are kept.
+    kinds : "ply", "pcd", "laz": map.KIND is written for each.
+
+    Raises
+    ------
+    InputError : a kind that there is not, or a folder that cannot be written.
+    """
+    clouds = [out / f"map.{kind}" for kind in kinds]
+    for cloud in clouds:
+        check_kind(cloud)
+    out.mkdir(parents=True, exist_ok=True)
+    reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
+    corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
+    raw, clean = (HeightPicture(*corners, settings.picture_pixels) for _ in range(2))
+    tiles, counts, n_points, has_truth = Tiles(settings.voxel, settings.tile), MapCounts(tile=settings.tile), 0, False
+    with ExitStack() as stack:
+        writers = [stack.enter_context(open_cloud(cloud)) for cloud in clouds]
+
+        def finish(tile: Tile) -> None:
+            nonlocal n_points
+            n_points += len(tile.voxels)
+            for write in writers:
+                write(tile.voxels.mean)
+
+        for i in range(len(sequence)):
+            frame = frames[i]
+            used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= reach**2)
+            points = frame.points_level[used]
+            is_kept = labels_of(i, frame.n_points)[frame.kept][used] == Label.STATIC
+            raw.add(points)
+            clean.add(points[is_kept])
+            tiles.add(points[is_kept])
+            truth = sequence.truth(i)
+            if truth is not None:
+                has_truth = True
+                true = to_mos(truth)[frame.kept][used]
+                counts.add(points, true == Label.STATIC, true == Label.MOVING, is_kept)
+            for tile in tiles.leave(frame.origin_level, 2.0 * reach):
+                finish(tile)
+            counts.leave(frame.origin_level, 2.0 * reach)
+            if progress is not None:
+                progress("map", i + 1, len(sequence))
+        for tile in tiles.rest():
+            finish(tile)
+    raw.write(out / "map_raw.png")
+    clean.write(out / "map_clean.png")
+    scores = counts.scores() if has_truth else None
+    write_text(out / "map.json", json.dumps(_about(n_points, scores, settings), indent=2) + "\n")
+    return MadeMap([*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"], n_points, scores)
+
+
+def _about(n_points: int, scores: MapScores | None, settings: MapSettings) -> dict[str, object]:
+    about: dict[str, object] = {"points": n_points, "voxel": settings.voxel}
+    if scores is not None:
+        about |= {name: None if math.isnan(value) else value for name, value in scores_by_name(scores).items()}
+    return about
+
+
+def scores_by_name(scores: MapScores) -> dict[str, float]:
+    """Return the six figures by the names the field gives them, in [0, 1]."""
+    return {
+        "PR": scores.preservation,
+        "RR": scores.rejection,
+        "F1": scores.f1,
+        "SA": scores.static_accuracy,
+        "DA": scores.dynamic_accuracy,
+        "AA": scores.associated_accuracy,
+    }
