@@ -1,0 +1,68 @@
+"""The methods by name, all with one interface: frames of a recording in, moving points of each frame out.
+
+Every map-based method turns its map into labels of scans by the same rule: a point has the label of the voxel that it
+fell into itself, never that of whatever is nearest in the cleaned map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+
+import numpy.typing as npt
+
+from automos.candidates import erasor
+from automos.scan import Frames, Mask
+from automos.settings import Settings
+
+Labeler = Callable[[Frames, npt.NDArray, Settings, int], Iterator[tuple[int, Mask]]]
+"""Takes frames, their times (N,) in s, all settings and the first index wanted; yields (index, (M,) bool moving)."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A labeler and what it is called in tables.
+
+    Attributes
+    ----------
+    title : in tables and pictures.
+    find_moving : see `Labeler`.
+    """
+
+    title: str
+    find_moving: Labeler
+
+
+def _find_with(module: str, *more: str) -> Labeler:
+    """Return the labeler in `module`; `more` names what it takes besides frames and its own settings, in order."""
+
+    def find(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
+        given = {
+            "stamps": stamps,
+            "ground": settings.candidates.ground,
+            "visibility": settings.baselines.removert,
+        }
+        labeler = import_module(f"automos.baselines.{module}").find_moving
+        own = getattr(settings.baselines, module)
+        return labeler(frames, settings=own, start=start, **{name: given[name] for name in more})
+
+    return find
+
+
+def _erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
+    for i, score in erasor.find_candidates(frames, settings.candidates.erasor, start):
+        yield i, score > 0.5
+
+
+BASELINES = {
+    "octomap": Method("Octomap", _find_with("octomap")),
+    "removert": Method("Removert", _find_with("removert")),
+    "erasor": Method("ERASOR", _erasor),
+    "pfreundschuh": Method("Pfreundschuh's", _find_with("pfreundschuh", "visibility", "ground")),
+    "yoon": Method("Yoon's", _find_with("yoon", "stamps", "ground")),
+    "dufomap": Method("DUFOMap", _find_with("dufomap")),
+    "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground")),
+    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground")),
+}
+"""In the order of the paper's Table I, then the newer ones."""
