@@ -114,6 +114,7 @@ def train_network(
         num_sanity_val_steps=0,
         reload_dataloaders_every_n_epochs=1,
         default_root_dir=out,
+        inference_mode=False,  # else the score before fine-tuning leaves tensors that training may not change
     )
     data = _Data(train, validation, settings)
     last = out / "last.ckpt"

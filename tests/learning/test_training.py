@@ -1,0 +1,145 @@
+"""Training as a user runs it, on a street of eight scans, and one recording learnt by heart (slow)."""
+
+import numpy as np
+import pytest
+from labeled_worlds import settings, write_labeled
+from worlds import street
+
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+pytest.importorskip("torchmetrics", reason="training needs torchmetrics: pip install 'automos[train]'")
+
+from automos.errors import InputError  # noqa: E402
+from automos.evaluation.moving import Counts, count  # noqa: E402
+from automos.learning.online import OnlineSegmenter  # noqa: E402
+from automos.learning.recordings import Source  # noqa: E402
+from automos.learning.train import TrainingData, train  # noqa: E402
+from automos.network.checkpoint import load_checkpoint  # noqa: E402
+from automos.network.deployed import load_network  # noqa: E402
+from automos.network.losses import segmentation_loss  # noqa: E402
+from automos.network.module import Training  # noqa: E402
+from automos.network.training import read_curve  # noqa: E402
+from automos.simulation import simulate, write  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory) -> TrainingData:
+    return TrainingData((Source(write_labeled(street(8), tmp_path_factory.mktemp("street"))),))
+
+
+@pytest.fixture(scope="module")
+def trained(data, tmp_path_factory):
+    out = tmp_path_factory.mktemp("network")
+    train(data, out, settings(), device="cpu", quiet=True)
+    return out
+
+
+def test_one_step_goes_down_the_gradient_of_the_loss():
+    network = settings(optimizer="sgd", learning_rate=0.1, momentum=0.0, weight_decay=0.0, warm_up=0.0).network
+    torch.manual_seed(0)
+    run = Training(network.model_dump(mode="json"), [0.0, 1.0, 5.0]).train()
+    batch = {"image": torch.rand(2, 8, 16, 128) * 10, "target": torch.randint(0, 3, (2, 16, 128))}
+    run.log = lambda *arguments, **options: None
+    torch.manual_seed(1)  # the same channels are dropped
+    loss = run.training_step(batch, 0)
+    torch.manual_seed(1)
+    wanted = segmentation_loss(run.network(batch["image"]), batch["target"], torch.tensor([0.0, 1.0, 5.0]))
+    assert loss.item() == pytest.approx(wanted.item(), rel=1e-4)
+    loss.backward()
+    parameter = next(p for p in run.network.parameters() if p.grad.abs().sum() > 0)
+    before, gradient = parameter.detach().clone(), parameter.grad.clone()
+    torch.optim.SGD(run.parameters(), network.training.learning_rate).step()
+    assert torch.allclose(parameter, before - 0.1 * gradient)
+
+
+def test_a_training_leaves_a_checkpoint_and_its_curve(trained, data):
+    checkpoint = load_checkpoint(trained / "best.pt")
+    assert checkpoint.image == settings().network.image
+    assert checkpoint.card["trained_on"] == [data.train[0].recording.name]
+    assert checkpoint.card["labels"] == ["given"]
+    curve = read_curve(trained)
+    assert [row["epoch"] for row in curve] == [0.0, 1.0]
+    assert all(np.isfinite(row["train_loss"]) for row in curve)
+    assert checkpoint.card["validation_iou"] == pytest.approx(max(row["val_iou_moving"] for row in curve), abs=1e-3)
+
+
+def test_a_training_goes_on_where_it_was_stopped(data, trained, tmp_path):
+    class KilledError(Exception):
+        pass
+
+    out = tmp_path / "network"
+    with pytest.MonkeyPatch.context() as patch:
+        from automos.learning.samples import TrainingSamples
+
+        begin = TrainingSamples.begin_epoch
+
+        def stop_before_the_second(self: TrainingSamples, epoch: int) -> None:
+            if epoch == 1:
+                raise KilledError
+            begin(self, epoch)
+
+        patch.setattr(TrainingSamples, "begin_epoch", stop_before_the_second)
+        with pytest.raises(KilledError):
+            train(data, out, settings(), device="cpu", quiet=True)
+    assert not (out / "best.pt").exists()
+    resumed = train(data, out, settings(), device="cpu", quiet=True)
+    whole = load_checkpoint(trained / "best.pt")
+    assert resumed.card["epochs"] == whole.card["epochs"] == 2
+    for a, b in zip(resumed.network.parameters(), whole.network.parameters(), strict=True):
+        assert torch.allclose(a, b, atol=1e-4)
+
+
+def test_a_folder_of_another_training_is_not_gone_on_with(trained, data):
+    with pytest.raises(InputError, match="holds a training on other data or with other settings"):
+        train(data, trained, settings(epochs=5), device="cpu", quiet=True)
+
+
+def test_fine_tuning_starts_from_a_checkpoint_of_the_same_shape(trained, data, tmp_path):
+    tuned = train(data, tmp_path / "tuned", settings(epochs=1), init=trained / "best.pt", device="cpu", quiet=True)
+    assert tuned.card["started_from"] == "best.pt"
+    assert 0.0 <= tuned.card["iou_before"] <= 1.0
+    assert torch.equal(tuned.network.mean, load_checkpoint(trained / "best.pt").network.mean)
+    wider = settings().model_copy(
+        update={"network": settings().network.model_copy(update={"model": settings().network.model.model_copy(
+            update={"channels": 8}
+        )})}
+    )  # fmt: skip
+    with pytest.raises(InputError, match=r"network.model.channels = 4, not 8"):
+        train(data, tmp_path / "wider", wider, init=trained / "best.pt", device="cpu", quiet=True)
+
+
+def test_a_device_that_is_none_is_told(data, tmp_path):
+    with pytest.raises(InputError, match="there is no device 'tpu'"):
+        train(data, tmp_path / "network", settings(), device="tpu", quiet=True)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
+    with pytest.raises(InputError, match="no GPU was found"):
+        train(data, tmp_path / "network", settings(), device="gpu", quiet=True)
+
+
+@pytest.mark.slow
+def test_one_recording_is_learnt_by_heart(tmp_path):
+    """IoU > 90 on the points of the training recording, by the online segmenter: narrow network, 64 x 512."""
+    sequence = simulate("city", "HDL-64E", n_scans=24, seed=31, compensated=True)
+    folder = write(sequence, tmp_path / "city")
+    still = {"turn": 0.0, "mirror": 0.0, "shift": 0.0, "drop": 0.0, "no_intensity": 0.0}
+    narrow = settings(epochs=40, samples=48, batch=4, learning_rate=0.004, patience=100, validation_scans=8)
+    chosen = narrow.model_copy(
+        update={
+            "network": narrow.network.model_copy(
+                update={
+                    "image": narrow.network.image.model_copy(update={"height": 64, "width": 512, "residuals": 8}),
+                    "model": narrow.network.model.model_copy(update={"channels": 8, "dropout": 0.0}),
+                    "augmentation": narrow.network.augmentation.model_copy(update=still),
+                }
+            )
+        }
+    )
+    train(TrainingData((Source(folder),)), tmp_path / "network", chosen, device="cpu", quiet=True)
+    segmenter = OnlineSegmenter(load_network(tmp_path / "network" / "best.pt", chosen.network.online), chosen)
+    counts = sum((count(segmenter.step(sequence[i]), sequence.truth(i)) for i in range(len(sequence))), Counts())
+    assert counts.scores.iou > 0.9

@@ -1,0 +1,68 @@
+"""An exported network answers as its checkpoint does, whatever runs it."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+for package in ("onnx", "onnxruntime", "onnxscript"):
+    pytest.importorskip(package, reason=f"exporting needs {package}: pip install 'automos[deploy]'")
+
+from automos.errors import AutomosError, InputError  # noqa: E402
+from automos.network.checkpoint import Checkpoint  # noqa: E402
+from automos.network.deployed import load_network  # noqa: E402
+from automos.network.export import export_onnx  # noqa: E402
+from automos.network.model import LMNet, MovingProbability  # noqa: E402
+from automos.settings import ImageSettings, ModelSettings, OnlineSettings  # noqa: E402
+
+IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)
+HAS_OPENVINO = importlib.util.find_spec("openvino") is not None
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Return a checkpoint with statistics of its own in the batch norms, and its export."""
+    torch.manual_seed(0)
+    network = LMNet(IMAGE, MODEL)
+    network.set_scale(np.arange(5, dtype=np.float32), np.full(5, 3.0, np.float32))
+    network(torch.rand(4, 7, 16, 64) * 10)
+    checkpoint = Checkpoint(network.eval(), IMAGE, MODEL, {"validation_iou": 0.5})
+    path = tmp_path_factory.mktemp("exported") / "net.onnx"
+    assert export_onnx(checkpoint, path) < 1e-5
+    return checkpoint, path
+
+
+@pytest.mark.parametrize(
+    "engine",
+    ["onnxruntime", pytest.param("openvino", marks=pytest.mark.skipif(not HAS_OPENVINO, reason="no openvino here"))],
+)
+def test_engines_answer_as_the_checkpoint_does(exported, engine):
+    checkpoint, path = exported
+    deployed = load_network(path, OnlineSettings(engine=engine, device="cpu"))
+    assert deployed.image == IMAGE
+    assert deployed.card == {"validation_iou": 0.5}
+    pixels = np.random.default_rng(1).normal(0, 5, (7, 16, 64)).astype(np.float32)
+    with torch.inference_mode():
+        wanted = MovingProbability(checkpoint.network)(torch.from_numpy(pixels)[None])[0].numpy()
+    # OpenVINO counts in bfloat16 where the processor can
+    assert np.abs(deployed.run(pixels) - wanted).max() < (1e-4 if engine == "onnxruntime" else 0.03)
+
+
+def test_a_foreign_onnx_file_is_told(exported, tmp_path):
+    import onnx
+
+    model = onnx.load(exported[1])
+    del model.metadata_props[:]
+    onnx.save(model, tmp_path / "foreign.onnx")
+    with pytest.raises(InputError, match="was not exported by automos"):
+        load_network(tmp_path / "foreign.onnx", OnlineSettings(engine="onnxruntime"))
+    (tmp_path / "text.onnx").write_text("network")
+    with pytest.raises(InputError, match="cannot be read as an ONNX network"):
+        load_network(tmp_path / "text.onnx", OnlineSettings(engine="onnxruntime"))
+
+
+def test_an_export_that_differs_is_not_kept(exported, tmp_path):
+    with pytest.raises(AutomosError, match="the exported network differs"):
+        export_onnx(exported[0], tmp_path / "net.onnx", tolerance=-1.0)
+    assert not (tmp_path / "net.onnx").exists()

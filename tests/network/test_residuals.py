@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from automos.geometry import inverse, make_transform, transform
+from automos.network.projection import even_grid, nearest_points, project
+from automos.network.residuals import pick_past, residual_images
+
+GRID = even_grid(16, 64, 10, -10)
+LIMITS = (2.0, 50.0)
+
+
+def ranges_of(points: np.ndarray) -> np.ndarray:
+    pixels, ranges = project(points, GRID)
+    index = nearest_points(pixels, ranges, GRID.size)
+    return np.where(index >= 0, ranges[index], 0.0).reshape(16, 64).astype(np.float32)
+
+
+def test_a_residual_is_the_change_of_range_over_the_range_of_now():
+    now, before = np.array([[10.0, 0.1, 0.1]], np.float32), np.array([[8.0, 0.08, 0.08]], np.float32)
+    image = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS)
+    assert image.shape == (1, 16, 64)
+    assert np.count_nonzero(image) == 1
+    assert image.max() == pytest.approx(0.2, abs=1e-4)  # |10 - 8| / 10
+
+
+def test_what_stands_still_leaves_no_residual_however_the_sensor_moves():
+    rng = np.random.default_rng(0)
+    T_world_now = make_transform(t=[1.0, 0.5, 0.0])
+
+    def wall() -> np.ndarray:
+        points = [np.full(40000, 15.0), rng.uniform(-12, 12, 40000), rng.uniform(-2, 2, 40000)]
+        return np.stack(points, axis=1).astype(np.float32)
+
+    before, now = wall(), transform(inverse(T_world_now), wall())
+    image = residual_images(ranges_of(now), [before], inverse(T_world_now)[None], GRID, LIMITS)
+    assert np.median(image[image > 0]) < 0.01
+    moved = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS)
+    assert np.median(moved[moved > 0]) > 0.05  # the motion of the sensor, not taken out
+
+
+@pytest.mark.parametrize(("r_now", "r_before"), [(1.5, 10.0), (10.0, 1.5), (55.0, 10.0), (10.0, 55.0)])
+def test_ranges_beyond_the_limits_leave_no_residual(r_now, r_before):
+    now, before = (np.array([[r, 0.0, 0.0]], np.float32) for r in (r_now, r_before))
+    assert not residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS).any()
+
+
+def test_a_scan_that_is_missing_leaves_no_residual():
+    now = ranges_of(np.array([[10.0, 0.0, 0.0]], np.float32))
+    assert not residual_images(now, [None, None], np.stack([np.eye(4)] * 2), GRID, LIMITS).any()
+
+
+def test_what_lies_beyond_the_beams_is_not_pressed_into_the_border_rows():
+    now = ranges_of(np.array([[10.0, 0.0, 1.7]], np.float32))  # just inside the top row
+    above = np.array([[6.0, 0.0, 4.0]], np.float32)
+    assert not residual_images(now, [above], np.eye(4)[None], GRID, LIMITS).any()
+
+
+@pytest.mark.parametrize(
+    ("ages", "chosen"),
+    [
+        ([0.1, 0.2, 0.3, 0.4], [0, 1, 2]),  # ten scans a second
+        ([0.05, 0.1, 0.15, 0.2, 0.25, 0.3], [1, 3, 5]),  # twenty
+        ([0.2, 0.4], [0, 0, 1]),  # five
+        ([0.1], [0, 0, -1]),  # the second scan of all
+        ([], [-1, -1, -1]),
+        ([3.0, 3.1], [-1, -1, -1]),  # after a pause
+    ],
+)
+def test_residuals_look_back_in_seconds_whatever_the_rate(ages, chosen):
+    assert pick_past(np.array(ages), 3, 0.1).tolist() == chosen
