@@ -526,7 +526,7 @@ class MDetectorSettings(_Group):
     depth_share: float = Field(0.01, ge=0, description="of the range, added to it")
     min_occluded: int = Field(3, ge=1, description="images whose points are occluded, of those that see the place")
     max_agreeing: int = Field(0, ge=0, description="images on whose static points it lies, at most")
-    chain: int = Field(2, ge=1, description="how often in a row something goes behind (or before) itself")
+    chain: int = Field(3, ge=1, description="how often in a row something goes behind (or before) itself")
     max_speed: float = Field(40.0, gt=0, description="m/s, of what goes along a ray")
     cluster_voxel: float = Field(0.3, gt=0, description="m, events in touching voxels are one cluster")
     cluster_points: int = Field(10, ge=1, description="events that make a cluster")
