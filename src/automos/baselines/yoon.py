@@ -47,7 +47,7 @@ def find_moving(
         others = scans_at(stamps, k, (-settings.gap, settings.gap))
         for j in sorted({k, *others} - set(seen)):
             seen[j] = _look(frames[j], shape)
-        seen = {j: scan for j, scan in seen.items() if j >= min(k, *others)}
+        seen = {j: scan for j, scan in seen.items() if j >= min([k, *others])}
         frame = seen[k].frame
         is_seed = np.zeros(len(frame.points), bool)
         for j in others:
