@@ -22,11 +22,31 @@ MAY_IMPORT = {
     "pose_files": BASE,
     "datasets": {*BASE, "datasets", "pose_files"},
     "evaluation": {*BASE, "evaluation", "pose_files"},
+    "visualization": {*BASE, "visualization", "evaluation", "export", "workspace"},
+    "review": {*BASE, "review", "visualization", "export", "workspace", "stages", "odometry", "tracking"},
 }
 """Rooms, and the rooms they may import; a room not named here may import any other but the command line."""
 
 HEAVY = {"torch", "numba", "scipy", "matplotlib", "hdbscan", "sklearn", "kiss_icp", "small_gicp", "trimesh", "pandas"}
-OPTIONAL = ("torch", "torchvision", "onnx", "onnxruntime", "rerun", "ray", "open3d", "rosbags", "mcap", "plotly")
+OPTIONAL = (
+    "torch",
+    "torchvision",
+    "onnx",
+    "onnxruntime",
+    "rerun",
+    "rerun_cli",
+    "ray",
+    "open3d",
+    "rosbags",
+    "mcap",
+    "plotly",
+    "pyarrow",
+    "laspy",
+    "lazrs",
+    "ouster",
+    "selenium",
+    "PIL",
+)
 
 
 def name_of(path: Path) -> str:

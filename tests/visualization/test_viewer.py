@@ -10,9 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from automos.cli import app
-from automos.errors import MissingExtraError
+from automos.errors import InputError, MissingExtraError
 from automos.export.open_run import open_run
 from automos.visualization.rerun_log import FALSE, MISSED, MOVING, STATIC, UNLABELED, point_kinds
+from automos.visualization.viewer import Viewer, save_recording
 
 rerun = pytest.importorskip("rerun", reason="the viewer is not installed: pip install 'automos[view]'")
 
@@ -37,14 +38,11 @@ def test_a_file_holds_points_boxes_tracks_trajectory_and_curves(lane_run, tmp_pa
 
 
 def test_a_file_that_cannot_be_written_is_told(lane_run, tmp_path):
-    run = CliRunner().invoke(app, ["view", str(lane_run), "--rrd", str(tmp_path / "no" / "lane.rrd")])
-    assert run.exit_code != 0
-    assert not (tmp_path / "no").exists()
+    with pytest.raises(InputError, match="no is no folder; choose another --rrd"):
+        save_recording(open_run(lane_run), tmp_path / "no" / "lane.rrd", 100)
 
 
 def test_without_rerun_the_command_to_install_it_is_told(lane_run, tmp_path, monkeypatch):
-    from automos.visualization.viewer import save_recording
-
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'automos\[view\]'"):
         save_recording(open_run(lane_run), tmp_path / "lane.rrd", 100)
@@ -62,8 +60,6 @@ def ports_of(viewer):
 
 
 def test_the_server_listens_on_this_machine_alone_and_ends_with_the_command():
-    from automos.visualization.viewer import Viewer
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.connect(("192.0.2.1", 9))  # sends nothing; tells the address others would reach this machine at
         outside = probe.getsockname()[0]
@@ -85,8 +81,6 @@ def test_a_browser_shows_the_points(chromium, lane_run):
     import io
 
     import matplotlib.image
-
-    from automos.visualization.viewer import Viewer
 
     with Viewer(web=True) as viewer:
         viewer.send(open_run(lane_run), 10_000)

@@ -23,7 +23,17 @@ START = 20.0
 
 
 def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
-    """Write `run` as a recording of Rerun to `path`, whole or not at all; errors are those of `log_run`."""
+    """Write `run` as a recording of Rerun to `path`, whole or not at all.
+
+    Raises
+    ------
+    MissingExtraError
+        Rerun is not installed.
+    InputError
+        A place that cannot be written, or results that are missing or damaged.
+    """
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent} is no folder; choose another --rrd")
     with atomic_path(path) as temporary:
         stream = make_recording(run)
         stream.save(temporary)

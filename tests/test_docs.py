@@ -1,0 +1,33 @@
+"""The docs build without a warning, and what they say of commands and settings is what the code has."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from automos.settings import Settings, _keys
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    for package in ("mkdocs", "material", "mkdocstrings"):
+        if importlib.util.find_spec(package) is None:
+            pytest.skip(f"{package} is not installed: pip install '.[docs]'")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    run = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    settings = (tmp_path / "site" / "reference" / "settings" / "index.html").read_text()
+    groups = {key.rpartition(".")[0] for key in _keys(Settings)}
+    leaves = [key for key in _keys(Settings) if key not in groups]
+    assert [key for key in leaves if f"<code>{key}</code>" not in settings] == []
+    commands = (tmp_path / "site" / "reference" / "commands" / "index.html").read_text()
+    assert all(f"automos {name}" in commands for name in ("label", "report", "review", "view", "merge"))
+
+
+def test_pictures_of_the_docs_are_small():
+    large = {path.name: path.stat().st_size for path in (ROOT / "docs" / "images").glob("*.png")}
+    large.pop("demo.png")  # the README's, made by the demo at full size
+    assert {name: size for name, size in large.items() if size > 300_000} == {}
