@@ -13,7 +13,7 @@ from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
 from automos.review.apply import reapply
-from automos.scan import Sequence
+from automos.scan import Pose, Sequence
 from automos.settings import Settings
 from automos.workspace import RUN_FILE, Workspace
 
@@ -39,14 +39,22 @@ def label_recording(
     InputError : the recording, the poses or the folder cannot be used.
     """
     _refuse_foreign(folder)
-    poses = None
-    if pose_file is not None:
-        T_camera_sensor = None if calib_file is None else read_calib(calib_file)
-        poses = read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
+    poses = given_poses(sequence, pose_file, calib_file)
     with StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
         write_results(folder, sequence, result, settings, progress)
         return reapply(folder, sequence, progress)
+
+
+def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | None) -> Pose | None:
+    """Return (N, 4, 4) T_world_sensor from a KITTI or TUM file, None without one.
+
+    The poses are the sensor's, or the camera's where `calib_file` is given.
+    """
+    if pose_file is None:
+        return None
+    T_camera_sensor = None if calib_file is None else read_calib(calib_file)
+    return read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
 
 
 def summary(run: dict[str, Any], folder: Path) -> str:

@@ -51,6 +51,14 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     return _open(reader, found[0], codec)
 
 
+def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
+    """Return what `open_sequence` takes of each recording at `path`, without opening any; in the order of their names.
+
+    Parameters and errors are those of `open_sequence`.
+    """
+    return _find(Path(path), format)[2]
+
+
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
     """Return all recordings at `path`: those of a dataset root (`sequences/*`) in order of name, or the one that it is.
 

@@ -1,0 +1,1 @@
+"""Many recordings: cut into units, done by processes or a cluster, kept on disks or in buckets, accounted for."""

@@ -1,0 +1,123 @@
+"""`automos label` over many recordings: from what the user gave to labels, books and a report."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from automos.errors import InputError
+from automos.export.results import versions
+from automos.parallel import available_cores
+from automos.scale.executors import Executor, InProcess
+from automos.scale.fleet import Outcome, Progress, label_all
+from automos.scale.ledger import Ledger, ledger_folder, ledger_name
+from automos.scale.local_pool import LocalPool
+from automos.scale.machine import memory_bytes
+from automos.scale.orders import Job, Recording
+from automos.scale.status import read_status
+from automos.scale.storage import is_url, join, key_of, shown
+from automos.scale.units import settings_key
+from automos.settings import Settings, dump_yaml
+
+_GB = 10**9
+
+
+@dataclass(frozen=True)
+class Means:
+    """What a run may use; none of it shapes a label.
+
+    Attributes
+    ----------
+    workers : processes on this machine; 0: one per core, if each then has `memory_gb`.
+    ray : address of a cluster to use instead of this machine.
+    memory_gb : memory that a worker needs.
+    cache_gb : most that copies of recordings in stores may take on a machine's disk.
+    work : folder for these, and for results on their way to a store.
+    chunk : scans per unit of work.
+    """
+
+    workers: int = 0
+    ray: str | None = None
+    memory_gb: float = 3.0
+    cache_gb: float = 50.0
+    work: Path = field(default_factory=lambda: Path(tempfile.gettempdir()) / f"automos-{_user()}")
+    chunk: int = 600
+
+
+def label_fleet(
+    recordings: list[Recording],
+    target: str,
+    settings: Settings,
+    means: Means,
+    shard: tuple[int, int] | None = None,
+    poses: tuple[Path | None, Path | None] = (None, None),
+    progress: Progress | None = None,
+    executor: Callable[[Means], Executor] | None = None,
+) -> Outcome:
+    """Label `recordings` into folders of their names below `target`, a path or URL; what is there already stays.
+
+    Parameters
+    ----------
+    shard : which part of a run this process does, where `recordings` are a part.
+    poses : pose file and calibration of a run of one recording.
+    executor : makes what does the work; by `means` where not given.
+
+    Raises
+    ------
+    InputError : `target` holds results made with other settings, or cannot be written.
+    """
+    key = settings_key(settings)
+    _refuse_other_settings(target, key)
+    name = ledger_name(shard)
+    books = join(ledger_folder(target), name)
+    path = means.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
+    ledger = Ledger(path, books if is_url(target) else None)
+    job = Job(settings, target, means.work, int(means.cache_gb * _GB), means.chunk, *poses)
+    try:
+        with (executor or make_executor)(means) as workers:
+            ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
+            return label_all(recordings, job, workers, ledger, progress)
+    finally:
+        ledger.close()
+
+
+def make_executor(means: Means) -> Executor:
+    """Return what does the work: a named cluster, else as many cores of this machine as have memory enough."""
+    if means.ray is not None:
+        from automos.scale.ray_cluster import RayCluster
+
+        return RayCluster(means.ray, int(means.memory_gb * _GB))
+    cores = means.workers or available_cores()
+    fitting = max(1, int(memory_bytes() / (means.memory_gb * _GB))) if memory_bytes() else cores
+    workers = means.workers or min(cores, fitting)
+    return InProcess() if workers == 1 else LocalPool(workers, cores)
+
+
+def closing_lines(outcome: Outcome, target: str) -> list[str]:
+    """Return what was done, and what was not and why, for a terminal."""
+    had_been = f" ({len(outcome.had_been)} had been before)" if outcome.had_been else ""
+    n_done = len(outcome.labelled) + len(outcome.had_been)
+    lines = [
+        f"{n_done} of {outcome.n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {shown(target)}"
+    ]
+    lines += [f"not labelled: {name}: {reason}" for name, reason in sorted(outcome.failed.items())]
+    return lines
+
+
+def _refuse_other_settings(target: str, key: str) -> None:
+    try:
+        runs = read_status(target).runs
+    except InputError:
+        return  # there is no run yet
+    if any(run["settings_key"] not in (None, key) for run in runs):
+        raise InputError(
+            f"{shown(target)} holds a run with other settings, or of another version of automos: choose another --out, "
+            "so that results of both are not mixed"
+        )
+
+
+def _user() -> str:
+    return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")

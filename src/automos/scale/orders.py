@@ -1,0 +1,136 @@
+"""What is asked of a worker and what it answers: a recording, a part of the work on it, and how that ended.
+
+Whatever else changes (where workers run, where recordings lie, what fails), these few plain values are all that goes
+from the one who deals out the work to those who do it, and back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+
+from automos.settings import Settings
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording of a run.
+
+    Attributes
+    ----------
+    name : its results' place below the run's folder; unlike any other's in the run.
+    source : a path or URL that `automos label` takes.
+    format : the recording's format, where guessing fails.
+    """
+
+    name: str
+    source: str
+    format: str | None = None
+
+
+class Kind(Enum):
+    """The parts in which a recording is worked on, in their order; a short one is done whole, by the first."""
+
+    START = "start"
+    EVIDENCE = "evidence"
+    TRACKS = "tracks"
+    LABELS = "labels"
+    RESULTS = "results"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A part of the work on a recording: a kind, and the scans [first, last) where it is for some of them only."""
+
+    kind: Kind = Kind.START
+    first: int = 0
+    last: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.kind.value} {self.first}:{self.last}" if self.last else self.kind.value
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all orders of a run have in common.
+
+    Attributes
+    ----------
+    settings : what shapes the labels.
+    target : path or URL under which each recording's results come to lie, in a folder of its name.
+    work : folder on the worker's own disk: results on their way to a bucket, copies of recordings from one.
+    cache_bytes : most that copies of recordings may take there.
+    chunk : scans per unit; recordings of more than two of these are cut.
+    pose_file, calib_file : poses to use instead of odometry, of a run of one recording.
+    """
+
+    settings: Settings
+    target: str
+    work: Path
+    cache_bytes: int = 50 * 10**9
+    chunk: int = 600
+    pose_file: Path | None = None
+    calib_file: Path | None = None
+
+
+@dataclass(frozen=True)
+class Order:
+    """One unit of one recording, to be done with `threads`; `ahead` is the recording to fetch meanwhile.
+
+    `home`, where given, is the place that holds what earlier units found: this unit can be done nowhere else.
+    """
+
+    job: Job
+    recording: Recording
+    unit: Unit = field(default_factory=Unit)
+    threads: int = 1
+    ahead: str | None = None
+    home: str | None = None
+
+
+class State(Enum):
+    """How a unit ended: done; too long, to be cut; failed for good; failed in a way that may pass."""
+
+    DONE = "done"
+    CUT = "cut"
+    FAILED = "failed"
+    AGAIN = "again"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of a unit.
+
+    Attributes
+    ----------
+    reason : a sentence, where it failed.  trace : where in the program, if the reason is no sentence for users.
+    scans, points, moving : counts of the recording, once its labels are there.
+    fingerprint : of the labels.  warnings : sentences about them.
+    is_fresh : False where the labels had been there already.
+    seconds, cpu_seconds : of this unit.  peak_mb : most memory its process ever had.
+    place : where it was done.
+    """
+
+    state: State
+    reason: str = ""
+    trace: str = ""
+    scans: int = 0
+    points: int = 0
+    moving: int = 0
+    fingerprint: str = ""
+    warnings: tuple[str, ...] = ()
+    is_fresh: bool = True
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    peak_mb: float = 0.0
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """An order that is no longer worked on: with a report, or lost with its worker, in a sentence."""
+
+    order: Order
+    report: Report | None
+    loss: str = ""

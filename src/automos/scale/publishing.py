@@ -1,0 +1,130 @@
+"""Results become results by a marker that is written last.
+
+`complete.json` in a recording's folder names every file with its size and checksum, what it was made from and with
+which settings. It is removed before anything else changes, and written when every file has arrived and has been
+checked: whatever lies in a folder without it is not to be used, whoever was interrupted, and however.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from automos.atomic import write_text
+from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
+from automos.workspace import RUN_FILE
+
+MARKER = "complete.json"
+_NOT_RESULTS = {"stages", "ledger", MARKER}
+
+
+@dataclass(frozen=True)
+class Marker:
+    """What complete.json says.
+
+    Attributes
+    ----------
+    source : changes with the recording.  settings : changes with the settings and the version.
+    fingerprint : of the labels, as run.json has it.
+    counts : scans, points, and those of them that move.  warnings : sentences.
+    files : path below the folder: bytes and SHA-256.
+    """
+
+    source: str
+    settings: str
+    fingerprint: str
+    counts: dict[str, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    files: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def read_marker(target: str) -> Marker | None:
+    """Return the marker of the results at `target` (a path or URL), None where there are no complete ones."""
+    if is_url(target):
+        text = Store(target).read(MARKER)
+    else:
+        path = Path(target) / MARKER
+        text = path.read_bytes() if path.exists() else None
+    try:
+        return None if text is None else Marker(**json.loads(text))
+    except (ValueError, TypeError):  # damaged from outside: the results are made again
+        return None
+
+
+def withdraw(target: str) -> None:
+    """Declare what lies at `target` incomplete."""
+    if is_url(target):
+        Store(target).remove([MARKER])
+    else:
+        (Path(target) / MARKER).unlink(missing_ok=True)
+
+
+def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
+    """Bring all results in `folder` to `target`, check that they arrived, and write the marker.
+
+    Parameters
+    ----------
+    target : a URL, or the path of `folder` itself: then the marker alone is written.
+    source : where the recording lies; told in run.json, which else would name a copy of it.
+
+    Raises
+    ------
+    StoreError : a file did not arrive as it was sent, or the store did not answer.
+    """
+    if is_url(source):
+        run = json.loads((folder / RUN_FILE).read_text())
+        run["recording"]["source"] = shown(source)
+        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    paths = sorted(
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob("*")
+        if path.is_file() and path.relative_to(folder).parts[0] not in _NOT_RESULTS and not path.name.endswith(".part")
+    )
+    with ThreadPoolExecutor(THREADS) as pool:
+        digests = dict(zip(paths, pool.map(lambda path: _digest(folder / path), paths), strict=True))
+    files = {path: {"bytes": digests[path]["bytes"], "sha256": digests[path]["sha256"]} for path in paths}
+    text = json.dumps(asdict(marker) | {"files": files}, indent=1)
+    if not is_url(target):
+        write_text(folder / MARKER, text)
+        return
+    store = Store(target)
+    store.remove([MARKER])
+    with ThreadPoolExecutor(THREADS) as pool:
+        list(pool.map(lambda path: store.put(str(folder / path), path), paths))
+    there = store.details()
+    for path in paths:
+        _check(store, path, there.get(path), digests[path])
+    store.remove([path for path in there if path not in files])
+    store.write(MARKER, text.encode())
+
+
+def _digest(path: Path) -> dict[str, Any]:
+    contents = path.read_bytes()
+    sha256, md5 = hashlib.sha256(contents), hashlib.md5(contents, usedforsecurity=False)
+    return {"bytes": len(contents), "sha256": sha256.hexdigest(), "md5": md5.hexdigest()}
+
+
+def _check(store: Store, path: str, there: dict[str, Any] | None, sent: dict[str, Any]) -> None:
+    """Raise unless a file in the store is what was sent: by the checksum the store gives, else by reading it again."""
+    if there is None or int(there.get("size") or 0) != sent["bytes"]:
+        got = "nothing" if there is None else f"{there.get('size')} bytes"
+        raise StoreError(f"{shown(store.url)}/{path} was sent with {sent['bytes']} bytes, {got} arrived")
+    if _md5_of(there) == sent["md5"]:
+        return
+    contents = store.read(path)  # the store keeps another kind of checksum (encrypted or sent in parts), or none
+    if contents is None or hashlib.sha256(contents).hexdigest() != sent["sha256"]:
+        raise StoreError(f"{shown(store.url)}/{path} did not arrive as it was sent")
+
+
+def _md5_of(info: dict[str, Any]) -> str | None:
+    """Return the MD5 that S3, Google's or Azure's store tells of a file, in hexadecimal; None where it tells none."""
+    given = info.get("md5Hash") or (info.get("content_settings") or {}).get("content_md5")
+    if given is not None:
+        return (base64.b64decode(given) if isinstance(given, str) else bytes(given)).hex()
+    etag = info.get("ETag")
+    return None if etag is None else str(etag).strip('"')

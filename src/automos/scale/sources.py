@@ -1,0 +1,156 @@
+"""Which recordings a run is about: those in a folder, in a list, in a bucket; and which of them are this machine's."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+from urllib.parse import urlsplit
+
+from automos.datasets import find_recordings
+from automos.datasets.codecs import CODEC_OF_SUFFIX
+from automos.datasets.files import natural_key
+from automos.errors import InputError
+from automos.scale.orders import Recording
+from automos.scale.storage import Store, is_url, shown
+
+_LISTS = {".txt", ".list"}
+_LOGS = {".bag", ".mcap", ".pcap"}
+_TEXT = {".txt", ".csv"}
+_SIDE_FOLDERS = {"labels", "predictions", "confidences"}
+
+
+def find_all(source: str, format: str | None = None) -> list[Recording]:
+    """Return all recordings at `source`, each with a name of its own.
+
+    Parameters
+    ----------
+    source : a recording, a folder of recordings, a list of either (a .txt or .list file, one a line, # begins a
+        comment, paths are relative to it), or the URL of a recording or of a folder of them.
+    format : the recordings' format, where guessing fails.
+
+    Raises
+    ------
+    InputError : nothing is there. What is in a list is only looked at where it is a folder or a bucket.
+    """
+    if is_url(source):
+        return _named([(url, source) for url in _in_store(source)], format)
+    path = Path(source)
+    if path.is_file() and path.suffix.lower() in _LISTS:
+        return _named(_in_list(path, format), format)
+    return _named([(str(found), source) for found in _in_folder(path, format)], format)
+
+
+def take_shard(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
+    """Return every n-th of `recordings` from the i-th on, for shard (i, n) with i from 0 to n - 1."""
+    if shard is None:
+        return recordings
+    return recordings[shard[0] :: shard[1]]
+
+
+def parse_shard(text: str | None) -> tuple[int, int] | None:
+    """Return (i, n) of the text "i/n", i from 0 to n - 1.
+
+    Raises
+    ------
+    InputError : it is none.
+    """
+    if text is None:
+        return None
+    first, _, second = text.partition("/")
+    if not (first.isdecimal() and second.isdecimal() and int(first) < int(second)):
+        raise InputError(f"--shard {text} is none: write i/n with i from 0 to n - 1, as 0/8 ... 7/8")
+    return int(first), int(second)
+
+
+def _in_folder(path: Path, format: str | None) -> list[Path]:
+    """Return the recordings of a folder, or of the folders in it."""
+    try:
+        return find_recordings(path, format)
+    except InputError:
+        if not path.is_dir():
+            raise
+        inner = sorted((p for p in path.iterdir() if not p.name.startswith(".")), key=lambda p: natural_key(p.name))
+        found = [recording for p in inner for recording in _recordings_or_none(p, format)]
+        if not found:
+            raise
+        return found
+
+
+def _recordings_or_none(path: Path, format: str | None) -> list[Path]:
+    try:
+        return find_recordings(path, format) if path.is_dir() or path.suffix.lower() in _LOGS else []
+    except InputError:
+        return []
+
+
+def _in_list(path: Path, format: str | None) -> list[tuple[str, str]]:
+    """Return (recording, list entry) for what the lines of a list name; one that is not there is found out later."""
+    try:
+        lines = [line.split("#")[0].strip() for line in path.read_text().splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
+    found = []
+    for line in filter(None, lines):
+        if is_url(line):
+            found += [(url, line) for url in _in_store(line)]
+            continue
+        entry = path.parent / line
+        found += [(str(p), str(entry)) for p in _recordings_or_none(entry, format) or [entry]]
+    if not found:
+        raise InputError(f"{path} names no recordings: write a path or URL in each line")
+    return found
+
+
+def _in_store(url: str) -> list[str]:
+    """Return the URLs of the recordings below `url`: logs, and folders of scans; `url` itself where none is seen."""
+    store = Store(url)
+    entries = store.entries()
+    if not entries:
+        raise InputError(f"{shown(url)} holds nothing; check the address")
+    found: dict[str, None] = {}
+    for entry in entries:
+        path = PurePosixPath(entry.path)
+        folders = path.parts[:-1]
+        suffix = path.suffix.lower()
+        if suffix == ".pcap":  # its description lies beside it
+            found["/".join(folders)] = None
+        elif suffix in _LOGS:
+            found[entry.path] = None
+        elif "velodyne" in folders:
+            found["/".join(folders[: folders.index("velodyne")])] = None
+        elif suffix in CODEC_OF_SUFFIX and suffix not in _TEXT and not _SIDE_FOLDERS & set(folders):
+            found["/".join(folders)] = None
+    base, query = url.partition("?")[0].rstrip("/"), url.partition("?")[2]
+    urls = [f"{base}/{path}" if path else base for path in sorted(found, key=natural_key)] or [base]
+    return [f"{found_url}?{query}" if query else found_url for found_url in urls]
+
+
+def _named(found: Iterable[tuple[str, str]], format: str | None) -> list[Recording]:
+    """Return recordings named after the last part of their paths, or of more parts where that is not theirs alone."""
+    sources = list(dict.fromkeys(source for source, _ in found))
+    parts = [_parts(source) for source in sources]
+    lengths = [1] * len(parts)
+    while True:
+        names = ["__".join(p[-n:]) for p, n in zip(parts, lengths, strict=True)]
+        counts = Counter(names)
+        longer = [
+            n + 1 if counts[name] > 1 and n < len(p) else n for p, n, name in zip(parts, lengths, names, strict=True)
+        ]
+        if longer == lengths:
+            break
+        lengths = longer
+    if max(counts.values()) > 1:
+        twice = next(name for name, count in counts.items() if count > 1)
+        raise InputError(f"two recordings would both be named {twice}: label them into different --out folders")
+    return [Recording(name, source, format) for name, source in zip(names, sources, strict=True)]
+
+
+def _parts(source: str) -> tuple[str, ...]:
+    if is_url(source):
+        address = urlsplit(source)
+        parts = (address.netloc.rpartition("@")[2], *PurePosixPath(address.path.strip("/")).parts)
+    else:
+        parts = Path(source).resolve().parts[1:]
+    *folders, last = parts
+    return (*folders, PurePosixPath(last).stem if PurePosixPath(last).suffix.lower() in _LOGS else last)

@@ -1,0 +1,137 @@
+"""How far a run is: the books of all who work on it, merged."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from automos.errors import InputError
+from automos.scale.ledger import ledger_folder
+from automos.scale.storage import Store, is_url, join
+
+_SILENT_S = 60.0
+"""Seconds without a sign after which whoever worked on a run is taken for dead."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """What the books say.
+
+    Attributes
+    ----------
+    recordings : rows of the table `recordings`, in order of name.
+    units : rows of the table `units`.
+    runs : rows of the table `run`, one for each who deals out work.
+    now : seconds since 1970, when the books were read.
+    """
+
+    recordings: list[dict[str, Any]]
+    units: list[dict[str, Any]]
+    runs: list[dict[str, Any]]
+    now: float
+
+    def count(self, state: str) -> int:
+        """Return how many recordings are waiting, running, done or failed."""
+        return sum(row["state"] == state for row in self.recordings)
+
+    @property
+    def failures(self) -> list[tuple[str, str]]:
+        """Name and reason of every recording that could not be labelled."""
+        return [(row["name"], row["reason"] or "") for row in self.recordings if row["state"] == "failed"]
+
+    @property
+    def is_at_work(self) -> bool:
+        """Whether anybody works on the run."""
+        return any(run["ended"] is None and self.now - run["seen"] < _SILENT_S for run in self.runs)
+
+    @property
+    def rate(self) -> float:
+        """Recordings per hour, of those labelled since the run was last started; 0 where none was."""
+        start = min((run["started"] for run in self.runs), default=self.now)
+        fresh = [row["ended"] for row in self.recordings if row["state"] == "done" and row["fresh"]]
+        recent = [ended for ended in fresh if ended >= start]
+        end = self.now if self.is_at_work else max(recent, default=self.now)
+        return 3600.0 * len(recent) / max(end - start, 1e-3) if recent else 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Seconds until all is done at this rate; None where there is none."""
+        left = self.count("waiting") + self.count("running")
+        return 3600.0 * left / self.rate if self.rate else None
+
+    def lines(self) -> list[str]:
+        """Return the status in lines for a terminal."""
+        done = [row for row in self.recordings if row["state"] == "done"]
+        scans = sum(row["scans"] or 0 for row in done)
+        fresh = [row for row in done if row["seconds"]]
+        lines = [
+            f"{len(done)} of {len(self.recordings)} recordings labelled, {self.count('running')} running, "
+            f"{self.count('waiting')} waiting, {self.count('failed')} failed",
+            f"{scans:,} scans, {sum(row['points'] or 0 for row in done):,} points, "
+            f"{sum(row['moving'] or 0 for row in done):,} moving",
+        ]
+        fresh_scans = sum(row["scans"] for row in fresh)
+        if fresh_scans:
+            cpu, peak = sum(row["cpu_seconds"] for row in fresh), max(row["peak_mb"] for row in fresh)
+            lines.append(f"{cpu / fresh_scans:.3f} CPU s per scan, workers of at most {peak:,.0f} MB")
+        if self.is_at_work:
+            left = self.seconds_left
+            lines.append(f"{self.rate:.1f} recordings per hour, {'?' if left is None else _duration(left)} left")
+        elif self.count("waiting") + self.count("running"):
+            lines.append("nobody is working on it: run the same command again, it does what is missing")
+        warned = [row for row in done if json.loads(row["warnings"] or "[]")]
+        lines += [f"warning: {row['name']}: {text}" for row in warned for text in json.loads(row["warnings"])]
+        lines += [f"not labelled: {name}: {reason}" for name, reason in self.failures]
+        return lines
+
+
+def read_status(target: str) -> Status:
+    """Return what the books of the run at `target` (path or URL) say.
+
+    Raises
+    ------
+    InputError : there is no run.
+    """
+    tables: dict[str, list[dict[str, Any]]] = {"recordings": [], "units": [], "run": []}
+    with _books_of(target) as paths:
+        if not paths:
+            raise InputError(f"{target} holds no run of automos label over several recordings: check the path")
+        for path in paths:
+            books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
+            books.row_factory = sqlite3.Row
+            try:
+                for table, rows in tables.items():
+                    rows += [dict(row) for row in books.execute(f"SELECT * FROM {table}")]
+            except sqlite3.Error as error:
+                raise InputError(f"{path} is damaged ({error}): delete it and run automos label again") from None
+            finally:
+                books.close()
+    recordings = sorted(tables["recordings"], key=lambda row: row["name"])
+    return Status(recordings, tables["units"], tables["run"], time.time())
+
+
+@contextmanager
+def _books_of(target: str) -> Iterator[list[Path]]:
+    folder = ledger_folder(target)
+    if not is_url(target):
+        yield sorted(Path(folder).glob("*.sqlite"))
+        return
+    with tempfile.TemporaryDirectory() as copies:
+        names = [entry.path for entry in Store(folder).entries() if entry.path.endswith(".sqlite")]
+        for name in names:
+            Store(folder).get(name, join(copies, name))
+        yield sorted(Path(copies) / name for name in names)
+
+
+def _duration(seconds: float) -> str:
+    minutes = round(seconds / 60)
+    if minutes < 1:
+        return f"{seconds:.0f} s"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
