@@ -22,6 +22,7 @@ MAY_IMPORT = {
     "pose_files": BASE,
     "datasets": {*BASE, "datasets", "pose_files"},
     "evaluation": {*BASE, "evaluation", "pose_files"},
+    "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
     "visualization": {*BASE, "visualization", "evaluation", "export", "workspace"},
     "review": {*BASE, "review", "visualization", "export", "workspace", "stages", "odometry", "tracking"},
 }

@@ -18,14 +18,12 @@ import numpy.typing as npt
 
 from automos.baselines.batches import is_within
 from automos.baselines.neighbours_in_time import scans_at
-from automos.baselines.range_image import ImageShape, image_shape, pixel_of
+from automos.baselines.range_image import ImageShape, pixel_of, shape_for
 from automos.baselines.regions import drop_small_regions, grow_regions
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse, transform
 from automos.scan import Frame, Frames, Mask
 from automos.settings import GroundSettings, MDetectorSettings
-
-_EDGE_DEG = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ def find_moving(
     frames: Frames, stamps: npt.NDArray, settings: MDetectorSettings, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    shape = image_shape(settings.row_deg, settings.column_deg, -_EDGE_DEG, _EDGE_DEG)
+    shape = shape_for(frames, settings.row_deg, settings.column_deg)
     lags = settings.gap * np.arange(1, settings.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
     past: deque[tuple[int, _DepthImage]] = deque()

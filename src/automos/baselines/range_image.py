@@ -8,11 +8,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import turn_of
+from automos.candidates.free_space_pattern import learn_pattern, turn_of
+from automos.scan import Frames
 
 Image = npt.NDArray[np.float32]
 
 NOTHING = np.float32(np.inf)
+
+_EDGE_DEG = 60.0  # no ray of a spinning sensor rises or falls more steeply
 
 
 class ImageShape(NamedTuple):
@@ -36,6 +39,16 @@ def image_shape(row_deg: float, column_deg: float, lowest_deg: float, highest_de
     rows = max(round((highest_deg - lowest_deg) / row_deg), 1)
     columns = max(round(360.0 / column_deg), 1)
     return ImageShape(rows, columns, float(np.radians(lowest_deg)), float(np.radians(highest_deg - lowest_deg)) / rows)
+
+
+def shape_for(frames: Frames, row_deg: float, column_deg: float) -> ImageShape:
+    """Return the shape of images of what `frames` saw: pixels of that size, or as wide apart as the sensor's rays lie.
+
+    A sensor of few beams leaves whole rows of finer pixels empty, and nothing could be compared there.
+    """
+    pattern = learn_pattern(frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int)))
+    row_deg = max(row_deg, float(np.degrees(pattern.row_height)))
+    return image_shape(row_deg, max(column_deg, float(np.degrees(pattern.column_width))), -_EDGE_DEG, _EDGE_DEG)
 
 
 @numba.njit(cache=True, nogil=True)

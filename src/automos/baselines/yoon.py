@@ -18,14 +18,12 @@ from scipy.spatial import cKDTree
 
 from automos.baselines.batches import is_within
 from automos.baselines.neighbours_in_time import scans_at
-from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of, shortest_around
+from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for, shortest_around
 from automos.baselines.regions import grow_regions
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse, transform
 from automos.scan import Frame, Frames, Mask
 from automos.settings import GroundSettings, YoonSettings
-
-_EDGE_DEG = 60.0  # no ray of a spinning sensor rises or falls more steeply
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +39,7 @@ def find_moving(
     frames: Frames, stamps: npt.NDArray, settings: YoonSettings, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    shape = image_shape(settings.window_deg, settings.window_deg, -_EDGE_DEG, _EDGE_DEG)
+    shape = shape_for(frames, settings.window_deg, settings.window_deg)
     seen: dict[int, _Seen] = {}
     for k in range(start, len(frames)):
         others = scans_at(stamps, k, (-settings.gap, settings.gap))

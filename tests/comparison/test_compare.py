@@ -1,0 +1,157 @@
+"""Methods side by side on a tiny world: scored, kept, drawn, and going on without what is missing."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from recorded import write_recording
+from typer.testing import CliRunner
+from worlds import lane
+
+from automos import open_sequence
+from automos.cli import app
+from automos.comparison import runs as runs_module
+from automos.comparison.agreement import measure_agreement
+from automos.comparison.compare import compare, write_comparison
+from automos.comparison.labelers import TITLES, choose_methods
+from automos.comparison.memory import PeakMemory
+from automos.comparison.runs import MethodRuns
+from automos.errors import InputError
+from automos.evaluation.moving import Counts, count
+
+METHODS = ["yoon", "m_detector"]
+
+
+@pytest.fixture(scope="module")
+def world():
+    return lane(14)
+
+
+@pytest.fixture(scope="module")
+def recording(world, tmp_path_factory):
+    return write_recording(world, tmp_path_factory.mktemp("recording") / "lane")
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Run methods without a process of their own: tests may then change what they see."""
+    monkeypatch.setattr(runs_module, "_in_own_process", lambda *task: runs_module._run(*task))
+
+
+def make_runs(recording, folder, world, **overrides) -> MethodRuns:
+    return MethodRuns(open_sequence(recording), folder, overrides, poses=world.poses, workers=1)
+
+
+def test_scores_are_those_of_the_labels_that_were_kept(recording, world, tmp_path, in_this_process):
+    runs = make_runs(recording, tmp_path, world)
+    comparison = compare(runs, METHODS)
+    assert list(comparison.scores) == ["yoon", "m_detector"]
+    for method, scores in comparison.scores.items():
+        counts = Counts()
+        for i, truth in enumerate(world.truth):
+            labels = np.fromfile(tmp_path / method / "predictions" / f"{runs.sequence.names[i]}.label", np.uint32)
+            assert set(labels) <= {0, 9, 251}
+            counts += count(labels, truth)
+        assert scores == counts.scores
+        assert comparison.costs[method].seconds_per_scan > 0.0
+    assert comparison.scores["yoon"].recall > 0.5
+    report, picture = write_comparison(runs, comparison)
+    found = json.loads(report.read_text())
+    assert found["methods"]["yoon"]["iou"] == comparison.scores["yoon"].iou
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_was_run_is_not_run_again_unless_its_settings_change(
+    recording, world, tmp_path, in_this_process, monkeypatch
+):
+    first = make_runs(recording, tmp_path, world).cost("yoon")
+    asked = []
+    run = runs_module._run
+    monkeypatch.setattr(runs_module, "_run", lambda *task: asked.append(task[0]) or run(*task))
+    assert make_runs(recording, tmp_path, world).cost("yoon") == first
+    assert asked == []
+    make_runs(recording, tmp_path, world, **{"tracking.max_misses": 3}).cost("yoon")  # not a setting of its
+    assert asked == []
+    make_runs(recording, tmp_path, world, **{"baselines.yoon.margin": 0.7}).cost("yoon")
+    assert asked == ["yoon"]
+
+
+def test_a_missing_library_is_named_and_the_others_go_on(recording, world, tmp_path, in_this_process, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dufomap", None)
+    comparison = compare(make_runs(recording, tmp_path, world), ["dufomap", "yoon"])
+    assert list(comparison.costs) == ["yoon"]
+    assert "automos[dufomap]" in comparison.missing["dufomap"]
+    assert any("automos[dufomap]" in str(cell) for column in comparison.tables()[0].columns for cell in column.cells)
+    with pytest.raises(InputError, match=r"no method could be run.*automos\[dufomap\]"):
+        compare(make_runs(recording, tmp_path, world), ["dufomap"])
+
+
+def test_without_truth_pictures_and_agreement_remain(world, tmp_path, in_this_process):
+    recording = write_recording(world, tmp_path / "unknown", with_truth=False)
+    runs = make_runs(recording, tmp_path / "out", world)
+    comparison = compare(runs, METHODS)
+    assert comparison.scores == {}
+    assert comparison.agreement.iou.shape == (2, 2)
+    report, picture = write_comparison(runs, comparison)
+    found = json.loads(report.read_text())
+    assert "iou" not in found["methods"]["yoon"]
+    assert set(found["agreement"]) == set(METHODS)
+    assert picture.exists()
+
+
+def test_the_pipeline_is_given_the_same_poses(recording, world, tmp_path, in_this_process, monkeypatch):
+    def no_odometry(*_):
+        raise AssertionError("poses were estimated again")
+
+    runs = make_runs(recording, tmp_path, world)
+    monkeypatch.setattr("automos.pipeline.estimate_trajectory", no_odometry)
+    assert runs.cost("default").seconds_per_scan > 0.0
+    assert not (tmp_path / "default" / "scratch").exists()
+
+
+def test_an_unknown_method_lists_the_known_ones():
+    assert choose_methods(None) == list(TITLES)
+    assert choose_methods(["default", "yoon", "yoon"]) == ["yoon", "default"]
+    with pytest.raises(InputError, match=r"'removed'.*mean 'removert'.*octomap.*default"):
+        choose_methods(["removed"])
+
+
+def test_a_scan_that_is_not_there_cannot_be_drawn(recording, world, tmp_path, in_this_process):
+    runs = make_runs(recording, tmp_path, world)
+    with pytest.raises(InputError, match="there is no scan 99"):
+        write_comparison(runs, compare(runs, ["yoon"]), scan=99)
+
+
+def test_agreement_is_intersection_over_union_over_all_scans():
+    a = [np.array([1, 1, 0, 0], bool), np.array([1], bool)]
+    b = [np.array([1, 0, 1, 0], bool), np.array([1], bool)]
+    nothing = [np.zeros(4, bool), np.zeros(1, bool)]
+    agreement = measure_agreement(["a", "b", "c"], zip(a, b, nothing, strict=True))
+    assert agreement.iou[0, 1] == agreement.iou[1, 0] == 2 / 4  # 2 common points of 4
+    assert agreement.iou[0, 0] == 1.0
+    assert agreement.iou[0, 2] == 0.0
+    assert np.isnan(agreement.iou[2, 2])
+    assert agreement.to_dict()["c"] == {"a": 0.0, "b": 0.0, "c": None}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
+def test_peak_memory_sees_what_was_held_for_a_while():
+    import time
+
+    with PeakMemory() as before:
+        time.sleep(0.3)
+    with PeakMemory() as memory:
+        held = np.ones(40_000_000)  # 320 MB
+        time.sleep(0.5)
+        del held
+    assert memory.peak - before.peak > 250e6
+
+
+def test_the_command_runs_methods_in_processes_of_their_own_and_says_where_results_are(recording, tmp_path):
+    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out", "--set", "odometry.refine=false"]
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exit_code == 0, done.output
+    assert "Yoon's" in done.output
+    assert (tmp_path / "out" / "compare.png").exists()
+    assert (tmp_path / "out" / "compare.json").exists()
