@@ -32,7 +32,7 @@ def data(tmp_path_factory) -> TrainingData:
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory):
     out = tmp_path_factory.mktemp("network")
-    train(data, out, settings(), device="cpu", quiet=True)
+    train(data, out, settings(), device="cpu")
     return out
 
 
@@ -82,9 +82,9 @@ def test_a_training_goes_on_where_it_was_stopped(data, trained, tmp_path):
 
         patch.setattr(TrainingSamples, "begin_epoch", stop_before_the_second)
         with pytest.raises(KilledError):
-            train(data, out, settings(), device="cpu", quiet=True)
+            train(data, out, settings(), device="cpu")
     assert not (out / "best.pt").exists()
-    resumed = train(data, out, settings(), device="cpu", quiet=True)
+    resumed = train(data, out, settings(), device="cpu")
     whole = load_checkpoint(trained / "best.pt")
     assert resumed.card["epochs"] == whole.card["epochs"] == 2
     for a, b in zip(resumed.network.parameters(), whole.network.parameters(), strict=True):
@@ -93,11 +93,11 @@ def test_a_training_goes_on_where_it_was_stopped(data, trained, tmp_path):
 
 def test_a_folder_of_another_training_is_not_gone_on_with(trained, data):
     with pytest.raises(InputError, match="holds a training on other data or with other settings"):
-        train(data, trained, settings(epochs=5), device="cpu", quiet=True)
+        train(data, trained, settings(epochs=5), device="cpu")
 
 
 def test_fine_tuning_starts_from_a_checkpoint_of_the_same_shape(trained, data, tmp_path):
-    tuned = train(data, tmp_path / "tuned", settings(epochs=1), init=trained / "best.pt", device="cpu", quiet=True)
+    tuned = train(data, tmp_path / "tuned", settings(epochs=1), init=trained / "best.pt", device="cpu")
     assert tuned.card["started_from"] == "best.pt"
     assert 0.0 <= tuned.card["iou_before"] <= 1.0
     assert torch.equal(tuned.network.mean, load_checkpoint(trained / "best.pt").network.mean)
@@ -107,18 +107,18 @@ def test_fine_tuning_starts_from_a_checkpoint_of_the_same_shape(trained, data, t
         )})}
     )  # fmt: skip
     with pytest.raises(InputError, match=r"network.model.channels = 4, not 8"):
-        train(data, tmp_path / "wider", wider, init=trained / "best.pt", device="cpu", quiet=True)
+        train(data, tmp_path / "wider", wider, init=trained / "best.pt", device="cpu")
 
 
 def test_a_device_that_is_none_is_told(data, tmp_path):
     with pytest.raises(InputError, match="there is no device 'tpu'"):
-        train(data, tmp_path / "network", settings(), device="tpu", quiet=True)
+        train(data, tmp_path / "network", settings(), device="tpu")
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
 def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
     with pytest.raises(InputError, match="no GPU was found"):
-        train(data, tmp_path / "network", settings(), device="gpu", quiet=True)
+        train(data, tmp_path / "network", settings(), device="gpu")
 
 
 @pytest.mark.slow
@@ -139,7 +139,7 @@ def test_one_recording_is_learnt_by_heart(tmp_path):
             )
         }
     )
-    train(TrainingData((Source(folder),)), tmp_path / "network", chosen, device="cpu", quiet=True)
+    train(TrainingData((Source(folder),)), tmp_path / "network", chosen, device="cpu")
     segmenter = OnlineSegmenter(load_network(tmp_path / "network" / "best.pt", chosen.network.online), chosen)
     counts = sum((count(segmenter.step(sequence[i]), sequence.truth(i)) for i in range(len(sequence))), Counts())
     assert counts.scores.iou > 0.9

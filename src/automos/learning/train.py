@@ -36,7 +36,6 @@ def train(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    quiet: bool = False,
     progress: Progress | None = None,
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
@@ -78,7 +77,7 @@ def train(
         init,
         device,
         devices,
-        quiet,
+        progress,
     )
 
 

@@ -20,6 +20,8 @@ def vote(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return for every point (N,) the share of its voters that are moving, and their mean probability of it.
 
+    Most of an image agrees on standing still: where all of a window do, nobody is asked, and the mean is the pixel's.
+
     Parameters
     ----------
     image : the image that was segmented.
@@ -32,12 +34,31 @@ def vote(
     offsets = np.arange(-radius, radius + 1)
     squared = offsets[:, None] ** 2 + offsets[None, :] ** 2
     far = (1.0 - np.exp(-squared / (2.0 * settings.sigma**2))).astype(np.float32)  # 0 in the middle
-    _vote(image.pixels, image.ranges, image.channels[0], moving, far, settings.voters, settings.cutoff, share, mean)
+    seen = image.channels[0]
+    is_mixed = np.empty(seen.shape, np.bool_)
+    _find_mixed(seen, moving, radius, is_mixed)
+    _vote(image.pixels, image.ranges, seen, moving, is_mixed, far, settings.voters, settings.cutoff, share, mean)
     return share, mean
 
 
 @numba.njit(cache=True, nogil=True)
-def _vote(pixels, ranges, seen, moving, far, voters, cutoff, share, mean):  # type: ignore[no-untyped-def]
+def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
+    """Tell in which windows pixels that show something differ."""
+    height, width = seen.shape
+    for row in range(height):
+        for column in range(width):
+            yes, no = False, False
+            for a in range(max(row - radius, 0), min(row + radius + 1, height)):
+                for b in range(column - radius, column + radius + 1):
+                    c = b + width if b < 0 else (b - width if b >= width else b)
+                    if seen[a, c] > 0.0:
+                        yes |= moving[a, c] > 0.5
+                        no |= moving[a, c] <= 0.5
+            is_mixed[row, column] = yes and no
+
+
+@numba.njit(cache=True, nogil=True)
+def _vote(pixels, ranges, seen, moving, is_mixed, far, voters, cutoff, share, mean):  # type: ignore[no-untyped-def]
     height, width = seen.shape
     radius = len(far) // 2
     costs, values = np.empty(voters, np.float32), np.empty(voters, np.float32)
@@ -45,6 +66,9 @@ def _vote(pixels, ranges, seen, moving, far, voters, cutoff, share, mean):  # ty
         if pixels[i] < 0:
             continue
         row, column = pixels[i] // width, pixels[i] % width
+        if not is_mixed[row, column]:
+            share[i], mean[i] = np.float32(moving[row, column] > 0.5), moving[row, column]
+            continue
         n, closest, fallback = 0, np.float32(np.inf), np.float32(0.0)
         for a in range(-radius, radius + 1):
             if not 0 <= row + a < height:

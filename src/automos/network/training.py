@@ -10,14 +10,14 @@ from __future__ import annotations
 import csv
 import importlib.util
 import logging
-from collections.abc import Sized
+from collections.abc import Callable, Sized
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy.typing as npt
 import pytorch_lightning as lightning
 import torch
-from pytorch_lightning.callbacks import EarlyStopping, ModelCheckpoint, TQDMProgressBar
+from pytorch_lightning.callbacks import EarlyStopping, ModelCheckpoint
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 from torch.utils.data import DataLoader
 
@@ -68,7 +68,7 @@ def train_network(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    quiet: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Checkpoint:
     """Train a network, or go on where a killed run stopped; return the best, which is also in `out` / best.pt.
 
@@ -79,6 +79,7 @@ def train_network(
     card : what is to be known of the training data, written into the checkpoint.
     init : checkpoint to start from (fine-tuning).
     device : "gpu" trains in mixed precision; "auto" takes one if there is one, and says so if not.
+    progress : called with "training", the scans trained on and their total.
 
     Raises
     ------
@@ -107,8 +108,8 @@ def train_network(
         precision="16-mixed" if accelerator == "cuda" else "32-true",
         max_epochs=settings.training.epochs,
         logger=loggers,
-        callbacks=[best, EarlyStopping(MONITORED, mode="max", patience=settings.training.patience), *_bar(quiet)],
-        enable_progress_bar=not quiet,
+        callbacks=[best, EarlyStopping(MONITORED, mode="max", patience=settings.training.patience), *_told(progress)],
+        enable_progress_bar=False,
         enable_model_summary=False,
         log_every_n_steps=1,
         num_sanity_val_steps=0,
@@ -159,5 +160,17 @@ def read_curve(out: Path) -> list[dict[str, float]]:
     return [rows[epoch] for epoch in sorted(rows)]
 
 
-def _bar(quiet: bool) -> list[lightning.Callback]:
-    return [] if quiet else [TQDMProgressBar(refresh_rate=1, leave=True)]
+def _told(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
+    return [] if progress is None else [_Told(progress)]
+
+
+class _Told(lightning.Callback):
+    """Says after every step how many scans were trained on, and out of how many."""
+
+    def __init__(self, progress: Callable[[str, int, int], None]):
+        self._progress = progress
+
+    def on_train_batch_end(self, trainer: lightning.Trainer, *_: Any) -> None:
+        batch = trainer.train_dataloader.batch_size
+        steps = int(trainer.estimated_stepping_batches)
+        self._progress("training", trainer.global_step * batch, steps * batch)

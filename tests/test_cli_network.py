@@ -1,0 +1,117 @@
+"""The commands of the network as a user meets them; what goes wrong is one sentence and exit code 2."""
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds import lane, write_bins
+
+from automos.cli import main
+from automos.labels import pack
+from automos.pose_files import write_kitti
+
+HAS_SHIPPED = (Path(__file__).parents[1] / "src" / "automos" / "network" / "lmnet.onnx").exists()
+TINY = [
+    *("--set", "network.image.height=16", "--set", "network.image.width=64", "--set", "network.image.residuals=2"),
+    *("--set", "network.model.channels=4", "--set", "network.training.epochs=1", "--set", "odometry.time=none"),
+]
+
+
+@pytest.fixture
+def automos(monkeypatch, capsys, tmp_path):
+    """Return a function that runs the command line in an empty folder and returns exit code, output and errors."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+    def run(*words) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["automos", *map(str, words)])
+        with pytest.raises(SystemExit) as leaving:
+            main()
+        said = capsys.readouterr()
+        return leaving.value.code or 0, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Return a folder of .bin files without labels."""
+    return write_bins(lane(5).sequence, tmp_path / "log")
+
+
+@pytest.fixture
+def labelled(tmp_path):
+    """Return a sequence with labels."""
+    world = lane(5)
+    folder = tmp_path / "lane"
+    write_bins(world.sequence, folder / "velodyne")
+    write_kitti(folder / "poses.txt", world.poses)
+    (folder / "labels").mkdir()
+    for name, label in zip(world.sequence.names, world.truth, strict=True):
+        pack(label).tofile(folder / "labels" / f"{name}.label")
+    return folder
+
+
+def test_help_shows_examples(automos):
+    for command, example in (("train", "--init best.pt"), ("segment", "--device gpu"), ("reproduce", "table2 --out")):
+        code, out, _ = automos(command, "--help")
+        assert code == 0
+        assert example in " ".join(out.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["segment", "LOG", "--weights", "none.pt"], "none.pt does not exist: give a checkpoint"),
+        (["segment", "nowhere"], "nowhere does not exist"),
+        (["reproduce", "table9"], "there is no experiment 'table9': choose table2 or table3"),
+        (["reproduce", "table2", "--train", "LOG"], "need all of --train, --validation and --test"),
+        (["train", "--data", "LOG="], "names no results folder after '='"),
+        (["train", "--data", "LOG", "--set", "network.model.chanels=8"], "did you mean 'network.model.channels'"),
+    ],
+)
+def test_a_mistake_is_one_sentence(automos, log, words, said):
+    if words[0] == "train":
+        pytest.importorskip("torch", reason="training needs PyTorch: pip install 'automos[train]'")
+    if words[1] == "nowhere" and not HAS_SHIPPED:
+        pytest.skip("no network came along")
+    code, _, error = automos(*(word.replace("LOG", str(log)) for word in words))
+    assert code == 2
+    assert said in error
+    assert error.strip().count("\n") == 0
+
+
+def test_recordings_without_labels_are_not_trained_on(automos, log):
+    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+    code, _, error = automos("train", "--data", log, "--out", "network", *TINY)
+    assert code == 2
+    assert "log came without labels: label it first" in error
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
+def test_train_segment_and_evaluate_from_the_command_line(automos, labelled):
+    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+    code, out, error = automos("train", "--data", labelled, "--out", "network", "--device", "cpu", *TINY)
+    assert code == 0, error
+    assert "network/best.pt" in out
+    words = ("segment", labelled, "--weights", "network/best.pt", "--out", "run", "--device", "cpu")
+    code, out, error = automos(*words, "--set", "odometry.time=none")
+    assert code == 0, error
+    assert "5 scans" in out
+    code, out, _ = automos("evaluate", "run", labelled)
+    assert code == 0
+    assert "all points" in out
+
+
+@pytest.mark.skipif(not HAS_SHIPPED, reason="no network came along")
+def test_a_recording_is_segmented_out_of_the_box(automos, log):
+    if not any(find_spec(name) for name in ("openvino", "onnxruntime")):
+        pytest.skip("running the network that came along needs OpenVINO or ONNX Runtime: pip install 'automos[deploy]'")
+    code, out, error = automos("segment", log, "--out", "run")
+    assert code == 0, error
+    for name in ("000000", "000004"):
+        labels = np.fromfile(f"run/predictions/{name}.label", np.uint32)
+        assert set(np.unique(labels)) <= {0, 9, 251}
+    assert "ms a scan" in out
