@@ -87,6 +87,11 @@ class Sequence:
         return (self[i] for i in range(len(self)))
 
     @property
+    def address(self) -> Path | None:
+        """What `open_sequence` takes to open it again: `source`, or a place within it."""
+        return self.source
+
+    @property
     def names(self) -> list[str]:
         """One name per scan; outputs are named after them."""
         return [f"{i:06d}" for i in range(len(self))]

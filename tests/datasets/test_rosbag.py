@@ -39,6 +39,13 @@ def test_every_kind_of_bag_gives_the_clouds_of_its_only_such_topic(tmp_path, nam
     assert [s.name for s in open_recordings(tmp_path / "bags")] == ["log"]
 
 
+def test_the_address_of_a_topic_opens_it_again(tmp_path):
+    write_bag(tmp_path / "log.mcap", {"/front/points": number(3), "/rear/points": number(4)})
+    rear = open_sequence(tmp_path / "log.mcap" / "rear" / "points")
+    assert rear.address == tmp_path / "log.mcap" / "rear" / "points"
+    assert len(open_sequence(rear.address)) == len(rear) == 4
+
+
 @pytest.mark.parametrize("name", ["log.bag", "log", "log.mcap"])
 def test_bags_may_be_compressed(tmp_path, name):
     log = street_log()

@@ -50,6 +50,7 @@ class OusterSequence(Sequence):
             No metadata, a damaged file, several sensors, or no frames.
         """
         self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self._address = path
         self._threads = threading.local()
         stem = self.source.stem
         names = (f"{stem}.json", f"{stem}_*.json")
@@ -66,6 +67,11 @@ class OusterSequence(Sequence):
             raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")
         self._stamps = np.array(stamps, np.float64)
         require_increasing(self._stamps, self.names, self.source)
+
+    @property
+    def address(self) -> Path:
+        """The file, or the sensor that was asked for below it."""
+        return self._address
 
     def __len__(self) -> int:
         return len(self._places)

@@ -60,7 +60,7 @@ class RosbagSequence(Sequence):
         """
         bag = path if path.exists() else next(parent for parent in path.parents if _is_bag(parent))
         wanted = None if path == bag else path.relative_to(bag).as_posix()
-        self.source = bag
+        self.source, self._address = bag, path
         self._threads = threading.local()
         with _told(bag):
             self._topic = _choose_topic(self._reader, bag, wanted)
@@ -69,6 +69,11 @@ class RosbagSequence(Sequence):
         if len(self._recorded) == 0:
             raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
         self._stamps = self._choose_stamps(headers)
+
+    @property
+    def address(self) -> Path:
+        """The bag, or the topic that was asked for below it."""
+        return self._address
 
     def __len__(self) -> int:
         return len(self._recorded)

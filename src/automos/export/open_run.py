@@ -31,11 +31,15 @@ def open_run(
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give the results folder of automos label")
-    if recording is None:
-        source = Workspace(folder).read_run().get("recording", {}).get("source")
-        if source is None:
-            raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
-        if not Path(source).exists():
-            raise InputError(f"the recording is not at {source} any more; give its path after {folder}")
-        recording = Path(source)
-    return RunFiles(folder, open_sequence(recording, format), progress)
+    if recording is not None:
+        return RunFiles(folder, open_sequence(recording, format), progress)
+    source = Workspace(folder).read_run().get("recording", {}).get("source")
+    if source is None:
+        raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
+    try:
+        sequence = open_sequence(source, format)
+    except InputError as error:
+        raise InputError(
+            f"the recording cannot be opened where it was ({error}); give its path after {folder}"
+        ) from error
+    return RunFiles(folder, sequence, progress)

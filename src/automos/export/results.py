@@ -85,7 +85,7 @@ def write_results(
             "name": sequence.name,
             "scans": len(result),
             "input": sequence.fingerprint(),
-            "source": None if sequence.source is None else str(sequence.source.resolve()),
+            "source": None if sequence.address is None else str(sequence.address.absolute()),
         },
         "points": counts,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
