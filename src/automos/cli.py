@@ -13,9 +13,10 @@ from rich.text import Text
 
 from automos.cli_compare import compare_app
 from automos.cli_formats import formats_app
+from automos.cli_label import label_app
 from automos.cli_look import look_app
 from automos.cli_network import network_app
-from automos.errors import AutomosError, InputError
+from automos.errors import AutomosError
 
 app = typer.Typer(
     add_completion=False,
@@ -24,6 +25,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
+app.add_typer(label_app)
 app.add_typer(formats_app)
 app.add_typer(compare_app)
 app.add_typer(network_app)
@@ -38,49 +40,6 @@ SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
 ]
-
-
-@app.command()
-def label(
-    recording: Recording,
-    out: Annotated[Path | None, typer.Option(help="results folder [default: automos_runs/NAME]")] = None,
-    preset: Preset = "default",
-    settings: SettingsFile = None,
-    set_: Overrides = None,
-    format: Format = None,
-    poses: Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")] = None,
-    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")] = None,
-    moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
-    unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
-    confidence: Annotated[bool, typer.Option("--confidence", help="write how sure each point's label is")] = False,
-    workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
-    dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
-) -> None:
-    """Label every point of every scan as moving or static.
-
-    [bold]Examples[/bold]
-
-    automos label my_log/                       a folder of .bin, .pcd, .ply, .npy or .xyz scans
-
-    automos label kitti/sequences/07 --out 07/  a KITTI sequence; its poses are not used
-
-    automos label my_log/ --poses poses.tum     poses from your own SLAM
-    """
-    from automos.datasets import open_recordings
-    from automos.labeling import label_recording, summary
-
-    given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
-    chosen = _settings(preset, settings, set_, {key: value for key, value in given.items() if value is not None})
-    recordings = open_recordings(recording, format)
-    if poses is not None and len(recordings) > 1:
-        raise InputError(f"{recording} holds {len(recordings)} recordings, but --poses is of one: give that one")
-    for sequence in recordings:
-        folder = out if out and len(recordings) == 1 else (out or Path("automos_runs")) / sequence.name
-        if dry_run:
-            output.print(f"{sequence.name}: {len(sequence)} scans from {sequence.source} -> {folder}")
-            continue
-        run = label_recording(sequence, folder, chosen, poses, calib, workers, console)
-        output.print(summary(run, folder))
 
 
 @app.command()

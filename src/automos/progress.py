@@ -20,17 +20,23 @@ from rich.text import Text
 
 
 class _RateColumn(ProgressColumn):
+    def __init__(self, counted: str):
+        super().__init__()
+        self._counted = counted
+
     def render(self, task: Task) -> Text:
         speed = task.finished_speed or task.speed
-        return Text(f"{speed:.1f} scans/s" if speed else "")
+        if not speed:
+            return Text("")
+        return Text(f"{speed:.1f} {self._counted}/s" if speed >= 0.1 else f"{3600 * speed:.0f} {self._counted}/h")
 
 
 class StageProgress:
     """A callback (stage, done, total) that draws one bar per stage; use as a context."""
 
-    def __init__(self, console: Console, title: str):
-        """Draw on `console`, under `title`."""
-        columns = (BarColumn(), MofNCompleteColumn(), _RateColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    def __init__(self, console: Console, title: str, counted: str = "scans"):
+        """Draw on `console`, under `title`; `counted` says what."""
+        columns = (BarColumn(), MofNCompleteColumn(), _RateColumn(counted), TimeElapsedColumn(), TimeRemainingColumn())
         self._title = title
         self._bars = Progress(TextColumn("{task.description}", markup=False), *columns, console=console)
         self._tasks: dict[str, TaskID] = {}

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.export.results import versions
 from automos.parallel import available_cores
@@ -94,6 +95,13 @@ def make_executor(means: Means) -> Executor:
     fitting = max(1, int(memory_bytes() / (means.memory_gb * _GB))) if memory_bytes() else cores
     workers = means.workers or min(cores, fitting)
     return InProcess() if workers == 1 else LocalPool(workers, cores)
+
+
+def has_one_process_enough(recordings: list[Recording], target: str, means: Means) -> bool:
+    """Return whether there is one recording, on this machine's disk and short: its stages then use all cores."""
+    if len(recordings) != 1 or means.ray is not None or is_url(target) or is_url(recordings[0].source):
+        return False
+    return means.workers == 1 or len(open_sequence(recordings[0].source, recordings[0].format)) <= 2 * means.chunk
 
 
 def closing_lines(outcome: Outcome, target: str) -> list[str]:

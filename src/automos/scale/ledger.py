@@ -70,8 +70,10 @@ class Ledger:
             rows = [(recording.name, shown(recording.source)) for recording in recordings]
             self._books.execute("CREATE TEMP TABLE wanted AS SELECT name FROM recordings WHERE 0")
             self._books.executemany("INSERT INTO wanted VALUES (?)", [row[:1] for row in rows])
-            self._books.execute("DELETE FROM recordings WHERE name NOT IN (SELECT name FROM wanted)")
-            self._books.execute("DELETE FROM units WHERE recording NOT IN (SELECT name FROM wanted) OR state != 'done'")
+            self._books.execute(
+                "DELETE FROM recordings WHERE name NOT IN (SELECT name FROM wanted) AND state != 'done'"
+            )
+            self._books.execute("DELETE FROM units WHERE state != 'done'")
             self._books.execute("UPDATE recordings SET state = 'waiting', reason = NULL WHERE state != 'done'")
             self._books.executemany(
                 "INSERT INTO recordings (name, source, state) VALUES (?, ?, 'waiting') ON CONFLICT DO NOTHING", rows

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
+from automos.scale.storage import join
 from automos.settings import Settings
 
 
@@ -19,14 +20,20 @@ class Recording:
 
     Attributes
     ----------
-    name : its results' place below the run's folder; unlike any other's in the run.
+    name : unlike any other's in the run.
     source : a path or URL that `automos label` takes.
     format : the recording's format, where guessing fails.
+    folder : its results' place below the run's folder; its name where not given.
     """
 
     name: str
     source: str
     format: str | None = None
+    folder: str | None = None
+
+    def target(self, run: str) -> str:
+        """Return the path or URL of its results, in the run at path or URL `run`."""
+        return join(run, self.name if self.folder is None else self.folder)
 
 
 class Kind(Enum):

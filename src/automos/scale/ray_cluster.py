@@ -27,7 +27,7 @@ class RayCluster(Executor):
         try:
             import ray
         except ImportError:
-            raise MissingExtraError("--ray needs Ray, which is not installed: pip install 'automos[ray]'") from None
+            raise MissingExtraError("--ray needs Ray, which is not installed: pip install 'automos[scale]'") from None
         try:
             if not ray.is_initialized():
                 limits = thread_limits(1)

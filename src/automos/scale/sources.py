@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from urllib.parse import urlsplit
 
-from automos.datasets import find_recordings
+from automos.datasets import find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
 from automos.errors import InputError
@@ -39,6 +40,21 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
     if path.is_file() and path.suffix.lower() in _LISTS:
         return _named(_in_list(path, format), format)
     return _named([(str(found), source) for found in _in_folder(path, format)], format)
+
+
+def alone(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
+    """Return `recordings`; one that is all there is gets the run's folder for itself."""
+    return [replace(recordings[0], folder="")] if len(recordings) == 1 and shard is None else recordings
+
+
+def describe(recording: Recording) -> str:
+    """Return what is known of a recording without fetching it."""
+    if is_url(recording.source):
+        return f"from {shown(recording.source)}"
+    try:
+        return f"{len(open_sequence(recording.source, recording.format))} scans from {recording.source}"
+    except InputError as error:
+        return str(error)
 
 
 def take_shard(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:

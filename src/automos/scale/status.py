@@ -66,6 +66,14 @@ class Status:
         left = self.count("waiting") + self.count("running")
         return 3600.0 * left / self.rate if self.rate else None
 
+    def to_json(self) -> str:
+        """Return all that the books say, and what follows from it."""
+        told = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
+        rate = {"recordings_per_hour": self.rate, "seconds_left": self.seconds_left, "is_at_work": self.is_at_work}
+        return json.dumps(
+            told | rate | {"recordings": self.recordings, "units": self.units, "runs": self.runs}, indent=1
+        )
+
     def lines(self) -> list[str]:
         """Return the status in lines for a terminal."""
         done = [row for row in self.recordings if row["state"] == "done"]
@@ -113,8 +121,17 @@ def read_status(target: str) -> Status:
                 raise InputError(f"{path} is damaged ({error}): delete it and run automos label again") from None
             finally:
                 books.close()
-    recordings = sorted(tables["recordings"], key=lambda row: row["name"])
-    return Status(recordings, tables["units"], tables["run"], time.time())
+    return Status(_merged(tables["recordings"]), tables["units"], tables["run"], time.time())
+
+
+def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row for each recording, in order of name: where several books have it, what is known best."""
+    known = {"waiting": 0, "failed": 1, "running": 2, "done": 3}
+    best: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        if row["name"] not in best or known[row["state"]] > known[best[row["name"]]["state"]]:
+            best[row["name"]] = row
+    return [best[name] for name in sorted(best)]
 
 
 @contextmanager

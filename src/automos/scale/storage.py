@@ -25,7 +25,7 @@ Found = TypeVar("Found")
 PATIENCE_S = 120.0
 THREADS = 8
 _LASTING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
-_EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs", "az": "azure", "abfs": "azure", "abfss": "azure"}
+_EXTRAS = {"gs": "gcs", "gcs": "gcs", "az": "azure", "abfs": "azure", "abfss": "azure"}
 
 
 class StoreError(AutomosError):
@@ -48,7 +48,7 @@ def is_url(text: str) -> bool:
 
 def join(base: str, *parts: str) -> str:
     """Return the path or URL of `parts` below `base`."""
-    return "/".join([base.rstrip("/"), *(part.strip("/") for part in parts)])
+    return "/".join([base.rstrip("/"), *(part.strip("/") for part in parts if part)])
 
 
 def shown(url: str) -> str:

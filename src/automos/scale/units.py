@@ -25,7 +25,7 @@ from automos.scale.cache import Cache
 from automos.scale.machine import cpu_seconds, peak_megabytes, place
 from automos.scale.orders import Job, Kind, Order, Recording, Report, State
 from automos.scale.publishing import Marker, publish, read_marker, withdraw
-from automos.scale.storage import StoreError, is_url, join, key_of
+from automos.scale.storage import StoreError, is_url, key_of
 from automos.scan import Sequence
 from automos.settings import Settings
 from automos.workspace import Workspace, fingerprint
@@ -70,8 +70,8 @@ def settings_key(settings: Settings) -> str:
 def results_folder(job: Job, recording: Recording) -> Path:
     """Return where a worker writes: the results' own place, or one on its disk where that is in a bucket."""
     if not is_url(job.target):
-        return Path(job.target) / recording.name
-    return job.work / "results" / key_of(job.target) / recording.name
+        return Path(recording.target(job.target))
+    return Path(recording.target(str(job.work / "results" / key_of(job.target))))
 
 
 def _do(order: Order, cache: Cache) -> Report:
@@ -85,7 +85,7 @@ def _do(order: Order, cache: Cache) -> Report:
         if marked is not None and marked.source == stamp:
             return _told(marked, is_fresh=False)
         if order.unit.kind is Kind.START:
-            withdraw(join(job.target, recording.name))
+            withdraw(recording.target(job.target))
             if len(sequence) <= 2 * job.chunk or job.settings.candidates.method not in CUTTABLE:
                 return _finish(order, sequence, stamp)
         elif order.unit.kind is Kind.RESULTS:
@@ -95,7 +95,7 @@ def _do(order: Order, cache: Cache) -> Report:
 
 def _finished(job: Job, recording: Recording, stamp: str | None) -> Marker | None:
     """Return the marker of results that are there already, made with these settings (and of this source, if known)."""
-    marked = read_marker(join(job.target, recording.name))
+    marked = read_marker(recording.target(job.target))
     if marked is None or marked.settings != settings_key(job.settings) or job.pose_file is not None:
         return None
     if not is_url(job.target):
@@ -145,7 +145,7 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
         counts={**counts, "moving": run["points"]["moving"]},
         warnings=tuple(run["odometry"].get("warnings", [])),
     )
-    publish(folder, join(job.target, recording.name), marker, recording.source)
+    publish(folder, recording.target(job.target), marker, recording.source)
     if is_url(job.target):
         shutil.rmtree(folder, ignore_errors=True)
     return _told(marker, is_fresh=True)

@@ -1,0 +1,114 @@
+"""The commands that label: one recording or thousands, and how far that is. Parse, call one function, print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+label_app = typer.Typer()
+console = Console(stderr=True)
+output = Console(highlight=False, markup=False, soft_wrap=True)
+
+NOT_ALL = 3
+"""Exit code of a run that labelled some recordings and not others."""
+
+
+@label_app.command()
+def label(
+    recording: Annotated[
+        str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
+    ],
+    out: Annotated[str | None, typer.Option(help="results folder or URL [default: automos_runs/NAME]")] = None,
+    preset: Annotated[
+        str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")
+    ] = "default",
+    settings: Annotated[Path | None, typer.Option(help="YAML file of settings that differ")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
+    ] = None,
+    format: Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")] = None,
+    poses: Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")] = None,
+    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")] = None,
+    moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
+    unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
+    confidence: Annotated[bool, typer.Option("--confidence", help="write how sure each point's label is")] = False,
+    workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
+    ray: Annotated[str | None, typer.Option(help="work on a Ray cluster: its address, or auto")] = None,
+    shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from the i-th on, from 0")] = None,
+    memory: Annotated[float, typer.Option(min=0.1, help="GB that a worker needs")] = 3.0,
+    cache: Annotated[float, typer.Option(min=0.0, help="GB of disk for copies of what comes from a URL")] = 50.0,
+    work: Annotated[Path | None, typer.Option(help="folder for these [default: in the system's temporary one]")] = None,
+    chunk: Annotated[int, typer.Option(min=1, help="scans per unit of work of recordings over twice as long")] = 600,
+    dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
+) -> None:
+    """Label every point of every scan as moving or static.
+
+    [bold]Examples[/bold]
+
+    automos label my_log/                       a folder of .bin, .pcd, .ply, .npy or .xyz scans
+
+    automos label kitti/sequences/07 --out 07/  a KITTI sequence; its poses are not used
+
+    automos label my_log/ --poses poses.tum     poses from your own SLAM
+
+    automos label fleet/ --out labels/          every recording in a folder, on all cores; again: what is missing
+
+    automos label s3://bucket/logs --out s3://bucket/labels --ray auto
+    """
+    from automos.datasets import open_sequence
+    from automos.errors import InputError
+    from automos.labeling import label_recording, summary
+    from automos.progress import StageProgress
+    from automos.scale.label import Means, closing_lines, has_one_process_enough, label_fleet
+    from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
+    from automos.scale.storage import shown
+    from automos.settings import load_settings, read_overrides
+
+    given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
+    values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
+    chosen = load_settings(preset, settings, values)
+    part = parse_shard(shard)
+    found = alone(find_all(recording, format), part)
+    if poses is not None and len(found) > 1:
+        raise InputError(f"{shown(recording)} holds {len(found)} recordings, but --poses is of one: give that one")
+    target = out or f"automos_runs/{found[0].name if len(found) == 1 else Path(shown(recording)).stem}"
+    means = Means(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
+    mine = take_shard(found, part)
+    if dry_run:
+        for one in mine:
+            output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
+        return
+    if part is None and has_one_process_enough(found, target, means):
+        sequence = open_sequence(found[0].source, found[0].format)
+        run = label_recording(sequence, Path(target), chosen, poses, calib, workers, console)
+        output.print(summary(run, Path(target)))
+        return
+    with StageProgress(console, shown(recording), "recordings") as progress:
+        outcome = label_fleet(
+            mine,
+            target,
+            chosen,
+            means,
+            part,
+            (poses, calib),
+            lambda n, bad, total: progress("labelled", n + bad, total),
+        )
+    for line in closing_lines(outcome, target):
+        output.print(line)
+    if outcome.failed:
+        raise typer.Exit(NOT_ALL)
+
+
+@label_app.command()
+def status(
+    run: Annotated[str, typer.Argument(help="the --out of automos label over several recordings")],
+    as_json: Annotated[bool, typer.Option("--json", help="print all that the books say, as JSON")] = False,
+) -> None:
+    """Show how far a run over several recordings is: progress, rate, time left, what failed and why."""
+    from automos.scale.status import read_status
+
+    found = read_status(run)
+    output.print(found.to_json() if as_json else "\n".join(found.lines()))
