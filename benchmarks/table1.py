@@ -45,8 +45,8 @@ def main() -> None:
     columns: dict[str, Comparison] = {}
     for recording in chain(arguments.recordings, (_simulated(arguments, scenario) for scenario in named)):
         sequence = open_sequence(recording)
-        runs = MethodRuns(sequence, arguments.cache / "runs" / sequence.name)
         name = sequence.name.split(f"-{arguments.sensor}-")[0]
+        runs = MethodRuns(sequence, arguments.cache / "runs" / sequence.name, own_process=name not in SCENARIOS)
         columns[name] = compare(runs, methods)
         write_comparison(runs, columns[name])
         for table in columns[name].tables()[:1]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -52,14 +52,17 @@ class MethodRuns:
         poses: Pose | None = None,
         workers: int = 0,
         progress: Progress | None = None,
+        own_process: bool = True,
     ):
         """Take a recording and where results are kept.
 
         `overrides` are settings that differ from the presets' ("baselines.removert.voxel": 0.1); `poses` (N, 4, 4)
-        T_world_sensor are used instead of odometry.
+        T_world_sensor are used instead of odometry. Without `own_process` methods run in this one: short recordings
+        take less time, but peak memory is not known.
         """
         self.sequence, self.folder, self.has_given_poses = sequence, folder, poses is not None
         self._settings = {preset: load_settings(preset, None, overrides) for preset in PRESETS}
+        self._own_process = own_process
         self._workers, self._progress = workers, progress or (lambda name, done, total: None)
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -101,9 +104,8 @@ class MethodRuns:
         if cost is None:
             shutil.rmtree(self.folder / method, ignore_errors=True)
             self._progress(method, 0, len(self.sequence))
-            cost = _in_own_process(
-                method, self.sequence, self.trajectory, self.settings(method), file.parent, self._workers
-            )
+            task = (method, self.sequence, self.trajectory, self.settings(method), file.parent, self._workers)
+            cost = _in_own_process(*task) if self._own_process else replace(_run(*task), peak_memory=float("nan"))
             write_text(file, json.dumps({"key": key, **cost.__dict__}))
             self._progress(method, len(self.sequence), len(self.sequence))
         return cost

@@ -1,9 +1,10 @@
 """How well a cleaned map keeps what stands and loses what moved, as the field counts it.
 
 Preservation and rejection rate (Lim et al., ERASOR): of the 0.2 m voxels that hold static points by the truth, the
-share that a kept point lies in; of those that hold nothing but moving points, the share that no kept point lies in; F1
-is their harmonic mean. Static, dynamic and associated accuracy (Zhang et al., DynamicMap): SA, of static points the share
-kept; DA, of moving points the share removed; AA, the square root of their product. Points without truth do not count.
+share that a kept point lies in; of those that hold nothing but moving points, the share that no kept point lies in;
+F1 is their harmonic mean. Static, dynamic and associated accuracy (Zhang et al., DynamicMap): SA, of static points
+the share kept; DA, of moving points the share removed; AA, the square root of their product. Points without truth
+do not count.
 """
 
 from __future__ import annotations
