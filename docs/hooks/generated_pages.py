@@ -40,7 +40,7 @@ def settings_page() -> str:
     ]
     for prefix, group in _groups(Settings):
         rows = [
-            _row(f"`{prefix}{name}`", _value(presets, prefix + name), _range(field), field.description or "")
+            _row(f"`{name}`", _value(presets, prefix + name), _range(field), field.description or "")
             for name, field in group.model_fields.items()
             if not _is_group(field.annotation)
         ]
