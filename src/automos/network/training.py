@@ -171,6 +171,6 @@ class _Told(lightning.Callback):
         self._progress = progress
 
     def on_train_batch_end(self, trainer: lightning.Trainer, *_: Any) -> None:
-        batch = trainer.train_dataloader.batch_size
+        batch = int(getattr(trainer.train_dataloader, "batch_size", 1))
         steps = int(trainer.estimated_stepping_batches)
         self._progress("training", trainer.global_step * batch, steps * batch)
