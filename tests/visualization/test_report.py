@@ -7,9 +7,13 @@ import shutil
 import numpy as np
 import pytest
 from typer.testing import CliRunner
+from worlds import Block, drive, record, write_bins
 
 from automos.cli import app
+from automos.datasets import open_sequence
 from automos.export.open_run import open_run
+from automos.labeling import label_recording
+from automos.settings import load_settings
 from automos.visualization.page_files import script_json
 from automos.visualization.report import write_report
 from automos.visualization.survey import survey
@@ -125,3 +129,21 @@ def test_nothing_runs_out_of_a_phones_screen(browser, page):
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("n_scans", [1, 6])
+def test_a_recording_in_which_nothing_moves_has_a_page_too(tmp_path, browser, n_scans):
+    walls = (Block((0.0, 12.0, 3.0), (60.0, 2.0, 6.0)), Block((0.0, -12.0, 3.0), (60.0, 2.0, 6.0)))
+    write_bins(record(walls, drive(n_scans), n_beams=16).sequence, tmp_path / "still")
+    label_recording(open_sequence(tmp_path / "still"), tmp_path / "run", load_settings("default"), workers=1)
+    write_report(open_run(tmp_path / "run"), tmp_path / "report.html")
+    assert "Nothing was found to move" in " ".join(data_of(tmp_path / "report.html")["caveats"])
+    browser.get((tmp_path / "report.html").as_uri())
+    assert "Nothing moves in its" in browser.find_element("id", "lead").text
+
+
+def test_merged_results_without_stages_have_a_page_too(lane_run, tmp_path):
+    shutil.copytree(lane_run, tmp_path / "run", ignore=shutil.ignore_patterns("stages"))
+    write_report(open_run(tmp_path / "run"), tmp_path / "report.html")
+    assert data_of(tmp_path / "report.html")["scans"] == 12
