@@ -74,6 +74,25 @@ def test_the_server_listens_on_this_machine_alone_and_ends_with_the_command():
         assert time.monotonic() < end
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a screen")
+def test_without_a_screen_what_to_do_is_told(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(
+        InputError, match=r"the viewer does not start \(.*\); without a screen, write a file with --rrd"
+    ):
+        Viewer()
+
+
+@pytest.mark.slow
+def test_a_viewer_that_was_closed_holds_up_nobody(lane_run):
+    viewer = Viewer(web=True)
+    viewer.close()
+    start = time.monotonic()
+    viewer.send(open_run(lane_run), 1000)
+    assert time.monotonic() - start < 20
+
+
 @pytest.mark.slow
 @pytest.mark.browser
 def test_a_browser_shows_the_points(chromium, lane_run):

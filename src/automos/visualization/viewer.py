@@ -10,6 +10,7 @@ import socket
 import subprocess
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from automos.atomic import atomic_path
@@ -20,6 +21,8 @@ from automos.visualization.rerun_log import load_rerun, log_run, make_recording
 HOST = "127.0.0.1"
 START = 20.0
 """Seconds the viewer has to start listening."""
+SETTLE = 1.0
+"""Seconds after which a window that could not be opened has ended the viewer, which listens before it opens one."""
 
 
 def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
@@ -72,6 +75,9 @@ class Viewer:
         try:
             for listening in [self._port, *([page] if web else [])]:
                 self._wait_for(listening)
+            if not web:
+                time.sleep(SETTLE)
+                self._require_running()
         except BaseException:
             self.close()
             raise
@@ -81,7 +87,10 @@ class Viewer:
         stream = make_recording(run)
         stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
         log_run(run, stream, max_static)
-        stream.flush()
+        while self._process.poll() is None:  # a viewer that was closed takes no more
+            with suppress(RuntimeError):  # not all was taken within a second
+                stream.flush(timeout_sec=1.0)
+                break
 
     def wait(self) -> None:
         """Wait until the viewer is closed, or until Ctrl-C."""
@@ -103,17 +112,21 @@ class Viewer:
     def _wait_for(self, port: int) -> None:
         end = time.monotonic() + START
         while time.monotonic() < end:
-            if self._process.poll() is not None:
-                self._said.seek(0)
-                last = self._said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
-                raise InputError(
-                    f"the viewer does not start ({last[0]}); without a screen, write a file with --rrd or use --web"
-                )
+            self._require_running()
             with socket.socket() as probe:
                 if probe.connect_ex((HOST, port)) == 0:
                     return
             time.sleep(0.05)
         raise InputError(f"the viewer does not answer within {START:.0f} s; write a file with --rrd instead")
+
+    def _require_running(self) -> None:
+        if self._process.poll() is None:
+            return
+        self._said.seek(0)
+        last = self._said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+        raise InputError(
+            f"the viewer does not start ({last[0]}); without a screen, write a file with --rrd or use --web"
+        )
 
 
 def _program() -> Path:
