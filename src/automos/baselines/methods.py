@@ -66,3 +66,6 @@ BASELINES = {
     "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground")),
 }
 """In the order of the paper's Table I, then the newer ones."""
+
+BUILDS_ON = {"pfreundschuh": ("removert",)}
+"""Methods whose settings are not all their own."""

@@ -8,27 +8,25 @@ import numpy as np
 
 from automos.comparison.labelers import TITLES
 from automos.comparison.runs import MethodRuns, is_moving
-from automos.labels import to_mos
+from automos.labels import Label, to_mos
 from automos.visualization.topdown import View, draw_views
 
 
 def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, path: Path) -> None:
     """Write what each of `methods` says of scan `scan` to a PNG file.
 
-    True dynamic points are green, false dynamic red, false static blue, true static grey; without truth what is called
-    moving is green. `radius` (metres) is how far around the sensor is shown.
+    True dynamic points are green, false dynamic red, false static blue, true static grey, and so are points without
+    truth. Where no point has any, what is called moving is green. `radius` (metres) is how far around the sensor is
+    shown.
     """
     frame, truth = runs.frames[scan], runs.sequence.truth(scan)
-    true = None if truth is None else to_mos(truth)[frame.kept].astype(np.uint8)
-    views = [
-        View(
-            TITLES[method],
-            frame.points_level,
-            runs.labels(method, scan, frame.n_points)[frame.kept].astype(np.uint8),
-            true,
-        )
-        for method in methods
-    ]
+    true = None if truth is None else to_mos(truth)[frame.kept]
+    views = []
+    for method in methods:
+        labels = runs.labels(method, scan, frame.n_points)[frame.kept].astype(np.uint8)
+        if true is not None:
+            labels[true == Label.UNLABELED] = Label.UNLABELED
+        views.append(View(TITLES[method], frame.points_level, labels, true))
     draw_views(views, path, frame.origin_level[:2], radius, columns=4)
 
 

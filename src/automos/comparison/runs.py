@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import write_text
+from automos.baselines.methods import BUILDS_ON
 from automos.comparison.labelers import label_scans
 from automos.comparison.memory import PeakMemory
 from automos.errors import InputError
@@ -88,7 +89,8 @@ class MethodRuns:
         if method in PRESETS:
             return fingerprint(self._key, stage_keys(self.sequence, settings)["labels"])
         chosen = settings.model_dump(mode="json")
-        return fingerprint(self._key, method, chosen["baselines"], chosen["candidates"])
+        own = [chosen["baselines"].get(name) for name in (method, *BUILDS_ON.get(method, ()))]
+        return fingerprint(self._key, method, own, chosen["candidates"]["ground"], chosen["candidates"]["erasor"])
 
     def cost(self, method: str) -> Cost:
         """Return what `method` took; it is run where its labels are not there yet.
