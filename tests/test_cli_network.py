@@ -96,6 +96,7 @@ def test_train_segment_and_evaluate_from_the_command_line(automos, labelled):
     code, out, error = automos("train", "--data", labelled, "--out", "network", "--device", "cpu", *TINY)
     assert code == 0, error
     assert "network/best.pt" in out
+    assert "training on the CPU" in error
     words = ("segment", labelled, "--weights", "network/best.pt", "--out", "run", "--device", "cpu")
     code, out, error = automos(*words, "--set", "odometry.time=none")
     assert code == 0, error

@@ -47,7 +47,7 @@ def train(
     automos train --data my_log=automos_runs/my_log --init best.pt --set network.training.epochs=10
     """
     from automos.learning.recordings import Source
-    from automos.learning.train import TrainingData
+    from automos.learning.train import TrainingData, device_note
     from automos.learning.train import train as train_on
     from automos.progress import StageProgress
 
@@ -56,8 +56,10 @@ def train(
     if not held_out and len(sources) > 1:
         held_out = [sources.pop()]
     together = TrainingData((*sources, *map(Source.parse, extra or [])), tuple(held_out))
+    chosen = _settings(settings, set_)
+    console.print(device_note(device))
     with StageProgress(console, "train") as progress:
-        best = train_on(together, out, _settings(settings, set_), init, device, devices, progress=progress)
+        best = train_on(together, out, chosen, init, device, devices, progress=progress)
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
 
 

@@ -81,6 +81,21 @@ def train(
     )
 
 
+def device_note(device: str) -> str:
+    """Return in a sentence what will be trained on.
+
+    Raises
+    ------
+    InputError : no such device.
+    """
+    require_training()
+    from automos.network.training import choose_accelerator
+
+    if choose_accelerator(device) != "cpu":
+        return "training on the GPU, in mixed precision"
+    return "training on the CPU" + ("; no GPU was found, so this takes its time" if device == "auto" else "")
+
+
 def require_training() -> None:
     """Raise MissingExtraError unless PyTorch, Lightning and torchmetrics are installed."""
     for package in ("torch", "pytorch_lightning", "torchmetrics"):

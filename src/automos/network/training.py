@@ -26,8 +26,6 @@ from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shap
 from automos.network.module import MONITORED, Training
 from automos.settings import NetworkSettings
 
-_log = logging.getLogger(__name__)
-
 
 class Samples(Sized, Protocol):
     """Training or validation samples; `begin_epoch` says which epoch they are drawn for."""
@@ -119,7 +117,7 @@ def train_network(
     )
     data = _Data(train, validation, settings)
     last = out / "last.ckpt"
-    if init is not None and not last.exists():
+    if init is not None:
         start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
         card = {**card, "iou_before": round(start_iou, 4)}
     trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
@@ -145,8 +143,6 @@ def choose_accelerator(device: str) -> str:
         return "cuda"
     if device == "gpu":
         raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
-    if device == "auto":
-        _log.warning("no GPU was found: working on the CPU, which is slower")
     return "cpu"
 
 
