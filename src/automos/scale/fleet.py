@@ -64,7 +64,7 @@ def label_all(
     fleet = _Fleet(list(recordings), job, executor, ledger)
     while fleet.is_busy:
         fleet.deal_out()
-        for ended in executor.wait(_POLL_S):
+        for ended in executor.wait(_POLL_S) if fleet.has_orders_out else []:
             fleet.take(ended)
         ledger.tick()
         if progress is not None:
@@ -83,6 +83,10 @@ class _Fleet:
     @property
     def is_busy(self) -> bool:
         return bool(self._ready or self._running)
+
+    @property
+    def has_orders_out(self) -> bool:
+        return bool(self._running)
 
     def deal_out(self) -> None:
         while self._ready and len(self._running) < self._executor.slots:

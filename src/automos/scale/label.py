@@ -70,13 +70,16 @@ def label_fleet(
     ------
     InputError : `target` holds results made with other settings, or cannot be written.
     """
+    if not is_url(target):
+        target = str(Path(target).absolute())  # workers may stand elsewhere
     key = settings_key(settings)
     _refuse_other_settings(target, key)
     name = ledger_name(shard)
     books = join(ledger_folder(target), name)
     path = means.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
     ledger = Ledger(path, books if is_url(target) else None)
-    job = Job(settings, target, means.work, int(means.cache_gb * _GB), means.chunk, *poses)
+    files = [None if file is None else file.absolute() for file in poses]
+    job = Job(settings, target, means.work.absolute(), int(means.cache_gb * _GB), means.chunk, *files)
     try:
         with (executor or make_executor)(means) as workers:
             ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)

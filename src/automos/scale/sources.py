@@ -35,11 +35,11 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
     InputError : nothing is there. What is in a list is only looked at where it is a folder or a bucket.
     """
     if is_url(source):
-        return _named([(url, source) for url in _in_store(source)], format)
+        return _named(_in_store(source), format)
     path = Path(source)
     if path.is_file() and path.suffix.lower() in _LISTS:
         return _named(_in_list(path, format), format)
-    return _named([(str(found), source) for found in _in_folder(path, format)], format)
+    return _named([str(found.absolute()) for found in _in_folder(path, format)], format)
 
 
 def alone(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
@@ -100,19 +100,22 @@ def _recordings_or_none(path: Path, format: str | None) -> list[Path]:
         return []
 
 
-def _in_list(path: Path, format: str | None) -> list[tuple[str, str]]:
-    """Return (recording, list entry) for what the lines of a list name; one that is not there is found out later."""
+def _in_list(path: Path, format: str | None) -> list[str]:
+    """Return the recordings that the lines of a list name; one that is not there is found out later."""
     try:
         lines = [line.split("#")[0].strip() for line in path.read_text().splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
-    found = []
+    found: list[str] = []
     for line in filter(None, lines):
         if is_url(line):
-            found += [(url, line) for url in _in_store(line)]
+            found += _in_store(line)
             continue
-        entry = path.parent / line
-        found += [(str(p), str(entry)) for p in _recordings_or_none(entry, format) or [entry]]
+        entry = (path.parent / line).absolute()
+        try:
+            found += map(str, _in_folder(entry, format))
+        except InputError:
+            found.append(str(entry))
     if not found:
         raise InputError(f"{path} names no recordings: write a path or URL in each line")
     return found
@@ -142,9 +145,9 @@ def _in_store(url: str) -> list[str]:
     return [f"{found_url}?{query}" if query else found_url for found_url in urls]
 
 
-def _named(found: Iterable[tuple[str, str]], format: str | None) -> list[Recording]:
+def _named(found: Iterable[str], format: str | None) -> list[Recording]:
     """Return recordings named after the last part of their paths, or of more parts where that is not theirs alone."""
-    sources = list(dict.fromkeys(source for source, _ in found))
+    sources = list(dict.fromkeys(found))
     parts = [_parts(source) for source in sources]
     lengths = [1] * len(parts)
     while True:

@@ -1,0 +1,255 @@
+"""Many recordings, really labelled: whatever the executor, the cuts and the interruptions, the bytes are the same."""
+
+import json
+import os
+import shutil
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from automos.datasets import open_sequence
+from automos.errors import InputError
+from automos.labeling import label_recording
+from automos.scale.executors import InProcess
+from automos.scale.fleet import Outcome
+from automos.scale.label import Means, closing_lines, has_one_process_enough, label_fleet, make_executor
+from automos.scale.local_pool import LocalPool
+from automos.scale.publishing import MARKER
+from automos.scale.sources import find_all
+from automos.scale.status import read_status
+from automos.settings import load_settings
+
+
+@pytest.fixture
+def label(fleet, tmp_path):
+    """Return a function that labels the fleet into tmp_path/out."""
+
+    def label(executor=lambda means: InProcess(), folder=fleet.folder, settings=fleet.settings, **means) -> Outcome:
+        means = Means(work=tmp_path / "work", **means)
+        return label_fleet(find_all(str(folder)), str(tmp_path / "out"), settings, means, executor=executor)
+
+    return label
+
+
+@pytest.fixture(scope="module")
+def _labelled(make_fleet, tmp_path_factory) -> Path:
+    fleet, root = make_fleet(3), tmp_path_factory.mktemp("labelled")
+    means = Means(work=root / "work")
+    label_fleet(
+        find_all(str(fleet.folder)), str(root / "out"), fleet.settings, means, executor=lambda means: InProcess()
+    )
+    return root / "out"
+
+
+@pytest.fixture
+def labelled(_labelled, tmp_path) -> Path:
+    """Return tmp_path/out, in which the fleet is labelled."""
+    return shutil.copytree(_labelled, tmp_path / "out")
+
+
+def test_a_fleet_is_labelled_as_each_recording_by_itself(fleet, label, tmp_path):
+    assert label().labelled == fleet.names
+    assert fleet.differences(tmp_path / "out") == []
+    marker = json.loads((tmp_path / "out" / "log00" / MARKER).read_text())
+    assert set(marker["files"]) > set(fleet.expected["log00"])
+    assert "settings.yaml" in marker["files"]
+    assert not any(path.startswith("stages") for path in marker["files"])
+
+
+def test_recordings_that_are_cut_have_the_same_labels(fleet, label, tmp_path):
+    assert label(chunk=5).labelled == fleet.names
+    assert fleet.differences(tmp_path / "out") == []
+    units = {unit["unit"] for unit in read_status(str(tmp_path / "out")).units}
+    assert {"evidence 0:5", "evidence 10:12", "tracks", "labels 5:10", "results"} <= units
+
+
+def test_methods_that_need_the_whole_recording_are_not_cut(fleet, label, tmp_path):
+    settings = load_settings("default", None, {"candidates.method": "octomap"})
+    assert len(label(chunk=5, settings=settings).labelled) == len(fleet.names)
+    assert {unit["unit"] for unit in read_status(str(tmp_path / "out")).units} == {"start"}
+
+
+def test_what_is_there_already_is_not_done_again(fleet, label, labelled, tmp_path):
+    times = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("predictions/*")}
+    outcome = label()
+    assert (outcome.labelled, outcome.had_been) == ([], fleet.names)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("predictions/*")} == times
+    assert "3 of 3 recordings labelled (3 had been before)" in closing_lines(outcome, "out")[0]
+
+
+def test_a_recording_that_changed_or_whose_marker_is_gone_is_done_again(fleet, label, labelled, tmp_path):
+    folder = shutil.copytree(fleet.folder, tmp_path / "logs")
+    os.utime(folder / "log01" / "000003.bin")
+    (tmp_path / "out" / "log02" / MARKER).unlink()
+    assert label(folder=folder).labelled == ["log01", "log02"]
+    assert fleet.differences(tmp_path / "out") == []
+
+
+def test_labels_that_somebody_made_over_with_other_settings_are_made_again(fleet, label, labelled, tmp_path):
+    other = load_settings("default", None, {"labels.unsure": 0.99})
+    label_recording(open_sequence(fleet.folder / "log00"), tmp_path / "out" / "log00", other, workers=1)
+    assert fleet.differences(tmp_path / "out") == ["log00"]
+    assert label().labelled == ["log00"]
+    assert fleet.differences(tmp_path / "out") == []
+
+
+def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labelled, tmp_path):
+    with pytest.raises(InputError, match="holds a run with other settings"):
+        label(settings=load_settings("default", None, {"labels.unsure": 0.5}))
+    assert fleet.differences(tmp_path / "out") == []
+    # threads shape nothing
+    assert label(settings=load_settings("default", None, {"odometry.threads": 2})).had_been == fleet.names
+
+
+def test_a_scan_cut_short_is_told_and_the_other_recordings_are_labelled(fleet, label, tmp_path):
+    folder = shutil.copytree(fleet.folder, tmp_path / "logs")
+    scan = folder / "log01" / "000006.bin"
+    scan.write_bytes(scan.read_bytes()[:-7])
+    outcome = label(folder=folder)
+    assert list(outcome.failed) == ["log01"]
+    assert "000006.bin" in outcome.failed["log01"]
+    assert fleet.differences(tmp_path / "out") == ["log01"]
+    assert not (tmp_path / "out" / "log01" / MARKER).exists()
+    assert read_status(str(tmp_path / "out")).failures == [("log01", outcome.failed["log01"])]
+    shutil.copy(fleet.folder / "log01" / "000006.bin", scan)
+    assert label(folder=folder).labelled == ["log01"]
+    assert fleet.differences(tmp_path / "out") == []
+
+
+def test_a_bug_in_one_recording_stops_no_other_and_its_place_is_kept(fleet, label, tmp_path, monkeypatch):
+    def broken(sequence, *rest):
+        if sequence.name == "log02":
+            raise ZeroDivisionError("division by zero")
+        return label_recording(sequence, *rest)
+
+    monkeypatch.setattr("automos.scale.units.label_recording", broken)
+    outcome = label()
+    assert outcome.failed == {
+        "log02": "ZeroDivisionError: division by zero; this is a bug of automos, its place is in the ledger"
+    }
+    row = next(row for row in read_status(str(tmp_path / "out")).recordings if row["name"] == "log02")
+    assert "in broken" in row["trace"]
+
+
+def test_processes_that_are_killed_at_random_lose_nothing(fleet, label, tmp_path):
+    pool = LocalPool(2, 2)
+    is_over = threading.Event()
+    killed = []
+
+    def kill() -> None:
+        while len(killed) < 2 and not is_over.wait(1.0):
+            for pid in pool.pids[:1]:
+                os.kill(pid, 9)
+                killed.append(pid)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcome = label(executor=lambda means: pool, chunk=5)
+    is_over.set()
+    killer.join()
+    assert killed
+    assert sorted([*outcome.labelled, *outcome.failed]) == fleet.names
+    assert fleet.differences(tmp_path / "out") == sorted(outcome.failed)
+    assert all("SIGKILL" in reason for reason in outcome.failed.values())
+
+
+def test_a_worker_that_is_killed_idle_is_replaced(fleet, label, labelled):
+    with LocalPool(1, 1) as pool:
+        label(executor=lambda means: _Kept(pool))
+        os.kill(pool._idle[0].process.pid, 9)
+        pool._idle[0].process.wait()
+        assert len(label(executor=lambda means: _Kept(pool)).had_been) == len(fleet.names)
+
+
+class _Kept:
+    """An executor that its user closes."""
+
+    def __init__(self, inner):
+        self._inner = inner
+
+    def __getattr__(self, name):
+        return getattr(self._inner, name)
+
+    def __enter__(self):
+        return self._inner
+
+    def __exit__(self, *error):
+        return None
+
+
+def test_when_the_parent_is_gone_its_workers_are_too(fleet, tmp_path):
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; from automos.scale.local_pool import LocalPool; from automos.scale.orders import *\n"
+        "from automos.settings import load_settings; from pathlib import Path; import time\n"
+        "pool = LocalPool(1, 1)\n"
+        f"job = Job(load_settings('default'), {str(tmp_path / 'out')!r}, Path({str(tmp_path)!r}))\n"
+        f"pool.submit(Order(job, Recording('a', {str(fleet.folder / 'log00')!r})))\n"
+        "print(*pool.pids, flush=True); time.sleep(60)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    worker = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 20
+    while _is_alive(worker):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_of_a_disk_that_fills_up_nothing_half_written_is_taken_for_a_result(fleet, label, tmp_path, monkeypatch):
+    from automos import atomic
+
+    room = [30]
+    replace_ = os.replace
+
+    def full(source, target):
+        room[0] -= 1
+        if room[0] < 0:
+            raise OSError(28, "No space left on device")
+        return replace_(source, target)
+
+    monkeypatch.setattr(atomic.os, "replace", full)
+    outcome = label()
+    assert not outcome.labelled
+    assert all("No space left on device" in reason for reason in outcome.failed.values())
+    assert not list((tmp_path / "out").rglob(MARKER))
+    room[0] = 10**6
+    assert label().labelled == fleet.names
+    assert fleet.differences(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize(
+    ("means", "kind", "slots"),
+    [
+        (Means(workers=1), InProcess, 1),
+        (Means(workers=3, memory_gb=1e6), LocalPool, 3),
+        (Means(workers=0, memory_gb=1e6), InProcess, 1),  # no machine has that much: one worker at a time
+    ],
+)
+def test_workers_are_as_many_as_asked_for_or_as_fit_into_memory(means, kind, slots):
+    with make_executor(means) as executor:
+        assert type(executor) is kind
+        assert executor.slots == slots
+
+
+def test_one_short_recording_needs_no_fleet(fleet):
+    found = find_all(str(fleet.folder / "log00"))
+    assert has_one_process_enough(found, "out", Means(workers=2))
+    assert not has_one_process_enough(found, "out", Means(workers=2, chunk=5))
+    assert has_one_process_enough(found, "out", Means(workers=1, chunk=5))
+    assert not has_one_process_enough(found, "s3://bucket/out", Means())
+    assert not has_one_process_enough([*found, replace(found[0], name="b")], "out", Means())
