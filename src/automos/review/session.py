@@ -116,7 +116,7 @@ class Session:
         if self.problem is not None:
             raise InputError(f"{self.problem}; the decisions are in the log: run automos review again to apply them")
         if self._is_stale:
-            fresh = RunFiles(self.run.folder, self.run.sequence, self.run._progress)
+            fresh = RunFiles(self.run.folder, self.run.sequence)  # its tracks are read anew
             write_report(fresh, self.run.folder / "report.html")
             self._is_stale = False
 
