@@ -1,7 +1,7 @@
 """Table I: every method on recordings with truth and on the scenario suite, all from the same estimated poses.
 
     python benchmarks/table1.py [RECORDING ...] [--scenarios all | none | NAME ...] [--sensor HDL-64E] [--scans 40]
-                                [--seed 0] [--methods ...] [--cache FOLDER] [--json FILE]
+                                [--seed 0] [--methods ...] [--cache FOLDER] [--json FILE] [--markdown FILE]
 
 Labels, costs and simulated recordings are kept in the cache folder; a second run, or one after an interruption, makes
 only what is missing or was made with other settings. Empty the folder after a change of the code. The first run after
@@ -39,6 +39,7 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+")
     parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "table1")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--markdown", type=Path, help="the table of all recordings, for the docs")
     arguments = parser.parse_args()
     methods = choose_methods(arguments.methods)
     named = {"all": list(SCENARIOS), "none": []}.get(arguments.scenarios[0], arguments.scenarios)
@@ -51,6 +52,8 @@ def main() -> None:
         write_comparison(runs, columns[name])
         for table in columns[name].tables()[:1]:
             Console().print(table)
+        if arguments.markdown:
+            arguments.markdown.write_text(_markdown(columns, methods))
         if arguments.json:
             arguments.json.write_text(json.dumps({name: c.to_dict() for name, c in columns.items()}, indent=1))
     Console(width=240).print(_table(columns, methods))
@@ -65,19 +68,29 @@ def _simulated(arguments: argparse.Namespace, scenario: str) -> Path:
     return recording
 
 
-def _table(columns: dict[str, Comparison], methods: list[str]) -> Table:
+def _rows(columns: dict[str, Comparison], methods: list[str]) -> list[list[str]]:
+    """Return the table's rows, its heading first."""
     worlds = [name for name in columns if name in SCENARIOS and name not in STATIC_WORLDS]
-    table = Table(
-        "method",
-        *columns,
-        "mean of worlds",
-        title="IoU % of the moving class; false points per scan where nothing moves",
-    )
+    rows = [["method", *columns, *(["mean of worlds"] if worlds else [])]]
     for method in methods:
         cells = [_cell(comparison, method, name) for name, comparison in columns.items()]
         ious = [columns[name].scores[method].iou for name in worlds if method in columns[name].scores]
-        table.add_row(TITLES[method], *cells, f"{100 * sum(ious) / len(ious):.1f}" if ious else "")
+        rows.append([TITLES[method], *cells, *([f"{100 * sum(ious) / len(ious):.1f}"] if ious else [])])
+    return rows
+
+
+def _table(columns: dict[str, Comparison], methods: list[str]) -> Table:
+    heading, *rows = _rows(columns, methods)
+    table = Table(*heading, title="IoU % of the moving class; (false points per scan) where nothing moves")
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def _markdown(columns: dict[str, Comparison], methods: list[str]) -> str:
+    heading, *rows = _rows(columns, methods)
+    lines = [heading, ["---", *["---:"] * (len(heading) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
 
 def _cell(comparison: Comparison, method: str, name: str) -> str:

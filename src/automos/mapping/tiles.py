@@ -13,6 +13,8 @@ import numpy.typing as npt
 
 from automos.candidates.voxel_map import VoxelMap
 
+_STRIDE = 1 << 32
+
 
 class Tile:
     """The voxels of one square of ground.
@@ -59,9 +61,12 @@ class Tiles:
         """Add `points` (N, 3), metres, level frame, and the marks (N, K) bool they bear."""
         if marks is None:
             marks = np.zeros((len(points), 0), bool)
-        places, tile_of = np.unique(np.floor(points[:, :2] / self._side).astype(np.int64), axis=0, return_inverse=True)
-        tile_of = tile_of.ravel()
-        for row, place in enumerate(map(tuple, places.tolist())):
+        column, line = np.floor(points[:, :2] / self._side).astype(np.int64).T
+        keys, tile_of = np.unique(
+            column * _STRIDE + line, return_inverse=True
+        )  # one number is quicker to sort than two
+        for row, key in enumerate(keys.tolist()):
+            place = ((key + _STRIDE // 2) // _STRIDE, (key + _STRIDE // 2) % _STRIDE - _STRIDE // 2)
             if place not in self._tiles:
                 corner = np.array([place[0] * self._side, place[1] * self._side, 0.0])
                 self._tiles[place] = Tile(self._voxel, corner, self._n_marks)
