@@ -16,6 +16,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 
 BASE = {"labels", "scan", "geometry", "settings", "errors", "atomic", "detections"}
 STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
+COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
 MAY_IMPORT = {
     **dict.fromkeys(BASE, BASE),
     **{stage: {*BASE, stage} for stage in STAGES},
@@ -23,6 +24,8 @@ MAY_IMPORT = {
     "datasets": {*BASE, "datasets", "pose_files"},
     "evaluation": {*BASE, "evaluation", "pose_files"},
     "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
+    "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
+    "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
     "visualization": {*BASE, "visualization", "evaluation", "export", "workspace"},
     "review": {*BASE, "review", "visualization", "export", "workspace", "stages", "odometry", "tracking"},
 }

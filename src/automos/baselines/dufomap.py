@@ -7,6 +7,7 @@ A voxel is empty if rays went through all of it and its surroundings, hits infla
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -25,6 +26,7 @@ def find_moving(frames: Frames, settings: DufomapSettings, start: int = 0) -> It
     MissingExtraError
         The library is not installed.
     """
+    os.environ.setdefault("GLOG_minloglevel", "1")  # else it reports its parameters on the terminal, batch by batch
     try:
         dufomap = importlib.import_module("dufomap").dufomap
     except ImportError:
