@@ -59,6 +59,7 @@ def test_scores_are_those_of_the_labels_that_were_kept(recording, world, tmp_pat
     report, picture = write_comparison(runs, comparison)
     found = json.loads(report.read_text())
     assert found["methods"]["yoon"]["iou"] == comparison.scores["yoon"].iou
+    assert found["methods"]["yoon"]["false_dynamic"] == comparison.scores["yoon"].false_dynamic
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

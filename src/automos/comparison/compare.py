@@ -6,7 +6,7 @@ import json
 import logging
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +54,7 @@ class Comparison:
         methods = {}
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
-            ratios = {} if scores is None else {key: _plain(getattr(scores, key)) for key in _RATIOS}
+            ratios = {} if scores is None else {key: _plain(getattr(scores, key)) for key in _RATIOS} | asdict(scores)
             methods[name] = {
                 "title": TITLES[name],
                 **ratios,
