@@ -54,7 +54,7 @@ def test_a_machine_that_is_lost_half_way_costs_only_time(make_fleet, cluster, tm
     assert fleet.differences(tmp_path / "out") == []
 
 
-def test_units_of_a_recording_bound_for_a_bucket_stay_where_its_results_wait(fleet, cluster, s3, tmp_path):
+def test_units_of_a_recording_bound_for_a_bucket_stay_where_its_results_wait(fleet, s3, cluster, tmp_path):
     assert label(fleet, cluster, "s3://bucket/out", tmp_path / "work", chunk=5).failed == {}
     s3.files.get("bucket/out/", str(tmp_path / "labels") + "/", recursive=True)
     assert fleet.differences(tmp_path / "labels") == []
@@ -65,5 +65,5 @@ def test_units_of_a_recording_bound_for_a_bucket_stay_where_its_results_wait(fle
 
 
 def test_a_cluster_that_is_not_there_is_told_in_a_sentence(fleet, tmp_path):
-    with pytest.raises(InputError, match="no Ray cluster answers at 127.0.0.1:1"):
+    with pytest.raises(InputError, match=r"no Ray cluster answers at 127\.0\.0\.1:1"):
         label_fleet(find_all(str(fleet.folder)), str(tmp_path), fleet.settings, Means(ray="127.0.0.1:1"))

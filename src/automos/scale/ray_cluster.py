@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 from typing import Any
 
 from automos.errors import InputError, MissingExtraError
@@ -30,14 +31,11 @@ class RayCluster(Executor):
             raise MissingExtraError("--ray needs Ray, which is not installed: pip install 'automos[scale]'") from None
         try:
             if not ray.is_initialized():
-                limits = thread_limits(1)
-                ray.init(
-                    address=address, log_to_driver=False, logging_level=logging.ERROR, runtime_env={"env_vars": limits}
-                )
+                _probe(address)
+                environment = {"env_vars": thread_limits(1)}
+                ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=environment)
         except (ConnectionError, ValueError, RuntimeError, OSError) as error:
-            raise InputError(
-                f"no Ray cluster answers at {address} ({error}): start one with: ray start --head"
-            ) from None
+            raise InputError(f"no Ray cluster answers at {address} ({error}): start one: ray start --head") from None
         self._ray, self._memory = ray, memory
         self._work = ray.remote(max_retries=0)(_work)
         self._orders: dict[Any, Order] = {}
@@ -81,6 +79,14 @@ class RayCluster(Executor):
         except self._ray.exceptions.RayError as error:
             kind, line = type(error).__name__, (str(error).strip().splitlines() or [""])[0]
             return Ended(order, None, f"its worker was lost ({kind}: {line[:200].rstrip('.')})")
+
+
+def _probe(address: str) -> None:
+    """Raise OSError where nobody listens at a host:port; Ray itself would wait for minutes."""
+    host, _, port = address.rpartition("//")[2].rpartition(":")
+    if port.isdecimal():
+        with socket.create_connection((host, int(port)), timeout=10.0):
+            return
 
 
 def _work(order: Order) -> Report:
