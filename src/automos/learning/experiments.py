@@ -114,7 +114,7 @@ class Experiment:
         if not done.exists():
             require_training()
             settings = self.settings if init is None else self.tuning
-            train(data, out, settings, init, self.device, progress=self.progress)
+            train(data, out, settings, init, self.device, progress=self.progress, poses=self.folder / "poses")
             write_text(done, json.dumps({"hours": (time.perf_counter() - start) / 3600.0}))
         self.seconds[name] = 3600.0 * float(json.loads(done.read_text())["hours"])
         return out / "best.pt"

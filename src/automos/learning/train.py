@@ -37,10 +37,12 @@ def train(
     device: str = "auto",
     devices: int = 1,
     progress: Progress | None = None,
+    poses: Path | None = None,
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
 
-    `out` / best.pt is the network with everything needed to run it. `init` fine-tunes a checkpoint.
+    `out` / best.pt is the network with everything needed to run it. `init` fine-tunes a checkpoint. Poses that no results
+    folder holds are estimated once into `poses` (`out` / poses where not given).
 
     Raises
     ------
@@ -54,10 +56,10 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     _claim(out, data, settings, init)
     network = settings.network
-    recordings = open_labeled(list(data.train), settings, out / "poses", progress)
+    recordings = open_labeled(list(data.train), settings, poses or out / "poses", progress)
     weights = measure_classes(recordings, network.training.weighed_scans)
     if data.validation:
-        validation = open_labeled(list(data.validation), settings, out / "poses", progress)
+        validation = open_labeled(list(data.validation), settings, poses or out / "poses", progress)
     else:
         recordings, validation = _split(recordings)
     card = {
