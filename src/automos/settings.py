@@ -122,6 +122,8 @@ class OdometrySettings(_Group):
     start_voxel: float = Field(1.5, gt=0, description="m, local map voxel in these trials")
     start_iterations: int = Field(20, ge=1, description="of one registration in these trials")
     start_gain: float = Field(0.2, ge=0, lt=1, description="share by which they must fold better")
+    max_acceleration: float = Field(4.0, gt=0, description="m/s^2, a speed that rises faster was wrong before")
+    leap_time: float = Field(0.5, gt=0, description="s, for which it must")
     time: Literal["auto", "file", "azimuth", "none"] = Field(
         "auto",
         description="where the points' times come from for motion compensation: the file, the azimuth, or none "
@@ -260,6 +262,11 @@ class DetectSettings(_Group):
     min_points: int = Field(3, ge=1, description="points of the smallest object")
     max_side: float = Field(45.0, gt=0, description="m, longest object")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
+    torn_share: float = Field(
+        0.1, ge=0, le=0.5, description="of its evidence: a segment with more than this both moved and stayed is torn"
+    )
+    torn_points: int = Field(20, ge=1, description="points, and at least as many as this")
+    torn_gap: float = Field(0.3, gt=0, description="m, at which it is split, if its parts are not torn then")
     silence: float = Field(
         0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static"
     )
@@ -358,6 +365,7 @@ class JudgeSettings(_Group):
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
     block: float = Field(0.5, gt=0, description="s, over which centres are averaged to corners of the path")
     noise: float = Field(0.1, gt=0, description="m, scatter of a box's centre that no track is without")
+    alike: float = Field(0.15, gt=0, description="of its usual side plus 1 m, by which what is seen of it may differ")
     sparse_points: int = Field(10, ge=0, description="a track of fewer points in most scans is sparse")
     sparse_min_observations: int = Field(4, ge=2, description="scans a sparse track must be seen in")
     sparse_min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last")

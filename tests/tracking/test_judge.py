@@ -18,7 +18,7 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0)
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
     center = np.column_stack([center, np.zeros(len(center))])
-    size = np.tile([side, 1.0, 1.0], (len(center), 1))
+    size = np.column_stack([np.broadcast_to(side, len(center)), *np.ones((2, len(center)))])
     table = Tracks(
         np.zeros(len(scans), np.int64), scans, np.zeros(len(scans), np.int64), center, size,
         np.zeros(len(scans)), np.zeros((len(scans), 3)),
@@ -36,6 +36,10 @@ def verdict_on(sensor=FAR_SENSOR, **track):
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
 SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
+
+
+CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
+"""Its boot alone, then the whole: the middle jumps, backwards or forwards, by more than the car has come."""
 
 
 @pytest.mark.parametrize(
@@ -73,6 +77,16 @@ SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
     assert verdict_on(**track) == expected
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_piece_seen_first_does_not_hide_the_motion_of_the_whole(direction):
+    center = np.column_stack([direction * CAR_FIRST_SEEN_IN_PART, np.zeros(20)])
+    side = np.r_[[1.0, 1.0], np.full(18, 4.5)]
+    assert verdict_on(center=center, side=side, moved=0.6, stayed=0.3) == Verdict.MOVING
+    jumping = center.copy()
+    jumping[2:] = center[2]  # and then it stands
+    assert verdict_on(center=jumping, side=side, moved=0.6, stayed=0.3) == Verdict.STATIC
 
 
 def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():

@@ -48,6 +48,7 @@ def detect_objects(
     rows, columns = ray_steps
 
     ids = segment_points(seen_from, heights, ranges, rows, columns, settings.segments)
+    ids = _split_where_it_tells(ids, seen_from, heights, ranges, ray_steps, has_moved, has_stayed, settings)
     count, moved, stayed, extent = _summarise(ids, points, has_moved, has_stayed)
     speaks_once = (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
@@ -67,6 +68,42 @@ def detect_objects(
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
     found.part_of[objects[is_cut]] = silent[is_cut]
     return objects, silent, found
+
+
+def _split_where_it_tells(
+    ids: npt.NDArray[np.int32],
+    points: npt.NDArray,
+    heights: npt.NDArray[np.float32],
+    ranges: npt.NDArray,
+    ray_steps: tuple[float, float],
+    has_moved: npt.NDArray[np.bool_],
+    has_stayed: npt.NDArray[np.bool_],
+    settings: DetectSettings,
+) -> npt.NDArray[np.int32]:
+    """Return `ids` with segments of two voices split at a finer gap, where each part then speaks with one.
+
+    Two trams that pass each other an arm's length apart are one segment, half of it moving; a lorry of which only the
+    ends have left their place is one, too, but no finer gap parts its ends from its middle.
+    """
+    inside, n = ids >= 0, int(ids.max(initial=-1)) + 1
+    moved, stayed = (np.bincount(ids[inside & kind], minlength=n) for kind in (has_moved, has_stayed))
+    spoken = np.maximum(moved + stayed, 1)
+    is_torn = np.minimum(moved, stayed) >= np.maximum(settings.torn_share * spoken, settings.torn_points)
+    torn = np.flatnonzero(inside & is_torn[ids] if n else inside)
+    if not len(torn):
+        return ids
+    finer = settings.segments.model_copy(update={"gap": settings.torn_gap})
+    parts = segment_points(points[torn], heights[torn], ranges[torn], *ray_steps, finer)
+    _, part = np.unique(ids[torn].astype(np.int64) * (len(torn) + 1) + parts, return_inverse=True)
+    whole = np.zeros(part.max() + 1, np.int64)
+    whole[part] = ids[torn]
+    voices = np.stack([np.bincount(part, kind[torn]) for kind in (has_moved, has_stayed)])
+    unanimous = np.bincount(whole, voices.max(axis=0), n) >= (1.0 - settings.torn_share) * spoken
+    is_split = unanimous[ids[torn]]
+    split = ids.copy()
+    split[torn[is_split]] = n + part[is_split]
+    split[inside] = np.unique(split[inside], return_inverse=True)[1]
+    return split
 
 
 def _describe(

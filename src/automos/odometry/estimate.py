@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -14,6 +14,8 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry.clock import Clock, read_clock
 from automos.odometry.consistency import measure_consistency, summarize
+from automos.odometry.kiss import Registered
+from automos.odometry.leaps import find_leaps, mend_leaps, replay
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
 from automos.odometry.motion import SweepTiming, step_twists
@@ -85,24 +87,38 @@ def _register(
     diagnostics: dict[str, Any],
 ) -> Pose:
     """Return the (N, 4, 4) poses from the scans alone; figures and warnings go to `diagnostics`."""
-    held, steps = [], []
-    refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
-    for i, scan in enumerate(register_scans(sequence, settings, timing, clock.gaps)):
-        steps.append(scan.T_last_this)
-        if not scan.is_registered:
-            held.append(sequence.names[i])
-        if settings.refine:
-            surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
-            refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
-        if progress is not None:
-            progress(i + 1, len(sequence))
+    held: list[str] = []
+
+    def fold(scans: Iterable[Registered]) -> tuple[Pose, RollingRefinement]:
+        steps = []
+        refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
+        for i, scan in enumerate(scans):
+            steps.append(scan.T_last_this)
+            if not scan.is_registered:
+                held.append(sequence.names[i])
+            if settings.refine:
+                surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
+                refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
+            if progress is not None:
+                progress(i + 1, len(sequence))
+        return np.array(steps[1:]).reshape(-1, 4, 4), refinement
+
+    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
     if held:
         diagnostics["warnings"].append(
             f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
         )
     if not settings.refine:
-        return chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
+        return chain(np.eye(4), steps)
+    mended = mend_leaps(sequence, steps, timing, clock, settings)
+    if mended is not steps:
+        _, refinement = fold(replay(sequence, mended, timing, clock, settings))
     poses, before, after = refinement.finish()
+    if leaps := find_leaps(inverse(poses[:-1]) @ poses[1:], clock, settings):
+        diagnostics["warnings"].append(
+            f"the speed leaps at {len(leaps)} scans (first: {sequence.names[leaps[0]]}) as no vehicle's does: before "
+            "that the poses may follow traffic rather than the world, and labels are not to be trusted."
+        )
     diagnostics.update(summarize(after, settings.refinement))
     diagnostics["before_refinement"] = summarize(before, settings.refinement)
     diagnostics["lengthened_m"] = refinement.lengthened

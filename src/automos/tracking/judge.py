@@ -42,7 +42,10 @@ def judge_by_evidence(
             confidence[k] = 0.5
             continue
         share = moved.sum() / points.sum()
-        significance, straightness, distance = motion(center[:, :2], stamps[tracks.scan[rows][seen]], settings)
+        whole = _seen_alike(size, settings)
+        significance, straightness, distance = motion(
+            center[whole, :2], stamps[tracks.scan[rows][seen][whole]], settings
+        )
         is_witnessed = (
             moved.sum() >= settings.min_moved_points
             and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
@@ -52,7 +55,6 @@ def judge_by_evidence(
             share >= settings.sure_share
             or (significance >= settings.min_significance and straightness >= settings.min_straightness)
         )
-        scans = tracks.scan[rows][seen]
         is_sparse = np.median(points) < settings.sparse_points
         is_steady = (
             len(center) >= settings.sparse_min_observations
@@ -73,6 +75,17 @@ def judge_by_evidence(
             _confidence(share, significance, settings) if verdict[k] == Verdict.MOVING else 1.0 - 0.5 * share
         )
     return Verdicts(verdict, confidence)
+
+
+def _seen_alike(size: npt.NDArray[np.float64], settings: JudgeSettings) -> npt.NDArray[np.int64]:
+    """Return the observations in which as much was seen as usual: a piece's middle is not the object's.
+
+    All of them where most are unlike each other.
+    """
+    side = size[:, :2].max(axis=1)
+    usual = np.median(side)
+    alike = np.flatnonzero(np.abs(side - usual) <= settings.alike * (usual + 1.0))
+    return alike if len(alike) > 0.5 * len(side) and len(alike) > 1 else np.arange(len(side))
 
 
 def motion(
