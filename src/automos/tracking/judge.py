@@ -42,10 +42,8 @@ def judge_by_evidence(
             confidence[k] = 0.5
             continue
         share = moved.sum() / points.sum()
-        whole = _seen_alike(size, settings)
-        significance, straightness, distance = motion(
-            center[whole, :2], stamps[tracks.scan[rows][seen][whole]], settings
-        )
+        scans, whole = tracks.scan[rows][seen], _seen_alike(size, settings)
+        significance, straightness, distance = motion(center[whole, :2], stamps[scans[whole]], settings)
         is_witnessed = (
             moved.sum() >= settings.min_moved_points
             and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
