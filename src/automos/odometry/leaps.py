@@ -36,7 +36,7 @@ def find_leaps(steps: Pose, clock: Clock, settings: OdometrySettings) -> list[in
     rise = mean[m:] - mean[:-m]  # from the m steps before scan m, m + 1, ... to the m steps after it
     is_leap = np.concatenate([[False], rise > settings.max_acceleration * settings.leap_time, [False]])
     ends = np.flatnonzero(is_leap[:-1] & ~is_leap[1:])  # of each run, its end
-    return [int(min(end + 2 * m - 1, len(speed))) for end in ends]
+    return np.minimum(ends + 2 * m - 1, len(speed)).tolist()
 
 
 def mend_leaps(sequence: Sequence, steps: Pose, timing: SweepTiming, clock: Clock, settings: OdometrySettings) -> Pose:

@@ -98,7 +98,7 @@ def motion(
     block = np.floor((stamps - stamps[0]) / settings.block).astype(np.int64)
     _, block, n = np.unique(block, return_inverse=True, return_counts=True)
     if len(n) < 4:  # too short a time to walk astray
-        block, n = np.arange(len(center)), np.ones(len(center))
+        block, n = np.arange(len(center)), np.ones(len(center), np.int64)
     way = np.column_stack([np.bincount(block, center[:, axis]) / n for axis in range(2)])
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
     straightness = np.linalg.norm(way[-1] - way[0]) / max(steps, 1e-6)
