@@ -31,6 +31,8 @@ CHOICES: dict[str, dict[str, Any]] = {
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
+    "torn segments stay whole": {"instances.components.torn_share": 0.5},
+    "a piece's middle counts as the object's": {"tracking.judge.alike": NEVER},
     "tracks end where the evidence does": {"tracking.extension.min_time": NEVER},
     "pieces at their ends are kept": {"tracking.extension.whole_size": 0.0, "tracking.extension.fray_share": 0.0},
     "others may have stood there before": {"tracking.extension.look_back": 0.0},
