@@ -41,8 +41,8 @@ def train(
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
 
-    `out` / best.pt is the network with everything needed to run it. `init` fine-tunes a checkpoint. Poses that no results
-    folder holds are estimated once into `poses` (`out` / poses where not given).
+    `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
+    results folder holds are estimated once into `poses` (`out` / poses where not given).
 
     Raises
     ------
