@@ -27,6 +27,7 @@ MAY_IMPORT = {
     "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
     "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
     "visualization": {*BASE, "visualization", "evaluation", "export", "workspace"},
+    "scale": {*BASE, "scale", "pipeline", "labeling", "datasets", "export", "candidates", "parallel", "workspace"},
     "review": {*BASE, "review", "visualization", "export", "workspace", "stages", "odometry", "tracking"},
 }
 """Rooms, and the rooms they may import; a room not named here may import any other but the command line."""
@@ -38,6 +39,8 @@ OPTIONAL = (
     "onnx",
     "onnxruntime",
     "rerun",
+    "fsspec",
+    "s3fs",
     "rerun_cli",
     "ray",
     "open3d",

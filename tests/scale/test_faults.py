@@ -28,8 +28,9 @@ def test_workers_killed_at_random_cost_time_and_no_label(make_fleet, tmp_path):
     fleet, pool, rng, killed, is_over = make_fleet(30), LocalPool(2, 2), random.Random(0), [], threading.Event()
 
     def kill() -> None:
-        while not is_over.wait(rng.uniform(0.5, 4.0)):
-            if pool.pids:
+        while not is_over.wait(rng.uniform(0.0, 0.5)):
+            n_done = len(list((tmp_path / "out").glob(f"*/{MARKER}")))
+            if pool.pids and n_done >= 3 * len(killed):
                 killed.append(rng.choice(pool.pids))
                 os.kill(killed[-1], 9)
 
@@ -38,7 +39,7 @@ def test_workers_killed_at_random_cost_time_and_no_label(make_fleet, tmp_path):
     outcome = label(fleet, tmp_path / "out", tmp_path / "work", pool)
     is_over.set()
     killer.join()
-    assert len(killed) >= 3
+    assert len(killed) >= 5
     assert sorted([*outcome.labelled, *outcome.failed]) == fleet.names
     assert fleet.differences(tmp_path / "out") == sorted(outcome.failed)
     for name, reason in outcome.failed.items():

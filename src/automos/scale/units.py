@@ -17,6 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from automos import __version__
+from automos.candidates.cue import cue_fingerprint
 from automos.datasets import open_sequence
 from automos.errors import AutomosError
 from automos.labeling import given_poses, label_recording
@@ -61,10 +63,9 @@ def work(order: Order) -> Report:
 
 
 def settings_key(settings: Settings) -> str:
-    """Return a fingerprint of the version and of all settings that shape results."""
-    from automos import __version__
-
-    return fingerprint(__version__, settings.model_dump(mode="json", exclude={"odometry": {"threads"}}))
+    """Return a fingerprint of the version and of all that shapes results beside the recording."""
+    heard = cue_fingerprint(settings.self_training) if settings.self_training.folder else None
+    return fingerprint(__version__, settings.model_dump(mode="json", exclude={"odometry": {"threads"}}), heard)
 
 
 def results_folder(job: Job, recording: Recording) -> Path:
