@@ -30,7 +30,7 @@ def train(
     validation: Annotated[
         Sources | None, typer.Option(help="what the best epoch is chosen by; default: the last of --data")
     ] = None,
-    init: Annotated[Path | None, typer.Option(help="checkpoint to start from: fine-tuning")] = None,
+    init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one that came along")] = None,
     device: Device = "auto",
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
     settings: SettingsFile = None,
@@ -47,6 +47,7 @@ def train(
     automos train --data my_log=automos_runs/my_log --init best.pt --set network.training.epochs=10
     """
     from automos.learning.recordings import Source
+    from automos.learning.segment import shipped
     from automos.learning.train import TrainingData, device_note
     from automos.learning.train import train as train_on
     from automos.progress import StageProgress
@@ -57,6 +58,7 @@ def train(
         held_out = [sources.pop()]
     together = TrainingData((*sources, *map(Source.parse, extra or [])), tuple(held_out))
     chosen = _settings(settings, set_)
+    init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
     with StageProgress(console, "train") as progress:
         best = train_on(together, out, chosen, init, device, devices, progress=progress)

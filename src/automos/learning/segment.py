@@ -22,7 +22,10 @@ from automos.scan import Scan, Sequence
 from automos.settings import Settings, dump_yaml
 from automos.workspace import RUN_FILE
 
-SHIPPED = "lmnet.onnx"
+
+def shipped(suffix: str) -> Path:
+    """Return the network that comes with the package: ".onnx" to run, ".pt" to fine-tune."""
+    return Path(str(files("automos.network"))) / f"lmnet{suffix}"
 
 
 @dataclass(frozen=True)
@@ -35,8 +38,7 @@ class Latency:
 
 def open_network(weights: Path | None, settings: Settings) -> Deployed:
     """Return the network in `weights`, the one that comes with the package where none is given."""
-    shipped = Path(str(files("automos.network"))) / SHIPPED
-    return load_network(weights or shipped, settings.network.online)
+    return load_network(weights or shipped(".onnx"), settings.network.online)
 
 
 def segment_recording(
