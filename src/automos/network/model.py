@@ -31,7 +31,8 @@ class LMNet(nn.Module):
     def __init__(self, image: ImageSettings, model: ModelSettings):
         super().__init__()
         inputs = len(BASE_CHANNELS) + image.residuals
-        backbone = {"salsanext": SalsaNext, "rangenet": RangeNet}[model.name]
+        backbones: dict[str, type[SalsaNext] | type[RangeNet]] = {"salsanext": SalsaNext, "rangenet": RangeNet}
+        backbone = backbones[model.name]
         self.backbone = backbone(inputs, len(Class), model.channels, model.dropout)
         self.register_buffer("mean", torch.zeros(len(BASE_CHANNELS)))
         self.register_buffer("deviation", torch.ones(len(BASE_CHANNELS)))
