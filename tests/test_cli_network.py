@@ -75,8 +75,6 @@ def test_help_shows_examples(automos):
 def test_a_mistake_is_one_sentence(automos, log, words, said):
     if words[0] == "train":
         pytest.importorskip("torch", reason="training needs PyTorch: pip install 'automos[train]'")
-    if words[1] == "nowhere" and not HAS_SHIPPED:
-        pytest.skip("no network came along")
     code, _, error = automos(*(word.replace("LOG", str(log)) for word in words))
     assert code == 2
     assert said in error

@@ -91,8 +91,8 @@ def segment(
     from automos.progress import StageProgress
 
     chosen = _settings(settings, set_, {"network.online.device": device})
-    network = open_network(weights, chosen)
     recordings = open_recordings(recording, format)
+    network = open_network(weights, chosen)
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:
