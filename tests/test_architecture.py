@@ -45,6 +45,7 @@ OPTIONAL = (
     "ray",
     "open3d",
     "rosbags",
+    "velodyne_decoder",
     "mcap",
     "plotly",
     "pyarrow",

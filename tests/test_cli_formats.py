@@ -31,7 +31,7 @@ def test_formats_lists_all_that_is_read_and_written_and_what_each_needs(monkeypa
     assert done.exit_code == 0, done.output
     words = set(done.output.split())
     assert {*FORMATS, *CODECS, *EXPORTS} <= words
-    assert {"automos[arrow]", "automos[ros]", "automos[las]"} <= words
+    assert {"automos[arrow]", "automos[ros]", "automos[las]", "automos[velodyne]"} <= words
 
 
 def test_export_says_where_it_wrote(labelled, tmp_path):

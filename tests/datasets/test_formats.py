@@ -9,7 +9,7 @@ from automos.datasets.formats import import_extra
 from automos.errors import MissingExtraError
 from automos.export import EXPORTS
 
-EXTRAS = ("pyarrow", "rosbags", "laspy", "lazrs")
+EXTRAS = ("pyarrow", "rosbags", "laspy", "lazrs", "velodyne_decoder")
 
 
 @pytest.mark.parametrize("name", FORMATS)

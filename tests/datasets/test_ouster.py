@@ -15,7 +15,9 @@ def test_a_pcap_without_metadata_is_told(tmp_path):
     path.touch()
     assert find(tmp_path) == [path]
     assert find(path / "1221") == [path / "1221"]
-    with pytest.raises(InputError, match=r"drive.pcap has no metadata drive.json beside it; .*other makers' packets"):
+    with pytest.raises(
+        InputError, match=r"drive.pcap has no metadata drive.json beside it, .* no packets of a Velodyne; put it there"
+    ):
         open_sequence(path)
 
 

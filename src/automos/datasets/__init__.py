@@ -18,8 +18,8 @@ from automos.errors import InputError
 from automos.scan import Sequence
 
 FORMATS: tuple[str, ...] = (
-    "rosbag", "ouster", "argoverse2", "nuscenes", "kitti_raw", "kitti_tracking", "helipr", "mulran", "apollo",
-    "helimos", "semanticposs", "kitti", "folder",
+    "rosbag", "velodyne", "ouster", "argoverse2", "nuscenes", "kitti_raw", "kitti_tracking", "helipr", "mulran",
+    "apollo", "helimos", "semanticposs", "kitti", "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package."""
 
@@ -101,6 +101,8 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
 
 def _nothing_found(path: Path, format: str | None) -> str:
     if path.is_file():
+        if format in FORMATS:
+            return f"{path} is no recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
     from automos.datasets.files import holds_point_files
 

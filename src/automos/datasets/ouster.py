@@ -57,8 +57,9 @@ class OusterSequence(Sequence):
         self._metadata = sorted({file for name in names for file in self.source.parent.glob(name)})
         if not self._metadata:
             raise InputError(
-                f"{self.source} has no metadata {stem}.json beside it; Ouster's packets cannot be read without it "
-                "(other makers' packets are not read: convert them to a ROS bag, PCD or LAS)"
+                f"{self.source} has no metadata {stem}.json beside it, which Ouster's packets need, and no packets of "
+                "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
+                "makers' packets to a ROS bag, PCD or LAS"
             )
         self._serial = self._choose_sensor(wanted)
         self.name = stem if wanted is None else f"{stem}_{wanted}"

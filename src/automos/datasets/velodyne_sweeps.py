@@ -1,0 +1,111 @@
+"""Where the sweeps of Velodyne sensors begin in a capture, told by the azimuths and clocks in their packets.
+
+A sweep begins where the azimuth comes round to that of the capture's first packet, so all but the last are whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.pcap import Capture, Datagrams
+
+PACKET = 1206
+"""Bytes of a packet of points of any model."""
+_AZIMUTH, _CLOCK = 2, 1200
+"""Where in a packet the first azimuth is (1/100 degrees), and the microseconds of the hour."""
+_HOUR = 3600.0
+_LONGEST = 0.3
+"""Seconds: no sensor turns as slowly, so what lasts longer has a gap."""
+
+
+def find_packets(capture: Capture, *stretch: int) -> Iterator[Datagrams]:
+    """Yield, piece by piece, the packets of points in a stretch of the file (first byte, end); none: in all of it.
+
+    Raises
+    ------
+    InputError
+        A damaged file.
+    """
+    for piece in capture.datagrams(PACKET, *stretch):
+        yield piece[(piece.payloads[:, 0] == 0xFF) & (piece.payloads[:, 1] == 0xEE)]
+
+
+def clock_of(packets: Datagrams) -> npt.NDArray[np.float64]:
+    """Return (N,) seconds on the sensor's clock since the hour before that of the first of `packets`."""
+    return _HOUR + _count_hours(packets.numbers(_CLOCK, "<u4"), packets.seconds)
+
+
+def find_sweeps(capture: Capture) -> dict[int, tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]]:
+    """Return of each sender where its N sweeps begin, (N + 1,) bytes with the file's end, and (N,) stamps in seconds.
+
+    Stamps are of the sweeps' first packets on the sensor's clock, which is set to the recorder's at the first of all.
+
+    Raises
+    ------
+    InputError
+        A damaged file.
+    """
+    cutters: dict[int, _Cutter] = {}
+    for packets in find_packets(capture):
+        for sender in np.unique(packets.senders).tolist():
+            cutters.setdefault(sender, _Cutter()).add(packets[packets.senders == sender])
+    return {sender: cutter.sweeps(capture.size) for sender, cutter in cutters.items()}
+
+
+class _Cutter:
+    """Cuts the packets of one sensor, which come in pieces, into sweeps."""
+
+    def __init__(self) -> None:
+        self._microseconds, self._recorded = np.zeros(0, np.int64), np.zeros(0)  # of the last packet
+        self._seconds = 0.0
+        self._turn = np.array([0.0, 0.0, -np.inf])
+        self._starts: list[npt.NDArray[np.int64]] = []
+        self._stamps: list[npt.NDArray[np.float64]] = []
+
+    def add(self, packets: Datagrams) -> None:
+        """Take the sensor's next packets, at least one."""
+        azimuth = packets.numbers(_AZIMUTH, "<u2")
+        n_before = len(self._recorded)
+        if n_before == 0:
+            self._turn[0], self._seconds = azimuth[0], packets.seconds[0]
+        microseconds = np.concatenate([self._microseconds, packets.numbers(_CLOCK, "<u4")])
+        recorded = np.concatenate([self._recorded, packets.seconds])
+        clock = _count_hours(microseconds, recorded)
+        seconds = (self._seconds + clock - clock[0])[n_before:]
+        is_first = np.zeros(len(packets), bool)
+        _mark_first(azimuth, seconds, self._turn, is_first)
+        self._starts.append(packets.records[is_first])
+        self._stamps.append(seconds[is_first])
+        self._microseconds, self._recorded, self._seconds = microseconds[-1:], recorded[-1:], float(seconds[-1])
+
+    def sweeps(self, end: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+        """Return where the sweeps begin and, last, `end`; and their stamps."""
+        return np.concatenate([*self._starts, [end]]), np.concatenate(self._stamps)
+
+
+def _count_hours(microseconds: npt.NDArray[np.int64], recorded: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (N,) seconds since the hour of the first, from microseconds since each one's hour.
+
+    How many hours passed between two packets is what brings their clock nearest to the times of recording, seconds.
+    """
+    seconds = 1e-6 * microseconds.astype(np.float64)
+    hours = np.round((np.diff(recorded) - np.diff(seconds)) / _HOUR)
+    seconds[1:] += _HOUR * np.cumsum(hours)
+    return seconds
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark_first(azimuth, seconds, turn, is_first):  # type: ignore[no-untyped-def]
+    """Mark the packets that begin a sweep; `turn` holds the azimuth of cuts, the way turned since, and the start."""
+    for i in range(len(azimuth)):
+        turned = (azimuth[i] - turn[0]) % 36000.0
+        is_over = seconds[i] - turn[2] > _LONGEST
+        if not is_over and (turned - turn[1]) % 36000.0 > 35000.0:
+            continue  # overtaken by the packet before it
+        if is_over or turned < turn[1]:
+            is_first[i], turn[2] = True, seconds[i]
+        turn[1] = turned
