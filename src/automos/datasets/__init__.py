@@ -18,8 +18,8 @@ from automos.errors import InputError
 from automos.scan import Sequence
 
 FORMATS: tuple[str, ...] = (
-    "rosbag", "velodyne", "ouster", "argoverse2", "nuscenes", "kitti_raw", "kitti_tracking", "helipr", "mulran",
-    "apollo", "helimos", "semanticposs", "kitti", "folder",
+    "rosbag", "velodyne", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
+    "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package."""
 
