@@ -3,8 +3,9 @@
     python benchmarks/scale.py [--recordings 64] [--scans 20] [--cache FOLDER] [--skip-ray] [--json FILE]
 
 Recordings are simulated once and kept in the cache. Every worker has one core. Wall time counts from the call to the
-last label, the start of workers included; busy is the share of it that they spent on recordings; CPU is all processes'.
-The labels of all runs are compared byte for byte.
+last label, the start of workers included; busy is the share of it that they spent on recordings; overhead is what a
+worker waits from one recording to the next, once all are there; CPU is that of the workers. The labels of all runs are
+compared byte for byte.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import hashlib
 import json
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from automos import load_settings
+from automos.parallel import map_in_order
 from automos.scale.executors import Executor
 from automos.scale.label import Means, label_fleet
 from automos.scale.local_pool import LocalPool
@@ -29,13 +32,14 @@ from automos.scale.status import read_status
 from automos.simulation import simulate, write
 
 
+def make_recording(folder: Path, scans: int, seed: int) -> None:
+    """Simulate a recording where it is not there yet."""
+    write(simulate("city", "VLP-16", scans, seed=seed), folder / f"city-{scans}-{seed:03d}")
+
+
 def make_recordings(folder: Path, n: int, scans: int) -> list:
     """Return `n` recordings of `scans` scans each, simulated where they are not there yet."""
-    for k in range(n):
-        target = folder / f"city-{scans}-{k:03d}"
-        if not (target / "velodyne").exists():
-            write(simulate("city", "VLP-16", scans, seed=k), target, workers=0)
-            print(f"simulated {target.name}", flush=True)
+    list(map_in_order(partial(make_recording, folder, scans), range(n), workers=0))
     return [one for one in find_all(str(folder)) if one.name.startswith(f"city-{scans}-")][:n]
 
 
@@ -51,11 +55,8 @@ def measure(recordings: list, what: str, make: callable, workers: int) -> dict:
         for path in sorted(Path(out).rglob("predictions/*.label")):
             labels.update(path.read_bytes())
     assert not outcome.failed, outcome.failed
-    units = sorted(status.units, key=lambda unit: unit["started"])
+    units = sorted(status.units, key=lambda unit: unit["ended"])
     scans = sum(row["scans"] for row in status.recordings)
-    begun = min(unit["started"] + unit["seconds"] for unit in units)  # all workers are there by then
-    after = [unit for unit in units if unit["started"] >= begun]
-    span = max((u["started"] + u["seconds"] for u in after), default=begun) - begun
     quarter = max(len(units) // 4, 1)
     return {
         "what": what,
@@ -65,12 +66,23 @@ def measure(recordings: list, what: str, make: callable, workers: int) -> dict:
         "wall_per_recording_s": wall / len(recordings),
         "cpu_per_scan_s": sum(unit["cpu_seconds"] for unit in units) / scans,
         "busy": sum(unit["seconds"] for unit in units) / (workers * wall),
-        # what workers wait for between recordings, once they are there
-        "overhead_per_recording_s": max(workers * span - sum(u["seconds"] for u in after), 0.0) / max(len(after), 1),
+        "overhead_per_recording_s": overhead(units, workers),
         "peak_mb_first_quarter": max(unit["peak_mb"] for unit in units[:quarter]),
         "peak_mb": max(unit["peak_mb"] for unit in units),
         "labels": labels.hexdigest(),
     }
+
+
+def overhead(units: list[dict], workers: int) -> float:
+    """Return seconds that a worker waits between two of `units`: from when all have ended one to when the last begins.
+
+    Units are in order of their end.
+    """
+    spans = [(unit["ended"] - unit["seconds"], unit["ended"]) for unit in units]
+    first, last = spans[min(workers, len(spans)) - 1][1], max(start for start, _ in spans)
+    at_work = sum(max(min(end, last) - max(start, first), 0.0) for start, end in spans)
+    waits = sum(first < start <= last for start, _ in spans)
+    return max(workers * (last - first) - at_work, 0.0) / waits if waits else 0.0
 
 
 def ray_cluster() -> tuple[object, str]:
@@ -97,8 +109,8 @@ def main() -> None:
 
     measure(recordings[:2], "warm-up", pool(2), 2)  # fills the compiler's cache
     sizes = sorted({n for n in (8, 16, 32, 64) if n < len(recordings)} | {len(recordings)})
-    rows = [measure(recordings[:n], "pool", pool(1), 1) for n in sizes]
-    rows.append(measure(recordings, "pool", pool(2), 2))
+    rows = [measure(recordings, "pool", pool(1), 1)]
+    rows += [measure(recordings[:n], "pool", pool(2), 2) for n in reversed(sizes)]
     if not arguments.skip_ray:
         cluster, address = ray_cluster()
 

@@ -39,7 +39,8 @@ class Fleet:
 
 def result_files(folder: Path) -> dict[str, bytes]:
     """Return what a run leaves, but for what tells of time and place."""
-    kept = [*folder.glob("predictions/*"), *(folder / name for name in ("poses.txt", "poses.tum", "tracks.json"))]
+    labels = [*folder.glob("predictions/*"), *folder.glob("confidences/*")]
+    kept = [*labels, *(folder / name for name in ("poses.txt", "poses.tum", "tracks.json"))]
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in kept if path.exists()}
 
 

@@ -40,17 +40,16 @@ def test_a_cluster_gives_the_same_labels_whole_or_cut(fleet, cluster, tmp_path):
 
 
 def test_a_machine_that_is_lost_half_way_costs_only_time(make_fleet, cluster, tmp_path):
-    fleet = make_fleet(6)
-    outcome = []
+    fleet, outcome = make_fleet(30), []
     run = threading.Thread(target=lambda: outcome.append(label(fleet, cluster, str(tmp_path / "out"), tmp_path)))
     run.start()
-    while len(list((tmp_path / "out").glob("*/complete.json"))) < 2:
+    while len(list((tmp_path / "out").glob("*/complete.json"))) < 15:
         assert run.is_alive()
         time.sleep(0.1)
     cluster.remove_node(cluster.other, allow_graceful=False)
-    run.join(timeout=300)
-    assert outcome
-    assert outcome[0].failed == {}
+    run.join(timeout=600)
+    assert (len(outcome[0].labelled), outcome[0].failed) == (30, {})
+    assert len({unit["place"] for unit in read_status(str(tmp_path / "out")).units}) == 2
     assert fleet.differences(tmp_path / "out") == []
 
 

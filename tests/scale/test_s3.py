@@ -79,25 +79,28 @@ def test_recordings_that_are_cut_go_through_a_bucket_just_so(bucket, fleet, auto
     assert fleet.differences(tmp_path / "labels") == []
 
 
-def test_a_store_that_is_away_for_ten_seconds_costs_ten_seconds(bucket, fleet, tmp_path):
-    def cut_off() -> None:
-        time.sleep(3.0)
-        bucket.server.pause()
-        time.sleep(10.0)
-        bucket.server.go_on()
+def test_a_store_that_is_away_for_ten_seconds_costs_ten_seconds(s3, make_fleet, tmp_path):
+    fleet, ended = make_fleet(30), []
+    s3.files.put(str(fleet.folder) + "/", "bucket/logs/", recursive=True)
 
-    outage = threading.Thread(target=cut_off)
-    outage.start()
-    outcome = label_fleet(
-        find_all("s3://bucket/logs"),
-        "s3://bucket/labels",
-        fleet.settings,
-        Means(work=tmp_path / "work", chunk=5),
-        executor=lambda means: LocalPool(2, 2),
-    )
-    outage.join()
-    assert outcome.failed == {}
-    bucket.files.get("bucket/labels/", str(tmp_path / "labels") + "/", recursive=True)
+    def label() -> None:
+        found, means = find_all("s3://bucket/logs"), Means(work=tmp_path / "work")
+        ended.append(
+            label_fleet(found, "s3://bucket/labels", fleet.settings, means, executor=lambda means: LocalPool(2, 2))
+        )
+
+    run = threading.Thread(target=label)
+    run.start()
+    while len(s3.files.glob(f"bucket/labels/*/{MARKER}")) < 10:
+        assert run.is_alive()
+        time.sleep(0.2)
+    s3.server.pause()
+    time.sleep(10.0)
+    s3.server.go_on()
+    run.join()
+    assert (len(ended[0].labelled), ended[0].failed) == (30, {})
+    assert max(unit["seconds"] for unit in read_status("s3://bucket/labels").units) > 9.0  # it was missed
+    s3.files.get("bucket/labels/", str(tmp_path / "labels") + "/", recursive=True)
     assert fleet.differences(tmp_path / "labels") == []
 
 

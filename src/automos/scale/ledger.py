@@ -31,8 +31,8 @@ CREATE TABLE IF NOT EXISTS recordings (
   moving INTEGER, fingerprint TEXT, warnings TEXT, fresh INTEGER, seconds REAL, cpu_seconds REAL, peak_mb REAL,
   ended REAL);
 CREATE TABLE IF NOT EXISTS units (
-  recording TEXT, unit TEXT, state TEXT, tries INTEGER, place TEXT, reason TEXT, started REAL, seconds REAL,
-  cpu_seconds REAL, peak_mb REAL, PRIMARY KEY (recording, unit));
+  recording TEXT, unit TEXT, state TEXT, tries INTEGER, place TEXT, reason TEXT, started REAL, ended REAL,
+  seconds REAL, cpu_seconds REAL, peak_mb REAL, PRIMARY KEY (recording, unit));
 """
 
 
@@ -93,11 +93,12 @@ class Ledger:
 
     def ended(self, order: Order, report: Report) -> None:
         """Write down what came of a unit."""
-        values = (report.state.value, report.place, report.reason, report.seconds, report.cpu_seconds, report.peak_mb)
+        costs = (report.seconds, report.cpu_seconds, report.peak_mb)
+        values = (report.state.value, report.place, report.reason, time.time(), *costs)
         with self._writing():
             self._books.execute(
-                "UPDATE units SET state = ?, place = ?, reason = ?, seconds = ?, cpu_seconds = ?, peak_mb = ? "
-                "WHERE recording = ? AND unit = ?",
+                "UPDATE units SET state = ?, place = ?, reason = ?, ended = ?, seconds = ?, cpu_seconds = ?, "
+                "peak_mb = ? WHERE recording = ? AND unit = ?",
                 (*values, order.recording.name, str(order.unit)),
             )
             if report.scans:
