@@ -230,6 +230,8 @@ class SegmentSettings(_Group):
     )
     height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
     height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
+    thin_share: float = Field(0.5, ge=0, description="points per row of rays: a stack of fewer joins no two things")
+    thin_rows: int = Field(6, ge=1, description="rows of rays through a stack, from which on that can be told")
 
 
 class HdbscanSettings(_Group):
@@ -333,7 +335,7 @@ class ExtensionSettings(_Group):
     )
     gates: FollowSettings = FollowSettings(max_gap=1.5, max_size_change=0.4, max_climb=0.5, evidence_weight=0.0)
     min_time: float = Field(0.8, ge=0, description="s, a track seen for less is not followed on")
-    min_presence: float = Field(0.6, ge=0, le=1, description="of the scans between its first and last, nor for less")
+    min_presence: float = Field(0.4, ge=0, le=1, description="of the scans between its first and last, nor for less")
     min_points: int = Field(12, ge=1, description="in most of its scans, nor with fewer")
     max_blind_way: float = Field(1.0, ge=0, description="m, an object may go out of sight")
     look_back: float = Field(0.5, ge=0, description="s, for which nothing else may have stood at its place")

@@ -5,7 +5,7 @@ import numpy as np
 from automos.instances.detect import detect_objects
 from automos.settings import DetectSettings
 
-STEPS = (np.deg2rad(0.4), np.deg2rad(0.2))
+STEPS = (np.deg2rad(2.0), np.deg2rad(0.2))  # as far apart as the points of a block, 5 m away
 MOVED, STAYED, UNKNOWN = 1.0, 0.0, 0.5
 
 

@@ -26,7 +26,7 @@ def test_things_apart_are_apart_and_each_is_whole():
 
 
 def test_parts_nearer_than_the_gap_are_one():
-    _, (a, b) = segments(cloud(5, 0), cloud(5, 0.9))
+    _, (a, b) = segments(cloud(5, 0, step=0.05), cloud(5, 0.9, step=0.05))
     assert set(a.tolist()) == set(b.tolist())
 
 
@@ -40,6 +40,33 @@ def test_far_away_the_gap_between_rows_of_rays_holds_nothing_apart():
     sparse, dense = segments(low, high, rows=np.radians(2.0))[0], segments(low, high, rows=np.radians(0.2))[0]
     assert sparse.max() == 0
     assert dense.max() == 1
+
+
+def curtain(x, low, high, n=14):
+    """Points between y = `low` and `high` that rays grazing an edge would return, one row of rays in a few."""
+    return np.column_stack([np.full(n, x), np.linspace(low, high, n), np.linspace(0.2, 2.4, n)[::-1]]).astype(
+        np.float32
+    )
+
+
+def test_a_curtain_of_points_between_two_things_belongs_to_one_of_them():
+    near, far = cloud(8, 0, high=2.4, step=0.05), cloud(8, 1.55, high=2.4, step=0.05)
+    _, (a, hung, b) = segments(near, curtain(8, 0.35, 1.2), far)
+    assert set(a.tolist()).isdisjoint(b.tolist())
+    assert len(set(hung.tolist())) == 1
+    assert set(hung.tolist()) <= {a[0], b[0]}
+
+
+def test_a_curtain_that_every_row_of_rays_has_woven_is_a_wall():
+    _, (a, wall, b) = segments(
+        cloud(8, 0, high=2.4, step=0.05), cloud(8, 0.78, half=0.5, high=2.4, step=0.05), cloud(8, 1.55, step=0.05)
+    )
+    assert set(a.tolist()) == set(wall.tolist()) == set(b.tolist())
+
+
+def test_what_is_thin_all_over_is_one_thing():
+    ids, _ = segments(curtain(8, 0.0, 3.0, n=20))
+    assert set(ids.tolist()) == {0}
 
 
 def test_points_beyond_the_range_belong_to_nothing():

@@ -2,7 +2,11 @@
 
 Seen from above, points fall into small cells; in a cell, points that follow each other without a gap in height form a
 *stack*, so that a tree's crown and the car beneath it are two. Stacks of neighbouring cells join where their heights
-meet. Both gaps grow with the distance between rays. One pass of union-find over a few thousand stacks: milliseconds.
+meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds.
+
+A ray that grazes an edge returns a point between what is before and behind it; such points hang between two vehicles
+that pass each other like a curtain, which one ray in a few has woven. A stack is *thin* if it holds fewer points than
+rows of rays went through it. Thin stacks join each other and one thing of full stacks, the nearest, but never two.
 """
 
 from __future__ import annotations
@@ -46,6 +50,9 @@ def segment_points(
         np.float32(settings.gap_columns * column_width),
         np.float32(settings.height_gap),
         np.float32(settings.height_gap_rows * row_height),
+        np.float32(row_height),
+        np.float32(settings.thin_share),
+        settings.thin_rows,
         ids,
     )
     return ids
@@ -61,8 +68,9 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _segment(  # type: ignore[no-untyped-def]
-    points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, ids
-):
+    points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, row_height,
+    thin_share, thin_rows, ids,
+):  # fmt: skip
     # Which height bins of which cells hold points.
     m = len(points)
     cell_of = np.full(m, -1, np.int32)
@@ -85,31 +93,51 @@ def _segment(  # type: ignore[no-untyped-def]
             cells[slot] = c
             reach[slot] = ranges[i]
             n_cells += 1
+        reach[slot] = min(reach[slot], ranges[i])
         b = min(max(int(heights[i] / height_bin), 0), 63)
         cell_of[i], bin_of[i] = slot, b
         masks[slot] |= np.uint64(1) << np.uint64(b)
     # Stacks: runs of bins without too large a gap.
     first = np.empty(n_cells + 1, np.int32)
     low, high = np.empty(m, np.int64), np.empty(m, np.int64)
+    allowed = np.empty(n_cells, np.int64)
     n_stacks = 0
     for slot in range(n_cells):
         first[slot] = n_stacks
-        allowed = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
+        allowed[slot] = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
         mask = masks[slot]
         last = -1000
         for b in range(64):
             if (mask >> np.uint64(b)) & np.uint64(1):
-                if b - last > allowed:
+                if b - last > allowed[slot]:
                     low[n_stacks] = b
                     n_stacks += 1
                 high[n_stacks - 1] = b
                 last = b
     first[n_cells] = n_stacks
+    # Thin stacks.
+    stack_of = np.full(m, -1, np.int32)
+    count = np.zeros(n_stacks, np.int64)
+    for i in range(m):
+        slot = cell_of[i]
+        if slot < 0:
+            continue
+        s = first[slot]
+        while high[s] < bin_of[i]:
+            s += 1
+        stack_of[i] = s
+        count[s] += 1
+    is_thin = np.zeros(n_stacks, np.bool_)
+    for slot in range(n_cells):
+        for s in range(first[slot], first[slot + 1]):
+            rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
+            is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
+    # Like stacks join; every thin one remembers the full one that is nearest.
     parent = np.arange(n_stacks)
+    nearest = np.full((n_stacks, 3), np.iinfo(np.int64).max)  # squared cells, cell, stack
     for slot in range(n_cells):
         c = cells[slot]
         u, v = c % n, c // n
-        allowed = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
         radius = max(gap, gap_per_metre * reach[slot]) / cell
         k = int(radius)
         for dv in range(0, k + 1):
@@ -124,22 +152,37 @@ def _segment(  # type: ignore[no-untyped-def]
                     continue
                 for s in range(first[slot], first[slot + 1]):
                     for t in range(first[other], first[other + 1]):
-                        if low[s] - high[t] <= allowed and low[t] - high[s] <= allowed:
+                        if low[s] - high[t] > allowed[slot] or low[t] - high[s] > allowed[slot]:
+                            continue
+                        if is_thin[s] == is_thin[t]:
                             ra, rb = _root(parent, s), _root(parent, t)
-                            if ra != rb:
-                                parent[max(ra, rb)] = min(ra, rb)
+                            parent[max(ra, rb)] = min(ra, rb)
+                        elif is_thin[s]:
+                            _keep_nearest(nearest, s, t, du * du + dv * dv, b * n + a)
+                        else:
+                            _keep_nearest(nearest, t, s, du * du + dv * dv, c)
+    # What hangs together thinly joins the full thing that is nearest to any of it.
+    for s in range(n_stacks):
+        if nearest[s, 2] < n_stacks:
+            _keep_nearest(nearest, _root(parent, s), nearest[s, 2], nearest[s, 0], nearest[s, 1])
+    joined = np.empty(n_stacks, np.int64)
+    for s in range(n_stacks):
+        root = _root(parent, s)
+        joined[s] = _root(parent, nearest[root, 2]) if is_thin[root] and nearest[root, 2] < n_stacks else root
     # Number the segments and write them back.
     number = np.full(n_stacks, -1, np.int32)
     n_segments = 0
     for i in range(m):
-        slot = cell_of[i]
-        if slot < 0:
+        if stack_of[i] < 0:
             continue
-        s = first[slot]
-        while high[s] < bin_of[i]:
-            s += 1
-        root = _root(parent, s)
+        root = joined[stack_of[i]]
         if number[root] < 0:
             number[root] = n_segments
             n_segments += 1
         ids[i] = number[root]
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep_nearest(nearest, thin, full, squared, cell):  # type: ignore[no-untyped-def]
+    if squared < nearest[thin, 0] or (squared == nearest[thin, 0] and cell < nearest[thin, 1]):
+        nearest[thin, 0], nearest[thin, 1], nearest[thin, 2] = squared, cell, full
