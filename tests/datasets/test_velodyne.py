@@ -110,6 +110,17 @@ def test_what_is_kept_of_a_capture_does_not_grow_with_its_packets(tmp_path):
     assert len(pickle.dumps(many)) - len(pickle.dumps(few)) < 32 * n_more
 
 
+@pytest.mark.parametrize("n_bytes", [1300, 5000, 90_001])
+def test_a_capture_may_be_read_in_pieces_of_any_size(tmp_path, monkeypatch, n_bytes):
+    returns = room(n_packets=250)
+    path = capture(tmp_path / "drive.pcap", data_packets(*returns))
+    whole = open_sequence(path)
+    monkeypatch.setattr("automos.datasets.pcap._PIECE", n_bytes)
+    pieces = open_sequence(path)
+    np.testing.assert_array_equal(pieces.stamps, whole.stamps)
+    assert_same_returns(pieces, *returns)
+
+
 @pytest.mark.parametrize("options", [{"order": ">"}, {"nano": True}, {"nano": True, "order": ">"}])
 def test_captures_may_be_of_either_byte_order_and_count_nanoseconds(tmp_path, options):
     returns = room(n_packets=100)
