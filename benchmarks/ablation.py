@@ -31,6 +31,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
+    "curtains of points join what they touch": {"instances.components.segments.thin_share": 0.0},
     "torn segments stay whole": {"instances.components.torn_share": 0.5},
     "a piece's middle counts as the object's": {"tracking.judge.alike": NEVER},
     "tracks end where the evidence does": {"tracking.extension.min_time": NEVER},
