@@ -374,7 +374,7 @@ class JudgeSettings(_Group):
     sparse_min_straightness: float = Field(0.7, ge=0, le=1, description="distance over length of a sparse track's path")
     glimpse_points: int = Field(20, ge=0, description="a track of fewer points in most scans, and")
     glimpse_observations: int = Field(15, ge=0, description="seen in fewer scans than this, is a glimpse")
-    glimpse_min_observations: int = Field(6, ge=2, description="scans a glimpse must be seen in")
+    glimpse_min_observations: int = Field(8, ge=2, description="scans a glimpse must be seen in")
     glimpse_min_share: float = Field(0.8, ge=0, le=1, description="moved, of all points of a glimpse")
     carried_reach: float = Field(
         2.5, ge=0, description="m around the sensor: how far the own vehicle's parts may reach"
@@ -656,6 +656,7 @@ class TrainingSettings(_Group):
     use_confidence: bool = Field(False, description="weigh every point's loss by the confidence of its label")
     validation_scans: int = Field(100, ge=1, description="scans an epoch is judged by, evenly spread")
     weighed_scans: int = Field(60, ge=1, description="scans in which classes are counted for their weights")
+    keep: tuple[int, ...] = Field((), description="numbers of epochs after which the network is kept, in OUT/epochs")
     seed: int = Field(0, ge=0)
     loaders: int = Field(0, ge=0, description="processes that prepare scans; 0: the training process itself")
     cached_scans: int = Field(4000, ge=0, description="scans kept in memory, thinned to one point per pixel")
