@@ -1,5 +1,6 @@
 """The commands of the network as a user meets them; what goes wrong is one sentence and exit code 2."""
 
+import json
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -140,4 +141,5 @@ def test_experiments_run_on_recordings_of_ones_own_and_go_on_where_they_were(aut
     assert code == 0, error
     assert "| LMNet + ours, fine-tuned |" in out
     assert Path("reproduced/figure3.png").stat().st_size > 1000
+    assert {"0", "1"} <= json.loads(Path("reproduced/figure3.json").read_text())["test"].keys()
     assert Path("reproduced/networks/manual/best.pt").stat().st_mtime_ns == made

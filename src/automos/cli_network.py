@@ -149,11 +149,10 @@ def reproduce(
         SMALL,
         TUNING,
         Experiment,
-        draw_curves,
         table_three,
         table_two,
-        write_table,
-    )  # fmt: skip
+    )
+    from automos.learning.tables import write_curves, write_table
     from automos.progress import StageProgress
 
     if experiment not in ("table2", "table3"):
@@ -169,7 +168,7 @@ def reproduce(
         else:
             away = _data(away_train, away_validation, away_test, None) or work.simulated("A")
             rows, curves = table_three(work, home, away)
-            draw_curves(curves, out / "figure3.png")
+            write_curves(curves, out / "figure3.png")
     output.print(write_table(rows, out / f"{experiment}.json"))
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from automos.evaluation.moving import Counts
 from automos.learning.domains import DOMAINS, Part, write_part
-from automos.learning.experiments import SMALL, TUNING, Row, draw_curves, write_table
+from automos.learning.experiments import SMALL, TUNING
+from automos.learning.tables import Curves, Row, write_curves, write_table
 from automos.settings import load_settings
 from automos.simulation import SCENARIOS, SENSORS
 
@@ -41,6 +42,8 @@ def test_a_table_pools_points_and_is_kept_as_json(tmp_path):
     assert json.loads((tmp_path / "table.json").read_text())[0]["iou"] == pytest.approx(0.5)
 
 
-def test_curves_are_drawn(tmp_path):
-    draw_curves({"tuned": [0.1, 0.5], "retrained": [0.0, 0.3, 0.4]}, tmp_path / "curves.png")
+def test_curves_are_drawn_and_their_values_kept(tmp_path):
+    validation = {"fine-tuned": [0.1, 0.5], "retrained": [0.0, 0.3, 0.4]}
+    write_curves(Curves(validation, {0: 0.2, 1: 0.6}, 0.4), tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 1000
+    assert json.loads((tmp_path / "curves.json").read_text())["test"] == {"0": 0.2, "1": 0.6}

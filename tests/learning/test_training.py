@@ -96,11 +96,14 @@ def test_a_folder_of_another_training_is_not_gone_on_with(trained, data):
         train(data, trained, settings(epochs=5), device="cpu")
 
 
-def test_fine_tuning_starts_from_a_checkpoint_of_the_same_shape(trained, data, tmp_path):
-    tuned = train(data, tmp_path / "tuned", settings(epochs=1), init=trained / "best.pt", device="cpu")
+def test_fine_tuning_starts_from_a_checkpoint_of_the_same_shape_and_keeps_the_epochs_asked_for(trained, data, tmp_path):
+    tuned = train(data, tmp_path / "tuned", settings(epochs=1, keep=(1, 3)), init=trained / "best.pt", device="cpu")
     assert tuned.card["started_from"] == "best.pt"
     assert 0.0 <= tuned.card["iou_before"] <= 1.0
     assert torch.equal(tuned.network.mean, load_checkpoint(trained / "best.pt").network.mean)
+    kept = load_checkpoint(tmp_path / "tuned" / "epochs" / "001.pt")  # the third epoch never came
+    assert [path.name for path in (tmp_path / "tuned" / "epochs").iterdir()] == ["001.pt"]
+    assert all(torch.equal(a, b) for a, b in zip(kept.network.parameters(), tuned.network.parameters(), strict=True))
     wider = settings().model_copy(
         update={"network": settings().network.model_copy(update={"model": settings().network.model.model_copy(
             update={"channels": 8}

@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from automos.atomic import write_text
 from automos.datasets import open_recordings
 from automos.evaluation.moving import Counts, count
@@ -25,6 +23,7 @@ from automos.learning.domains import DOMAINS, write_part
 from automos.learning.recordings import Source
 from automos.learning.rivals import FlowThreshold, movable_labels
 from automos.learning.segment import open_network, segment_recording
+from automos.learning.tables import Curves, Row
 from automos.learning.train import TrainingData, require_training, train
 from automos.odometry import estimate_trajectory
 from automos.run import Progress
@@ -48,8 +47,8 @@ SMALL: dict[str, Any] = {
 }
 """Settings with which every experiment fits into an hour of one CPU core each: the narrow network, small images."""
 
-TUNING: dict[str, Any] = {"network.training.epochs": 10, "network.training.learning_rate": 0.002}
-"""What fine-tuning changes of them."""
+TUNING: dict[str, Any] = {"network.training.learning_rate": 0.002, "network.training.keep": (1, 2, 4, 8, 16)}
+"""What fine-tuning changes of them: smaller steps, and networks kept on the way for the curve."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +59,6 @@ class Data:
     validation: tuple[Path, ...]
     test: tuple[Path, ...]
     extra: tuple[Path, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """A line of a table."""
-
-    method: str
-    counts: Counts
-    hours: float = 0.0
 
 
 @dataclass
@@ -183,8 +173,8 @@ def rivals(work: Experiment, data: Data, predictions: dict[str, Path]) -> list[R
     return rows
 
 
-def table_three(work: Experiment, home: Data, away: Data) -> tuple[list[Row], dict[str, list[float]]]:
-    """Return Table III, and by method the IoU on the validation recordings after each epoch (Fig. 3).
+def table_three(work: Experiment, home: Data, away: Data) -> tuple[list[Row], Curves]:
+    """Return Table III, and the IoU against the number of epochs (Fig. 3).
 
     `home` is where manual labels are (the paper's KITTI), `away` the other environment (its Apollo).
     """
@@ -199,45 +189,23 @@ def table_three(work: Experiment, home: Data, away: Data) -> tuple[list[Row], di
         work.score_network("LMNet + ours, retrained", "retrained", retrained, away.test),
         work.score_network("LMNet + ours, fine-tuned", "tuned", tuned, away.test),
     ]
+    return rows, _curves(work, retrained, tuned, rows, away.test)
+
+
+def _curves(work: Experiment, retrained: Path, tuned: Path, rows: list[Row], test: Iterable[Path]) -> Curves:
+    """Return Fig. 3: every epoch on the validation recordings, the networks kept on the way on the test recordings."""
     from automos.network.checkpoint import load_checkpoint
     from automos.network.training import read_curve
 
-    curves = {}
-    for name, weights in (("retrained", retrained), ("tuned", tuned)):
+    validation = {}
+    for name, weights in (("retrained", retrained), ("fine-tuned", tuned)):
         before = load_checkpoint(weights).card.get("iou_before", 0.0)
-        curves[name] = [before, *(row["val_iou_moving"] for row in read_curve(weights.parent))]
-    return rows, curves
-
-
-def write_table(rows: list[Row], path: Path) -> str:
-    """Write the rows as JSON to `path`; return them as a Markdown table, ratios in percent."""
-    lines = ["| method | IoU | precision | recall | training, h |", "|---|---:|---:|---:|---:|"]
-    content = []
-    for row in rows:
-        s = row.counts.scores
-        ratios = [f"{100 * value:.1f}" if np.isfinite(value) else "-" for value in (s.iou, s.precision, s.recall)]
-        lines.append(f"| {row.method} | {' | '.join(ratios)} | {f'{row.hours:.2f}' if row.hours else ''} |")
-        content.append({"method": row.method, "iou": s.iou, "precision": s.precision, "recall": s.recall})
-    write_text(path, json.dumps(content, indent=1))
-    return "\n".join(lines)
-
-
-def draw_curves(curves: dict[str, list[float]], path: Path) -> None:
-    """Draw IoU against epochs."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
-    names = {"retrained": "from scratch", "tuned": "fine-tuned"}
-    for name, values in curves.items():
-        axes.plot(range(len(values)), [100 * value for value in values], marker=".", label=names.get(name, name))
-    axes.set(xlabel="epochs", ylabel="IoU of the moving class, %", ylim=(0, 100))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+        validation[name] = [before, *(row["val_iou_moving"] for row in read_curve(weights.parent))]
+    tested = {0: rows[1].counts.scores.iou}
+    for weights in sorted((tuned.parent / "epochs").glob("*.pt")):
+        row = work.score_network(weights.stem, f"tuned_{weights.stem}", weights, test)
+        tested[int(weights.stem)] = row.counts.scores.iou
+    return Curves(validation, tested, rows[2].counts.scores.iou)
 
 
 def _sequences(paths: Iterable[Path]) -> Iterable[Sequence]:

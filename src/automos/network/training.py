@@ -2,6 +2,7 @@
 
 OUT/best.pt        the network with the best IoU of the moving class on the validation recordings, all that it needs
 OUT/last.ckpt      where training stands; the same command goes on from it
+OUT/epochs/004.pt  the network after so many epochs, for those asked for (`network.training.keep`)
 OUT/log/metrics.csv losses and scores by epoch;  OUT/tensorboard/ where TensorBoard is installed
 """
 
@@ -106,7 +107,12 @@ def train_network(
         precision="16-mixed" if accelerator == "cuda" else "32-true",
         max_epochs=settings.training.epochs,
         logger=loggers,
-        callbacks=[best, EarlyStopping(MONITORED, mode="max", patience=settings.training.patience), *_told(progress)],
+        callbacks=[
+            best,
+            EarlyStopping(MONITORED, mode="max", patience=settings.training.patience),
+            _Kept(out / "epochs", settings.training.keep, card),
+            *_told(progress),
+        ],
         enable_progress_bar=False,
         enable_model_summary=False,
         log_every_n_steps=1,
@@ -158,6 +164,21 @@ def read_curve(out: Path) -> list[dict[str, float]]:
 
 def _told(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
     return [] if progress is None else [_Told(progress)]
+
+
+class _Kept(lightning.Callback):
+    """Keeps the network as it is after each of some numbers of epochs."""
+
+    def __init__(self, folder: Path, epochs: tuple[int, ...], card: dict[str, Any]):
+        self._folder, self._epochs, self._card = folder, epochs, card
+
+    def on_train_epoch_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+        done = trainer.current_epoch + 1
+        if done in self._epochs and trainer.is_global_zero:
+            assert isinstance(module, Training)
+            self._folder.mkdir(exist_ok=True)
+            content = Checkpoint(module.network, module.settings.image, module.settings.model, self._card)
+            save_checkpoint(self._folder / f"{done:03d}.pt", content)
 
 
 class _Told(lightning.Callback):
