@@ -11,7 +11,9 @@ from __future__ import annotations
 import csv
 import importlib.util
 import logging
-from collections.abc import Callable, Sized
+import warnings
+from collections.abc import Callable, Iterator, Sized
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -85,7 +87,6 @@ def train_network(
     InputError : no such device, or a checkpoint of another shape.
     """
     accelerator = choose_accelerator(device)
-    logging.getLogger("pytorch_lightning").setLevel(logging.ERROR)  # its notes on hardware and its advertisements
     lightning.seed_everything(settings.training.seed, workers=True, verbose=False)
     run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
     if init is None:
@@ -97,22 +98,39 @@ def train_network(
     best = ModelCheckpoint(
         out, "best-{epoch}", monitor=MONITORED, mode="max", save_last=True, enable_version_counter=False
     )
+    stop = EarlyStopping(MONITORED, mode="max", patience=settings.training.patience)
+    callbacks = [best, stop, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
+    data = _Data(train, validation, settings)
+    last = out / "last.ckpt"
+    with _quiet():
+        trainer = _make_trainer(out, accelerator, devices, settings.training.epochs, callbacks)
+        if init is not None:
+            start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
+            card = {**card, "iou_before": round(start_iou, 4)}
+        trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
+    state = torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"]
+    run.load_state_dict(state)
+    score = {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
+    checkpoint = run.to_checkpoint({**card, **score, "class_weight": [round(float(w), 3) for w in class_weight]})
+    if trainer.is_global_zero:
+        save_checkpoint(out / "best.pt", checkpoint)
+    return checkpoint
+
+
+def _make_trainer(
+    out: Path, accelerator: str, devices: int, epochs: int, callbacks: list[lightning.Callback]
+) -> lightning.Trainer:
     loggers: list[Any] = [CSVLogger(out, name="", version="log")]
     if importlib.util.find_spec("tensorboard"):
         loggers.append(TensorBoardLogger(out, name="", version="tensorboard"))
-    trainer = lightning.Trainer(
+    return lightning.Trainer(
         accelerator=accelerator,
         devices=devices,
         strategy="ddp" if devices > 1 else "auto",
         precision="16-mixed" if accelerator == "cuda" else "32-true",
-        max_epochs=settings.training.epochs,
+        max_epochs=epochs,
         logger=loggers,
-        callbacks=[
-            best,
-            EarlyStopping(MONITORED, mode="max", patience=settings.training.patience),
-            _Kept(out / "epochs", settings.training.keep, card),
-            *_told(progress),
-        ],
+        callbacks=callbacks,
         enable_progress_bar=False,
         enable_model_summary=False,
         log_every_n_steps=1,
@@ -121,19 +139,15 @@ def train_network(
         default_root_dir=out,
         inference_mode=False,  # else the score before fine-tuning leaves tensors that training may not change
     )
-    data = _Data(train, validation, settings)
-    last = out / "last.ckpt"
-    if init is not None:
-        start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
-        card = {**card, "iou_before": round(start_iou, 4)}
-    trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
-    state = torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"]
-    run.load_state_dict(state)
-    score = {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
-    checkpoint = run.to_checkpoint({**card, **score, "class_weight": [round(float(w), 3) for w in class_weight]})
-    if trainer.is_global_zero:
-        save_checkpoint(out / "best.pt", checkpoint)
-    return checkpoint
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Lightning's notes on hardware, on its own code and its advertisements from the user's terminal."""
+    logging.getLogger("pytorch_lightning").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="pytorch_lightning")
+        yield
 
 
 def choose_accelerator(device: str) -> str:
