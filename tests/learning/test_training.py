@@ -1,5 +1,8 @@
 """Training as a user runs it, on a street of eight scans, and one recording learnt by heart (slow)."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from labeled_worlds import settings, write_labeled
@@ -122,6 +125,22 @@ def test_a_device_that_is_none_is_told(data, tmp_path):
 def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
     with pytest.raises(InputError, match="no GPU was found"):
         train(data, tmp_path / "network", settings(), device="gpu")
+
+
+@pytest.mark.slow
+def test_two_processes_train_one_network(data, tmp_path):
+    """DDP as on two GPUs, on two processes of the CPU: every process starts the command again."""
+    sizes = ("image.height=16", "image.width=64", "image.residuals=2", "model.channels=4")
+    lengths = ("training.epochs=1", "training.batch=2")
+    options = [word for value in (*sizes, *lengths) for word in ("--set", f"network.{value}")]
+    script = tmp_path / "run.py"
+    script.write_text("from automos.cli import main\nif __name__ == '__main__':\n    main()\n")
+    command = [sys.executable, script, "train", "--data", data.train[0].recording]
+    device = ["--device", "cpu", "--devices", "2", "--out", tmp_path / "net"]
+    subprocess.run([*command, *device, *options], check=True, timeout=300)
+    assert load_checkpoint(tmp_path / "net" / "best.pt").card["epochs"] == 1
+    steps = [row["step"] for row in read_curve(tmp_path / "net")]
+    assert steps == [1.0]  # eight scans, two a step and process: two steps, not four
 
 
 @pytest.mark.slow

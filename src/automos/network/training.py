@@ -144,7 +144,8 @@ def _make_trainer(
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep Lightning's notes on hardware, on its own code and its advertisements from the user's terminal."""
-    logging.getLogger("pytorch_lightning").setLevel(logging.ERROR)
+    for name in ("pytorch_lightning", "lightning_fabric"):
+        logging.getLogger(name).setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="pytorch_lightning")
         yield
