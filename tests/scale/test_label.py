@@ -17,6 +17,7 @@ from automos.scale.executors import InProcess
 from automos.scale.fleet import Outcome
 from automos.scale.label import Means, closing_lines, has_one_process_enough, label_fleet, make_executor
 from automos.scale.local_pool import LocalPool
+from automos.scale.orders import Recording
 from automos.scale.publishing import MARKER
 from automos.scale.sources import find_all
 from automos.scale.status import read_status
@@ -102,6 +103,24 @@ def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labell
     assert fleet.differences(tmp_path / "out") == []
     # threads shape nothing
     assert label(settings=load_settings("default", None, {"odometry.threads": 2})).had_been == fleet.names
+
+
+def test_poses_that_came_with_a_recording_are_not_replaced_by_labelling_it_in_place(fleet, tmp_path):
+    logs = shutil.copytree(fleet.folder, tmp_path / "logs")
+    (logs / "log01" / "poses.txt").write_text("theirs")
+    means = Means(work=tmp_path / "work")
+    outcome = label_fleet(find_all(str(logs)), str(logs), fleet.settings, means, executor=lambda means: InProcess())
+    assert outcome.labelled == ["log00", "log02"]
+    assert outcome.failed["log01"].endswith("poses.txt, which automos did not write: choose another --out")
+    assert (logs / "log01" / "poses.txt").read_text() == "theirs"
+    assert not (logs / "log01" / "predictions").exists()
+
+
+@pytest.mark.parametrize("target", ["s3://bucket/logs", "s3://bucket/logs/a", "s3://bucket/logs/a/labels"])
+def test_labels_do_not_become_part_of_a_recording_in_a_store(fleet, tmp_path, target):
+    found = [Recording("a", "s3://bucket/logs/a", folder="a" if target.endswith("logs") else "")]
+    with pytest.raises(InputError, match="lies in the recording s3://bucket/logs/a, of which labels must not be"):
+        label_fleet(found, target, fleet.settings, Means(work=tmp_path))
 
 
 def test_a_scan_cut_short_is_told_and_the_other_recordings_are_labelled(fleet, label, tmp_path):

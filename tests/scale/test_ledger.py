@@ -95,6 +95,17 @@ def test_books_of_shards_are_read_as_one(tmp_path, job):
     ]
 
 
+def test_shards_that_did_not_begin_are_told(tmp_path):
+    begun(tmp_path / "ledger" / ledger_name((1, 3)))
+    begun(tmp_path / "ledger" / "run.sqlite")
+    status = read_status(str(tmp_path))
+    assert status.missing_shards == ("0/3", "2/3")
+    assert "not begun, and not counted above: 2 shards (0/3, 2/3)" in status.lines()
+    for i in (0, 2):
+        begun(tmp_path / "ledger" / ledger_name((i, 3)))
+    assert read_status(str(tmp_path)).missing_shards == ()
+
+
 def test_a_recording_in_several_books_is_as_far_as_the_one_that_knows_most(tmp_path, job):
     label(begun(tmp_path / "ledger" / "run.sqlite"), job, RECORDINGS[0])
     begun(tmp_path / "ledger" / ledger_name((0, 1)))

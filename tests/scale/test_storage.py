@@ -6,7 +6,7 @@ import pytest
 
 from automos.errors import InputError, MissingExtraError
 from automos.scale import storage
-from automos.scale.publishing import MARKER, Marker, publish, read_marker, withdraw
+from automos.scale.publishing import MARKER, Marker, publish, read_marker, refuse_foreign, withdraw
 from automos.scale.storage import Store, StoreError, is_url, join, patiently
 
 
@@ -130,6 +130,44 @@ def test_files_of_results_that_are_replaced_do_not_stay(results, target):
     Store(target).write("predictions/9.label", b"old")
     publish(results, target, MADE, "/logs/a")
     assert "predictions/9.label" not in [entry.path for entry in Store(target).entries()]
+
+
+def test_files_that_are_no_results_stay_whatever_lies_beside_results(results, target):
+    for path in ("velodyne/0.bin", "labels/0.label", "log01/predictions/0.label"):
+        Store(target).write(path, b"theirs")
+    publish(results, target, MADE, "/logs/a")
+    assert len(Store(target).entries()) == 3 + 3
+
+
+@pytest.mark.parametrize("path", ["predictions/9.label", "confidences/9.npy", "poses.txt"])
+def test_what_results_would_replace_and_automos_did_not_write_is_not_touched(results, target, tmp_path, path):
+    refuse_foreign(target)
+    refuse_foreign(str(tmp_path / "empty"))
+    Store(target).write(path, b"theirs")
+    (tmp_path / "theirs" / path).parent.mkdir(parents=True)
+    (tmp_path / "theirs" / path).write_bytes(b"theirs")
+    for place in (target, str(tmp_path / "theirs")):
+        with pytest.raises(InputError, match=f"holds {path}, which automos did not write: choose another --out"):
+            refuse_foreign(place)
+    Store(target).write("run.json", b"{}")
+    (tmp_path / "theirs" / "stages").mkdir()  # a run that was interrupted before its end
+    refuse_foreign(target)
+    refuse_foreign(str(tmp_path / "theirs"))
+
+
+def test_an_upload_that_was_interrupted_is_known_to_be_ours(results, target, monkeypatch):
+    put = Store.put
+
+    def broken(self, local, path):
+        if path.endswith("0.label"):
+            raise StoreError("away")
+        put(self, local, path)
+
+    (results / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0")
+    monkeypatch.setattr(Store, "put", broken)
+    with pytest.raises(StoreError):
+        publish(results, target, MADE, "/logs/a")
+    refuse_foreign(target)
 
 
 @pytest.mark.parametrize("damage", ["lost", "shorter", "other"])

@@ -68,10 +68,11 @@ def label_fleet(
 
     Raises
     ------
-    InputError : `target` holds results made with other settings, or cannot be written.
+    InputError : `target` holds results made with other settings, lies in a recording, or cannot be written.
     """
     if not is_url(target):
         target = str(Path(target).absolute())  # workers may stand elsewhere
+    _refuse_places_in_recordings(recordings, target)
     key = settings_key(settings)
     _refuse_other_settings(target, key)
     name = ledger_name(shard)
@@ -116,6 +117,16 @@ def closing_lines(outcome: Outcome, target: str) -> list[str]:
     ]
     lines += [f"not labelled: {name}: {reason}" for name, reason in sorted(outcome.failed.items())]
     return lines
+
+
+def _refuse_places_in_recordings(recordings: list[Recording], target: str) -> None:
+    """Raise where labels would become files of a recording in a store: it would never be the same one again."""
+    for recording in recordings:
+        place, source = shown(recording.target(target)), shown(recording.source).rstrip("/")
+        if is_url(place) and f"{place}/".startswith(f"{source}/"):
+            raise InputError(
+                f"{place} lies in the recording {source}, of which labels must not be a part: choose another --out"
+            )
 
 
 def _refuse_other_settings(target: str, key: str) -> None:

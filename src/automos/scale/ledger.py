@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator
@@ -18,10 +19,11 @@ from pathlib import Path
 
 from automos.errors import InputError
 from automos.scale.orders import Order, Recording, Report
-from automos.scale.storage import Store, is_url, join, shown
+from automos.scale.storage import Store, join, shown
 
 _log = logging.getLogger(__name__)
 _SAVE_EVERY_S = 30.0
+_SHARD = re.compile(r"shard-(\d+)-of-(\d+)\.sqlite")
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS run (
@@ -49,11 +51,6 @@ class Ledger:
             self._books.executescript(_TABLES)
         except sqlite3.Error as error:
             raise InputError(f"{path} cannot be written ({error}): choose another --out") from None
-
-    def settings_key(self) -> str | None:
-        """Return the fingerprint of the settings that the run was begun with, None where it was not begun."""
-        row = self._books.execute("SELECT settings_key FROM run").fetchone()
-        return None if row is None else row[0]
 
     def begin(
         self, recordings: Iterable[Recording], settings_key: str, settings: str, versions: dict[str, str], slots: int
@@ -186,13 +183,12 @@ def ledger_name(shard: tuple[int, int] | None) -> str:
     return "run.sqlite" if shard is None else f"shard-{shard[0]}-of-{shard[1]}.sqlite"
 
 
+def missing_shards(names: Iterable[str]) -> list[str]:
+    """Return the shards, as i/n, whose books are not among those named, though another shard's of the same n are."""
+    there = {(int(found[1]), int(found[2])) for found in map(_SHARD.fullmatch, names) if found}
+    return [f"{i}/{n}" for n in sorted({n for _, n in there}) for i in range(n) if (i, n) not in there]
+
+
 def ledger_folder(target: str) -> str:
     """Return the path or URL of the folder that holds a run's books."""
     return join(target, "ledger")
-
-
-def is_run(target: str) -> bool:
-    """Return whether a run left books at the path or URL `target`."""
-    if not is_url(target):
-        return any(Path(ledger_folder(target)).glob("*.sqlite"))
-    return any(entry.path.endswith(".sqlite") for entry in Store(ledger_folder(target)).entries())

@@ -12,15 +12,20 @@ import hashlib
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 from automos.atomic import write_text
+from automos.errors import InputError
 from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
 from automos.workspace import RUN_FILE
 
 MARKER = "complete.json"
 _NOT_RESULTS = {"stages", "ledger", MARKER}
+_OURS = {RUN_FILE, MARKER, "stages"}
+_LABELS = ("predictions/*.label", "confidences/*.npy")
+_REPLACED = (*_LABELS, "poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,24 @@ def read_marker(target: str) -> Marker | None:
         return None if text is None else Marker(**json.loads(text))
     except (ValueError, TypeError):  # damaged from outside: the results are made again
         return None
+
+
+def refuse_foreign(target: str) -> None:
+    """Raise where `target` (a path or URL) holds what results would replace, and no run of ours wrote it.
+
+    Raises
+    ------
+    InputError : it does; one of the files is named.
+    """
+    if is_url(target):
+        there = [entry.path for entry in Store(target).entries()]
+    else:
+        folder = Path(target)
+        inner = (folder.glob(pattern) for pattern in ("*", *_LABELS))
+        there = [path.relative_to(folder).as_posix() for paths in inner for path in paths]
+    theirs = [path for path in there if _is_like(path, _REPLACED)]
+    if theirs and not _OURS & set(there):
+        raise InputError(f"{shown(target)} holds {theirs[0]}, which automos did not write: choose another --out")
 
 
 def withdraw(target: str) -> None:
@@ -94,13 +117,18 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
         return
     store = Store(target)
     store.remove([MARKER])
+    store.put(str(folder / RUN_FILE), RUN_FILE)  # first: by it what was left half way is known to be ours
     with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(lambda path: store.put(str(folder / path), path), paths))
+        list(pool.map(lambda path: store.put(str(folder / path), path), [path for path in paths if path != RUN_FILE]))
     there = store.details()
     for path in paths:
         _check(store, path, there.get(path), digests[path])
-    store.remove([path for path in there if path not in files])
+    store.remove([path for path in there if path not in files and _is_like(path, _LABELS)])
     store.write(MARKER, text.encode())
+
+
+def _is_like(path: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch(path, pattern) for pattern in patterns)
 
 
 def _digest(path: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from automos.errors import InputError
-from automos.scale.ledger import ledger_folder
+from automos.scale.ledger import ledger_folder, missing_shards
 from automos.scale.storage import Store, is_url, join
 
 _SILENT_S = 60.0
@@ -30,12 +30,14 @@ class Status:
     units : rows of the table `units`.
     runs : rows of the table `run`, one for each who deals out work.
     now : seconds since 1970, when the books were read.
+    missing_shards : shards, as i/n, that did not begin yet; their recordings are not among those above.
     """
 
     recordings: list[dict[str, Any]]
     units: list[dict[str, Any]]
     runs: list[dict[str, Any]]
     now: float
+    missing_shards: tuple[str, ...] = ()
 
     def count(self, state: str) -> int:
         """Return how many recordings are waiting, running, done or failed."""
@@ -70,9 +72,8 @@ class Status:
         """Return all that the books say, and what follows from it."""
         told = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
         rate = {"recordings_per_hour": self.rate, "seconds_left": self.seconds_left, "is_at_work": self.is_at_work}
-        return json.dumps(
-            told | rate | {"recordings": self.recordings, "units": self.units, "runs": self.runs}, indent=1
-        )
+        tables = {"recordings": self.recordings, "units": self.units, "runs": self.runs}
+        return json.dumps({**told, **rate, "missing_shards": self.missing_shards, **tables}, indent=1)
 
     def lines(self) -> list[str]:
         """Return the status in lines for a terminal."""
@@ -94,6 +95,9 @@ class Status:
             lines.append(f"{self.rate:.1f} recordings per hour, {'?' if left is None else _duration(left)} left")
         elif self.count("waiting") + self.count("running"):
             lines.append("nobody is working on it: run the same command again, it does what is missing")
+        if self.missing_shards:
+            few = ", ".join(self.missing_shards[:4]) + (", ..." if len(self.missing_shards) > 4 else "")
+            lines.append(f"not begun, and not counted above: {len(self.missing_shards)} shards ({few})")
         warned = [row for row in done if json.loads(row["warnings"] or "[]")]
         lines += [f"warning: {row['name']}: {text}" for row in warned for text in json.loads(row["warnings"])]
         lines += [f"not labelled: {name}: {reason}" for name, reason in self.failures]
@@ -121,7 +125,8 @@ def read_status(target: str) -> Status:
                 raise InputError(f"{path} is damaged ({error}): delete it and run automos label again") from None
             finally:
                 books.close()
-    return Status(_merged(tables["recordings"]), tables["units"], tables["run"], time.time())
+        shards = missing_shards(path.name for path in paths)
+    return Status(_merged(tables["recordings"]), tables["units"], tables["run"], time.time(), tuple(shards))
 
 
 def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
