@@ -71,7 +71,7 @@ def segment(
     weights: Annotated[
         Path | None, typer.Option(help="checkpoint (.pt) or exported network (.onnx); default: the one that came along")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="results folder [default: automos_segmented/NAME]")] = None,
+    out: Annotated[Path | None, typer.Option(help="results folder; default: automos_segmented/NAME")] = None,
     format: Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")] = None,
     probabilities: Annotated[bool, typer.Option("--probabilities", help="write how likely each point moves")] = False,
     device: Device = "auto",
@@ -121,10 +121,12 @@ def export_network(
 def reproduce(
     experiment: Annotated[str, typer.Argument(help="table2, or table3 (with the curve of Fig. 3)")],
     out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it goes on")] = Path("reproduced"),
-    train: Annotated[list[Path] | None, typer.Option(help="recordings with manual labels [default: simulated]")] = None,
-    validation: Annotated[list[Path] | None, typer.Option(help="recordings to choose epochs by")] = None,
-    test: Annotated[list[Path] | None, typer.Option(help="recordings to score")] = None,
-    extra: Annotated[list[Path] | None, typer.Option(help="recordings without labels")] = None,
+    train: Annotated[
+        list[Path] | None, typer.Option(help="recording with manual labels, repeatable; default: simulated ones")
+    ] = None,
+    validation: Annotated[list[Path] | None, typer.Option(help="recording to choose epochs by")] = None,
+    test: Annotated[list[Path] | None, typer.Option(help="recording to score")] = None,
+    extra: Annotated[list[Path] | None, typer.Option(help="recording without labels")] = None,
     away_train: Annotated[list[Path] | None, typer.Option(help="table3: the other environment, without labels")] = None,
     away_validation: Annotated[list[Path] | None, typer.Option(help="table3: to choose its epochs by")] = None,
     away_test: Annotated[list[Path] | None, typer.Option(help="table3: to score there")] = None,
@@ -142,7 +144,7 @@ def reproduce(
 
     automos reproduce table2 --out reproduced          everything simulated, an hour or two on a CPU
 
-    automos reproduce table2 --train kitti/sequences/00 ... --validation kitti/sequences/08 --test kitti/sequences/08
+    automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
     from automos.errors import InputError
     from automos.learning.experiments import (
