@@ -33,6 +33,17 @@ def test_the_preset_named_paper_has_the_values_of_the_paper():
     assert settings.instances.method == "hdbscan"
 
 
+@pytest.mark.parametrize("preset", PRESETS)
+def test_changing_one_setting_changes_no_other(preset):
+    before = load_settings(preset).model_dump()
+    for key, field in leaves(Settings):
+        *groups, name = key.split(".")
+        changed, there = load_settings(preset).model_dump(), before
+        for group in groups:
+            there = there[group]
+        assert load_settings(preset, overrides={key: there[name]}).model_dump() == changed, key
+
+
 def test_a_file_goes_before_the_preset_and_an_override_before_the_file(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("tracking: {max_misses: 3, association: {max_distance: 4}}\n")

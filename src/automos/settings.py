@@ -282,6 +282,9 @@ class FilterSettings(_Group):
     process_variance: float = Field(10.0, gt=0, description="m^2 and rad^2 per second")
     process_velocity_variance: float = Field(10.0, gt=0, description="(m/s)^2 per second")
     measurement_variance: float = Field(1.0, gt=0, description="m^2 and rad^2, of a measured box")
+    measurement_share: float = Field(
+        0.0, ge=0, description="of a box's side, by which its middle may be off along it: parts are out of sight"
+    )
 
 
 class AssociationSettings(_Group):
@@ -748,7 +751,7 @@ def load_settings(
     """
     if preset not in PRESETS:
         raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
-    tree = _merged({}, PRESETS[preset])
+    tree = _merged(Settings().model_dump(), PRESETS[preset])  # groups of one kind differ in their defaults by place
     if file is not None:
         tree = _merged(tree, _read_yaml(Path(file)))
     for dotted, value in (overrides or {}).items():

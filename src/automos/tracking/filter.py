@@ -77,16 +77,25 @@ def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
 
 def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
-    P = beliefs.covariance
-    S = P[:, :N_MEASURED, :N_MEASURED] + settings.measurement_variance * np.eye(N_MEASURED)
+    P, R = beliefs.covariance, measurement_noise(boxes, settings)
+    S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
     innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
     mean = beliefs.mean + np.einsum("kij,kj->ki", gain, innovation)
     mean[:, YAW] = wrap_angle(mean[:, YAW])
     left = np.eye(N_STATE) - np.concatenate([gain, np.zeros((len(P), N_STATE, 3))], axis=2)
     # Joseph's form stays symmetric and positive through thousands of updates.
-    covariance = left @ P @ np.swapaxes(left, -1, -2) + settings.measurement_variance * gain @ np.swapaxes(gain, -1, -2)
+    covariance = left @ P @ np.swapaxes(left, -1, -2) + gain @ R @ np.swapaxes(gain, -1, -2)
     return Beliefs(mean, covariance)
+
+
+def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
+    """Return the (K, 7, 7) covariance of measured boxes: more of a long thing may be out of sight, along its length."""
+    R = np.broadcast_to(settings.measurement_variance * np.eye(N_MEASURED), (len(boxes), N_MEASURED, N_MEASURED)).copy()
+    c, s = np.cos(boxes.yaw), np.sin(boxes.yaw)
+    for axis, side in zip((np.stack([c, s], axis=1), np.stack([-s, c], axis=1)), boxes.size[:, :2].T, strict=True):
+        R[:, :2, :2] += (settings.measurement_share * side[:, None, None]) ** 2 * axis[:, :, None] * axis[:, None, :]
+    return R
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:

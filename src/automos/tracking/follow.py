@@ -80,8 +80,8 @@ def motion_cost(
     share, count : (K,) what the evidence said of them so far, and how many points they last had.
     """
     offset = seen.boxes.center[None, :, :] - alive.mean[:, None, :3]  # (K, M, 3)
-    spread = alive.covariance[:, :2, :2] + settings.filter.measurement_variance * np.eye(2)
-    squared = np.einsum("kmi,kij,kmj->km", offset[..., :2], np.linalg.inv(spread), offset[..., :2])
+    noise = kalman.measurement_noise(seen.boxes, settings.filter)[:, :2, :2]
+    squared = _mahalanobis(offset[..., :2], alive.covariance[:, None, :2, :2] + noise)
     climb = np.abs(offset[..., 2])
     size_before = np.sort(np.maximum(alive.mean[:, None, 4:6], 0.1), axis=-1)
     size_now = np.sort(np.maximum(seen.boxes.size[None, :, :2], 0.1), axis=-1)
@@ -103,3 +103,9 @@ def motion_cost(
         & (thinning < np.log(settings.max_count_ratio))
     )
     return np.where(is_possible, cost, np.inf)
+
+
+def _mahalanobis(offset: npt.NDArray[np.float64], spread: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the squared length (K, M) of `offset` (K, M, 2) in standard deviations of `spread` (K, M, 2, 2)."""
+    x, y, a, b, c = offset[..., 0], offset[..., 1], spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
