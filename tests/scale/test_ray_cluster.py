@@ -7,6 +7,7 @@ import pytest
 
 from automos.errors import InputError
 from automos.scale.label import Means, label_fleet
+from automos.scale.ray_cluster import RayCluster
 from automos.scale.sources import find_all
 from automos.scale.status import read_status
 
@@ -61,6 +62,13 @@ def test_units_of_a_recording_bound_for_a_bucket_stay_where_its_results_wait(fle
     for unit in read_status("s3://bucket/out").units:
         places.setdefault(unit["recording"], set()).add(unit["place"])
     assert {len(there) for there in places.values()} == {1}
+
+
+def test_a_cluster_without_a_machine_large_enough_is_told(cluster, caplog):
+    with RayCluster(cluster.address, 10**8):
+        assert caplog.text == ""
+    with RayCluster(cluster.address, 10**15):
+        assert "is to have 1000000.0 GB (--memory), but no machine of the cluster offers more than" in caplog.text
 
 
 def test_a_cluster_that_is_not_there_is_told_in_a_sentence(fleet, tmp_path):

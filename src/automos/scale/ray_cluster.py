@@ -41,6 +41,7 @@ class RayCluster(Executor):
         self._orders: dict[Any, Order] = {}
         super().__init__(1, 1, max_threads=1)
         self._count()
+        self._warn_if_none_fits()
 
     def submit(self, order: Order) -> None:
         """Hand an order to the cluster."""
@@ -71,6 +72,18 @@ class RayCluster(Executor):
         self.cores = max(1, int(self._ray.cluster_resources().get("CPU", 1)))
         # A few more than there are cores: none waits, and a cluster that can grow sees what it would grow for.
         self.slots = self.cores + max(2, self.cores // 4)
+
+    def _warn_if_none_fits(self) -> None:
+        """Tell of what would else look like a run that does nothing; a larger machine may still join."""
+        alive = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
+        largest = max((has.get("memory", 0.0) for has in alive if has.get("CPU", 0.0) >= 1.0), default=0.0)
+        if largest < self._memory:
+            _log.warning(
+                "a worker is to have %.1f GB (--memory), but no machine of the cluster offers more than %.1f GB with a "
+                "core: waiting for one that does",
+                self._memory / 1e9,
+                largest / 1e9,
+            )
 
     def _ended(self, reference: Any) -> Ended:
         order = self._orders.pop(reference)
