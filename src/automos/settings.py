@@ -283,8 +283,9 @@ class FilterSettings(_Group):
     process_velocity_variance: float = Field(10.0, gt=0, description="(m/s)^2 per second")
     measurement_variance: float = Field(1.0, gt=0, description="m^2 and rad^2, of a measured box")
     measurement_share: float = Field(
-        0.0, ge=0, description="of a box's side, by which its middle may be off along it: parts are out of sight"
+        0.0, ge=0, description="of a long side, by which a box's middle may be off along it"
     )
+    whole_side: float = Field(3.0, ge=0, description="m, subtracted from it: sides up to this are seen whole")
 
 
 class AssociationSettings(_Group):
@@ -305,16 +306,20 @@ class VerdictSettings(_Group):
     min_observations: int = Field(6, ge=1, description="a track seen less often is static")
 
 
+_FOLLOWING = FilterSettings(
+    initial_variance=0.1,
+    initial_velocity_variance=4.0,
+    process_variance=0.5,
+    process_velocity_variance=6.0,
+    measurement_variance=0.1,
+    measurement_share=0.06,
+)
+
+
 class FollowSettings(_Group):
     """Following objects by their motion and by the evidence, in metres and seconds whatever the sensor's rate."""
 
-    filter: FilterSettings = FilterSettings(
-        initial_variance=0.1,
-        initial_velocity_variance=4.0,
-        process_variance=0.5,
-        process_velocity_variance=6.0,
-        measurement_variance=0.1,
-    )
+    filter: FilterSettings = _FOLLOWING
     speed: float = Field(15.0, gt=0, description="m/s, usual speed of what the evidence says has moved")
     gate: float = Field(3.0, gt=0, description="standard deviations between predicted and seen position")
     max_gap: float = Field(0.8, ge=0, description="s, an object may be out of sight")
@@ -335,12 +340,20 @@ class ExtensionSettings(_Group):
         process_variance=0.05,
         process_velocity_variance=1.0,
         measurement_variance=0.02,
+        measurement_share=0.1,
     )
-    gates: FollowSettings = FollowSettings(max_gap=1.5, max_size_change=0.4, max_climb=0.5, evidence_weight=0.0)
+    gates: FollowSettings = FollowSettings(
+        filter=_FOLLOWING.model_copy(update={"measurement_share": 0.1}),
+        max_gap=1.5,
+        max_size_change=0.4,
+        max_climb=0.5,
+        evidence_weight=0.0,
+    )
     min_time: float = Field(0.8, ge=0, description="s, a track seen for less is not followed on")
     min_presence: float = Field(0.4, ge=0, le=1, description="of the scans between its first and last, nor for less")
     min_points: int = Field(12, ge=1, description="in most of its scans, nor with fewer")
-    max_blind_way: float = Field(1.0, ge=0, description="m, an object may go out of sight")
+    max_blind_way: float = Field(1.0, ge=0, description="m, an object may go out of sight, or")
+    max_blind_share: float = Field(0.25, ge=0, description="of its length, if that is more")
     look_back: float = Field(0.5, ge=0, description="s, for which nothing else may have stood at its place")
     same_place: float = Field(0.3, ge=0, description="m, what moved and changed by less is the same, and")
     same_size: float = Field(0.3, ge=0, description="of its size, by which it may have changed besides")

@@ -71,6 +71,16 @@ def test_a_fast_car_out_of_sight_does_not_become_a_parked_one():
     assert extended(scans)[1].scan.max() == 21
 
 
+@pytest.mark.parametrize("hidden", [0, 3], ids=["in sight", "out of sight for three scans"])
+def test_a_tram_of_which_more_or_less_is_seen_is_followed_on(hidden):
+    length = 18.0 + 4.0 * np.random.default_rng(3).random(50)  # m; its front is seen, its end is now and then
+    scans = [seen((8.0 * i / 10 - 0.5 * side, 0.0, (side, 2.4, 3.3), i >= 20)) for i, side in enumerate(length)]
+    scans[24 : 24 + hidden] = [seen()] * hidden
+    before, after = extended(scans)
+    assert len(before) == 1
+    assert sorted(set(range(50)) - set(after.scan.tolist())) == list(range(24, 24 + hidden))
+
+
 def test_a_glimpse_is_not_followed_on():
     scans = [seen((0.3 * i, 0.0, CAR, False)) if i < 5 else seen((1.5, 0.0, CAR, True)) for i in range(30)]
     assert extended(scans)[1].scan.max() == 4

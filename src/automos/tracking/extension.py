@@ -124,7 +124,9 @@ def _extend(
         way.update({(track, scan): at for track, at in zip(ids, alive.mean[:, :2], strict=True)})
         log.append((ids[matched], scan, segment, alive.mean[matched]))
         blind_way = unseen * np.linalg.norm(alive.mean[:, kalman.VELOCITY], axis=1)
-        keep = (unseen <= settings.gates.max_gap) & (blind_way <= settings.max_blind_way)
+        length = alive.mean[:, kalman.SIZE][:, :2].max(axis=1, initial=0.0)
+        is_near = blind_way <= np.maximum(settings.max_blind_way, settings.max_blind_share * length)
+        keep = (unseen <= settings.gates.max_gap) & is_near
         alive, ids, unseen, count = alive[keep], ids[keep], unseen[keep], count[keep]
     return as_table(log)
 

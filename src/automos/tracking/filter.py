@@ -90,11 +90,15 @@ def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
 
 
 def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
-    """Return the (K, 7, 7) covariance of measured boxes: more of a long thing may be out of sight, along its length."""
+    """Return the (K, 7, 7) covariance of measured boxes.
+
+    Of a tram, more or less comes into sight from scan to scan: the middle of a long box may be off, along its length.
+    """
     R = np.broadcast_to(settings.measurement_variance * np.eye(N_MEASURED), (len(boxes), N_MEASURED, N_MEASURED)).copy()
     c, s = np.cos(boxes.yaw), np.sin(boxes.yaw)
-    for axis, side in zip((np.stack([c, s], axis=1), np.stack([-s, c], axis=1)), boxes.size[:, :2].T, strict=True):
-        R[:, :2, :2] += (settings.measurement_share * side[:, None, None]) ** 2 * axis[:, :, None] * axis[:, None, :]
+    spread = settings.measurement_share * np.maximum(boxes.size[:, :2] - settings.whole_side, 0.0)
+    for axis, sigma in ((np.stack([c, s], axis=1), spread[:, 0]), (np.stack([-s, c], axis=1), spread[:, 1])):
+        R[:, :2, :2] += (sigma**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
     return R
 
 
