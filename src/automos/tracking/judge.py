@@ -25,9 +25,9 @@ def judge_by_evidence(
     Static things are seen through too: foliage, edges, thin poles. But only part of their points are, and what is left
     of them does not travel: their speed is not significant against its own scatter and their path turns back on
     itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
-    straight; it must have left its place either way. Of sparse tracks, a few points a scan, more is asked: they must be
-    seen in most scans, and go straight; of glimpses, that nearly all of their points have moved. What keeps its place
-    beside the sensor is part of the vehicle itself.
+    straight; it must have left its place either way. What is seen twice or thrice must not flicker. Of sparse tracks, a
+    few points a scan, more is asked: they must be seen in most scans, and go straight; of glimpses, that nearly all of
+    their points have moved. What keeps its place beside the sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
@@ -53,17 +53,16 @@ def judge_by_evidence(
             share >= settings.sure_share
             or (significance >= settings.min_significance and straightness >= settings.min_straightness)
         )
+        is_known = len(center) >= settings.sparse_min_observations
+        is_present = len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
         is_sparse = np.median(points) < settings.sparse_points
-        is_steady = (
-            len(center) >= settings.sparse_min_observations
-            and len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
-            and straightness >= settings.sparse_min_straightness
-        )
+        is_steady = is_known and is_present and straightness >= settings.sparse_min_straightness
         is_glimpse = np.median(points) < settings.glimpse_points and len(center) < settings.glimpse_observations
         is_clear = len(center) >= settings.glimpse_min_observations and share >= settings.glimpse_min_share
         if (
             is_witnessed
             and goes_somewhere
+            and (is_known or is_present)
             and (is_steady or not is_sparse)
             and (is_clear or not is_glimpse)
             and not _is_carried(center, size, sensor[scans], settings)
