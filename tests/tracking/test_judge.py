@@ -55,7 +55,7 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         ({"center": STRAIGHT[::4], "n_points": 4, "scans": range(0, 20, 4)}, Verdict.STATIC),
         ({"center": STRAIGHT[::4], "scans": range(0, 20, 4)}, Verdict.MOVING),
         ({"center": STRAIGHT[:4]}, Verdict.MOVING),
-        ({"center": STRAIGHT[:2]}, Verdict.MOVING),
+        ({"center": STRAIGHT[[0, 4]], "scans": (0, 1)}, Verdict.MOVING),
         ({"center": STRAIGHT[[0, 8]], "scans": (0, 8)}, Verdict.STATIC),
         ({"center": STRAIGHT[:4], "n_points": 15}, Verdict.STATIC),
         ({"center": STRAIGHT[:10], "n_points": 15, "moved": 0.7}, Verdict.STATIC),
