@@ -15,7 +15,6 @@ import threading
 import time
 from pathlib import Path
 
-import numpy as np
 import psutil
 from rich.console import Console
 from rich.table import Table
@@ -88,6 +87,10 @@ def measure(sequence: Sequence, preset: str, workers: int) -> dict:
     }
 
 
+def _megabytes(peak: float | None) -> str:
+    return "        –" if peak is None else f"{peak:6.0f} MB"  # over before memory was looked at
+
+
 def _cpu_seconds() -> float:
     me = psutil.Process()
     return sum(sum(p.cpu_times()[:2]) for p in [me, *me.children(recursive=True)])
@@ -113,7 +116,7 @@ def main() -> None:
     for row in rows:
         table.add_column(row["recording"], justify="right")
     for stage in rows[0]["seconds_per_scan"]:
-        cells = [f"{row['seconds_per_scan'][stage]:.3f} s  {row['peak_mb'].get(stage, np.nan):6.0f} MB" for row in rows]
+        cells = [f"{row['seconds_per_scan'][stage]:.3f} s  {_megabytes(row['peak_mb'].get(stage))}" for row in rows]
         table.add_row(stage, *cells)
     table.add_row("CPU, all cores", *(f"{row['cpu_seconds_per_scan']:.3f} s            " for row in rows))
     Console().print(table)
