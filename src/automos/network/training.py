@@ -86,7 +86,7 @@ def train_network(
     ------
     InputError : no such device, or a checkpoint of another shape.
     """
-    accelerator = choose_accelerator(device)
+    accelerator = choose_accelerator(device, devices)
     lightning.seed_everything(settings.training.seed, workers=True, verbose=False)
     run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
     if init is None:
@@ -151,16 +151,18 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def choose_accelerator(device: str) -> str:
+def choose_accelerator(device: str, devices: int = 1) -> str:
     """Return Lightning's name of the device.
 
     Raises
     ------
-    InputError : a GPU was asked for and there is none, or a device of another name.
+    InputError : a GPU was asked for and there is none, or fewer than `devices`, or a device of another name.
     """
     if device not in ("auto", "cpu", "gpu"):
         raise InputError(f"there is no device '{device}': choose auto, cpu or gpu")
     if torch.cuda.is_available() and device != "cpu":
+        if (found := torch.cuda.device_count()) < devices:
+            raise InputError(f"{devices} GPUs were asked for, {found} found: use --devices {found}")
         return "cuda"
     if device == "gpu":
         raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
