@@ -155,15 +155,18 @@ def reproduce(
         table_two,
     )
     from automos.learning.tables import write_curves, write_table
+    from automos.learning.train import device_note
     from automos.progress import StageProgress
 
     if experiment not in ("table2", "table3"):
         raise InputError(f"there is no experiment '{experiment}': choose table2 or table3")
+    given = _data(train, validation, test, extra)
+    console.print(device_note(device))
     base = {} if full else SMALL
     chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
     with StageProgress(console, experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
-        home = _data(train, validation, test, extra) or work.simulated("K")
+        home = given or work.simulated("K")
         if experiment == "table2":
             named = dict(_named(text) for text in predictions or [])
             rows = table_two(work, home, named)
