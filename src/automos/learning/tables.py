@@ -56,6 +56,7 @@ def write_curves(curves: Curves, path: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator
 
     figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
     colors = {"retrained": "tab:gray", "fine-tuned": "tab:blue"}
@@ -66,7 +67,7 @@ def write_curves(curves: Curves, path: Path) -> None:
     axes.plot(epochs, scores, "o-", color=colors["fine-tuned"], label="fine-tuned, test recordings")
     axes.axhline(100 * curves.retrained, color=colors["retrained"], linestyle="--", label="retrained, test recordings")
     axes.set(xlabel="epochs in the other environment", ylabel="IoU of the moving class, %", ylim=(0, 100))
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)
