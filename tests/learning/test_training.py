@@ -21,7 +21,7 @@ from automos.network.checkpoint import load_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.losses import segmentation_loss  # noqa: E402
 from automos.network.module import Training  # noqa: E402
-from automos.network.training import read_curve  # noqa: E402
+from automos.network.training import choose_accelerator, read_curve  # noqa: E402
 from automos.simulation import simulate, write  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
@@ -127,6 +127,14 @@ def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
         train(data, tmp_path / "network", settings(), device="gpu")
 
 
+def test_fewer_gpus_than_asked_for_are_told(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    assert choose_accelerator("auto") == "cuda"
+    with pytest.raises(InputError, match="2 GPUs were asked for, 1 found: use --devices 1"):
+        choose_accelerator("gpu", 2)
+
+
 @pytest.mark.slow
 def test_two_processes_train_one_network(data, tmp_path):
     """DDP as on two GPUs, on two processes of the CPU: every process starts the command again."""
@@ -146,10 +154,10 @@ def test_two_processes_train_one_network(data, tmp_path):
 @pytest.mark.slow
 def test_one_recording_is_learnt_by_heart(tmp_path):
     """IoU > 90 on the points of the training recording, by the online segmenter: narrow network, 64 x 512."""
-    sequence = simulate("city", "HDL-64E", n_scans=24, seed=31, compensated=True)
+    sequence = simulate("city", "HDL-64E", n_scans=16, seed=31, compensated=True)
     folder = write(sequence, tmp_path / "city")
     still = {"turn": 0.0, "mirror": 0.0, "shift": 0.0, "drop": 0.0, "no_intensity": 0.0}
-    narrow = settings(epochs=40, samples=48, batch=4, learning_rate=0.004, patience=100, validation_scans=8)
+    narrow = settings(epochs=60, samples=48, batch=4, learning_rate=0.004, patience=100, validation_scans=16)
     chosen = narrow.model_copy(
         update={
             "network": narrow.network.model_copy(
