@@ -139,6 +139,15 @@ def test_labels_of_another_program_are_not_replaced(recording, tmp_path):
     assert foreign.read_bytes() == b"by hand"
 
 
+def test_a_recordings_own_poses_are_not_replaced(recording, tmp_path):
+    own = tmp_path / "out" / "poses.txt"
+    own.parent.mkdir()
+    own.write_text("by GPS")
+    with pytest.raises(InputError, match=r"out/poses.txt was not written by automos label: choose another --out"):
+        run(recording, tmp_path / "out")
+    assert own.read_text() == "by GPS"
+
+
 @pytest.mark.parametrize("place", ["out", "out/inside"])
 def test_a_place_that_is_a_file_is_told(recording, tmp_path, place):
     (tmp_path / "out").write_text("I am a file")

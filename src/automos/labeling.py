@@ -75,10 +75,13 @@ def summary(run: dict[str, Any], folder: Path) -> str:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Raise where `folder` holds labels that no run of ours wrote: they would be replaced."""
+    """Raise where `folder` holds labels, poses or the like that no run of ours wrote: they would be replaced."""
     is_ours = (folder / RUN_FILE).exists() or (folder / "stages").exists()
     for place in (folder, folder / "predictions"):
         if place.exists() and not place.is_dir():
             raise InputError(f"{place} is a file: choose another --out")
     if not is_ours and any((folder / "predictions").glob("*.label")):
         raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
+    for name in ("poses.txt", "poses.tum", "tracks.json", "settings.yaml"):
+        if not is_ours and (folder / name).exists():
+            raise InputError(f"{folder / name} was not written by automos label: choose another --out")
