@@ -106,7 +106,7 @@ class OdometrySettings(_Group):
     max_range: float = Field(100.0, gt=0, description="m, points used for registration")
     min_range: float = Field(1.0, ge=0, description="m, points used for registration")
     min_points: int = Field(50, ge=3, description="a scan with fewer usable points is not registered")
-    points_per_voxel: int = Field(10, ge=1, description="points kept in a voxel of the local map")
+    points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")
     max_iterations: int = Field(500, ge=1, description="of one registration")
     convergence: float = Field(
         1e-3, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
@@ -130,7 +130,6 @@ class OdometrySettings(_Group):
         "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
     )
     timing_stretches: int = Field(2, ge=1, description="places of the recording where ways to time points are tried")
-    timing_points_per_voxel: int = Field(20, ge=1, description="points_per_voxel while sweep timings are tried")
     timing_scans: int = Field(16, ge=3, description="scans at each")
     timing_refinement: RefineSettings = Field(
         RefineSettings(kernels=(0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=1200),
@@ -745,7 +744,7 @@ class Settings(_Group):
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
-        "odometry": {"refine": False, "points_per_voxel": 20},
+        "odometry": {"refine": False},
         "candidates": {"method": "erasor"},
         "instances": {"method": "hdbscan"},
         "tracking": {"method": "paper"},

@@ -102,7 +102,6 @@ def _moving_stretches(
     length = min(settings.timing_scans, len(sequence))
     if length < settings.timing_scans // 2:
         return
-    settings = settings.model_copy(update={"points_per_voxel": settings.timing_points_per_voxel})
     starts = dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0))
     file_timing = _file_timing(sequence, clock) or SweepTiming()
     n_found = 0
