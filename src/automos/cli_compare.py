@@ -27,7 +27,7 @@ def compare(
     recording: Recording,
     methods: Annotated[list[str] | None, typer.Option("--method", help="one method; repeatable; all if none")] = None,
     out: Out = None,
-    scan: Annotated[int | None, typer.Option(help="the scan that is drawn [default: the one with most movers]")] = None,
+    scan: Annotated[int | None, typer.Option(help="the scan that is drawn; default: the one with most movers")] = None,
     radius: Annotated[float, typer.Option(help="metres around the sensor that are drawn")] = 40.0,
     poses: Poses = None,
     calib: Calib = None,
@@ -63,13 +63,11 @@ def compare(
 def make_map(
     recording: Recording,
     out: Out = None,
-    kinds: Annotated[
-        list[str] | None, typer.Option("--kind", help="ply, pcd or laz; repeatable [default: ply]")
-    ] = None,
+    kinds: Annotated[list[str] | None, typer.Option("--kind", help="ply, pcd or laz; repeatable; default: ply")] = None,
     method: Annotated[
         str, typer.Option(help="whose labels: default, paper, or a method of automos compare")
     ] = "default",
-    voxel: Annotated[float | None, typer.Option(help="metres, one point of the map per voxel [default: 0.1]")] = None,
+    voxel: Annotated[float | None, typer.Option(help="metres, one point of the map per voxel; default: 0.1")] = None,
     poses: Poses = None,
     calib: Calib = None,
     set_: Overrides = None,

@@ -21,7 +21,7 @@ def label(
     recording: Annotated[
         str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
     ],
-    out: Annotated[str | None, typer.Option(help="results folder or URL [default: automos_runs/NAME]")] = None,
+    out: Annotated[str | None, typer.Option(help="results folder or URL; default: automos_runs/NAME")] = None,
     preset: Annotated[
         str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")
     ] = "default",
@@ -40,7 +40,7 @@ def label(
     shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from the i-th on, from 0")] = None,
     memory: Annotated[float, typer.Option(min=0.1, help="GB that a worker needs")] = 3.0,
     cache: Annotated[float, typer.Option(min=0.0, help="GB of disk for copies of what comes from a URL")] = 50.0,
-    work: Annotated[Path | None, typer.Option(help="folder for these [default: in the system's temporary one]")] = None,
+    work: Annotated[Path | None, typer.Option(help="folder for these; default: in the system's temporary one")] = None,
     chunk: Annotated[int, typer.Option(min=1, help="scans per unit of work of recordings over twice as long")] = 600,
     dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
 ) -> None:
