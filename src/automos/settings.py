@@ -230,7 +230,7 @@ class SegmentSettings(_Group):
     )
     height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
     height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
-    thin_share: float = Field(0.5, ge=0, description="points per row of rays: a stack of fewer joins no two things")
+    thin_share: float = Field(0.25, ge=0, description="points per row of rays: a stack of fewer joins no two things")
     thin_rows: int = Field(6, ge=1, description="rows of rays through a stack, from which on that can be told")
 
 
