@@ -36,7 +36,7 @@ def test_the_preset_named_paper_has_the_values_of_the_paper():
 @pytest.mark.parametrize("preset", PRESETS)
 def test_changing_one_setting_changes_no_other(preset):
     before = load_settings(preset).model_dump()
-    for key, field in leaves(Settings):
+    for key, _ in leaves(Settings):
         *groups, name = key.split(".")
         changed, there = load_settings(preset).model_dump(), before
         for group in groups:
