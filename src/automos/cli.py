@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -16,6 +16,7 @@ from automos.cli_formats import formats_app
 from automos.cli_label import label_app
 from automos.cli_look import look_app
 from automos.cli_network import network_app
+from automos.cli_options import Format, Overrides, Preset, Recording, SettingsFile
 from automos.errors import AutomosError
 
 app = typer.Typer(
@@ -32,14 +33,6 @@ app.add_typer(network_app)
 app.add_typer(look_app)
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
-
-Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
-Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
-Preset = Annotated[str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")]
-SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
-]
 
 
 @app.command()
@@ -69,9 +62,10 @@ def demo(
     """Simulate a street, label it, score it and draw it: the first minute."""
     from automos.demo import run_demo
     from automos.progress import StageProgress
+    from automos.settings import load_settings
 
     with StageProgress(console, "street") as progress:
-        made = run_demo(out, _settings(preset, None, None), progress)
+        made = run_demo(out, load_settings(preset), progress)
     output.print(
         f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "
         f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}"
@@ -113,16 +107,9 @@ def drift(
 @app.command("settings")
 def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
     """Print all settings as YAML; the output is a settings file."""
-    from automos.settings import dump_yaml
+    from automos.settings import dump_yaml, load_settings, read_overrides
 
-    output.print(dump_yaml(_settings(preset, settings, set_)), end="")
-
-
-def _settings(preset: str, file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Any:
-    from automos.settings import load_settings, read_overrides
-
-    values = {**(given or {}), **read_overrides(overrides)}
-    return load_settings(preset, file, values)
+    output.print(dump_yaml(load_settings(preset, settings, read_overrides(set_))), end="")
 
 
 def _print_version(wanted: bool) -> None:

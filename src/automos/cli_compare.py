@@ -9,17 +9,14 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from automos.cli_options import Calib, Format, Poses, Recording, Workers
+
 compare_app = typer.Typer()
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
 
-Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run goes on there")]
-Poses = Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")]
-Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, baselines.removert.voxel=0.1, ...")]
-Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
-Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
 
 
 @compare_app.command()

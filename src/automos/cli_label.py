@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from automos.cli_options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+
 label_app = typer.Typer()
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
@@ -22,20 +24,16 @@ def label(
         str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
     ],
     out: Annotated[str | None, typer.Option(help="results folder or URL; default: automos_runs/NAME")] = None,
-    preset: Annotated[
-        str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")
-    ] = "default",
-    settings: Annotated[Path | None, typer.Option(help="YAML file of settings that differ")] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
-    ] = None,
-    format: Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")] = None,
-    poses: Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")] = None,
-    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")] = None,
+    preset: Preset = "default",
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+    format: Format = None,
+    poses: Poses = None,
+    calib: Calib = None,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
     confidence: Annotated[bool, typer.Option("--confidence", help="write how sure each point's label is")] = False,
-    workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
+    workers: Workers = 0,
     ray: Annotated[str | None, typer.Option(help="work on a Ray cluster: its address, or auto")] = None,
     shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from the i-th on, from 0")] = None,
     memory: Annotated[float, typer.Option(min=0.1, help="GB that a worker needs")] = 3.0,

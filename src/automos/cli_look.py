@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from automos.cli_options import Format
+
 look_app = typer.Typer()
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
@@ -16,7 +18,6 @@ Results = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder o
 Recording = Annotated[
     Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
 ]
-Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
 
 
 @look_app.command()

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
+
+from automos.cli_options import Format, Recording, SettingsFile
 
 if TYPE_CHECKING:
     from automos.settings import Settings
@@ -16,7 +17,6 @@ network_app = typer.Typer()
 console = Console(stderr=True)
 output = Console(highlight=False, markup=False, soft_wrap=True)
 
-SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. network.model.channels=8")]
 Device = Annotated[str, typer.Option(help="auto, cpu or gpu")]
 Sources = list[str]
@@ -67,12 +67,12 @@ def train(
 
 @network_app.command()
 def segment(
-    recording: Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")],
+    recording: Recording,
     weights: Annotated[
         Path | None, typer.Option(help="checkpoint (.pt) or exported network (.onnx); default: the one that came along")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="results folder; default: automos_segmented/NAME")] = None,
-    format: Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")] = None,
+    format: Format = None,
     probabilities: Annotated[bool, typer.Option("--probabilities", help="write how likely each point moves")] = False,
     device: Device = "auto",
     settings: SettingsFile = None,
@@ -199,14 +199,7 @@ def _named(text: str) -> tuple[str, Path]:
 
 
 def _settings(file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Settings:
-    """Return the default preset, changed by `given`, by a file, then by overrides."""
-    from automos.errors import SettingsError
-    from automos.settings import load_settings
+    """Return the default preset, changed by a file, then by `given`, then by overrides."""
+    from automos.settings import load_settings, read_overrides
 
-    values = dict(given or {})
-    for item in overrides or []:
-        key, sign, text = item.partition("=")
-        if not sign:
-            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
-        values[key.strip()] = yaml.safe_load(text)
-    return load_settings("default", file, values)
+    return load_settings("default", file, {**(given or {}), **read_overrides(overrides)})

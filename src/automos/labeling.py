@@ -15,7 +15,7 @@ from automos.progress import StageProgress
 from automos.review.apply import reapply
 from automos.scan import Pose, Sequence
 from automos.settings import Settings
-from automos.workspace import RUN_FILE, Workspace
+from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
 
 
 def label_recording(
@@ -82,6 +82,6 @@ def _refuse_foreign(folder: Path) -> None:
             raise InputError(f"{place} is a file: choose another --out")
     if not is_ours and any((folder / "predictions").glob("*.label")):
         raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
-    for name in ("poses.txt", "poses.tum", "tracks.json", "settings.yaml"):
+    for name in RESULT_FILES:
         if not is_ours and (folder / name).exists():
             raise InputError(f"{folder / name} was not written by automos label: choose another --out")

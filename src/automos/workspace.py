@@ -23,6 +23,8 @@ from automos.errors import InputError
 
 Arrays = Mapping[str, npt.NDArray]
 RUN_FILE = "run.json"
+RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
+"""What a run's folder holds beside labels, stages and run.json."""
 
 
 def fingerprint(*parts: object) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from automos.export import export_run
 from automos.export.results import write_results
 from automos.export.run_files import RunFiles
 from automos.geometry import make_transform
@@ -74,3 +75,9 @@ def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_moti
     result = Result(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
     write_results(folder, sequence, result, load_settings("paper"))
     return RunFiles(folder, sequence)
+
+
+def export(run, format, out):
+    """Write a run in another tool's format; return where."""
+    (written,) = export_run(run.folder, [run.sequence], format, out)
+    return written

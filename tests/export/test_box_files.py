@@ -5,22 +5,16 @@ import zipfile
 
 import numpy as np
 import pytest
-from made_run import CENTERS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, YAW, make_run, make_scans
+from made_run import CENTERS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, YAW, export, make_run, make_scans
 from scipy.spatial.transform import Rotation
 
 from automos.datasets.codecs import read_columns
-from automos.export import export_run
 from automos.geometry import inverse, transform
 
 
 @pytest.fixture
 def run(tmp_path):
     return make_run(tmp_path / "run")
-
-
-def export(run, format, out):
-    (written,) = export_run(run.folder, [run.sequence], format, out)
-    return written
 
 
 def corners(center, size, R):

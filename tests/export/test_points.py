@@ -5,7 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from made_run import INSTANCES, LABELS, make_run, make_scans
+from made_run import INSTANCES, LABELS, export, make_run, make_scans
 
 from automos.datasets import open_sequence
 from automos.datasets.codecs import read_columns
@@ -16,11 +16,6 @@ from automos.export import EXPORTS, export_run, load_export
 @pytest.fixture
 def run(tmp_path):
     return make_run(tmp_path / "run")
-
-
-def export(run, format, out):
-    (written,) = export_run(run.folder, [run.sequence], format, out)
-    return written
 
 
 def assert_columns(columns, index):

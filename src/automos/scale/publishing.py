@@ -19,13 +19,13 @@ from typing import Any
 from automos.atomic import write_text
 from automos.errors import InputError
 from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
-from automos.workspace import RUN_FILE
+from automos.workspace import RESULT_FILES, RUN_FILE
 
 MARKER = "complete.json"
 _NOT_RESULTS = {"stages", "ledger", MARKER}
 _OURS = {RUN_FILE, MARKER, "stages"}
 _LABELS = ("predictions/*.label", "confidences/*.npy")
-_REPLACED = (*_LABELS, "poses.txt", "poses.tum", "tracks.json", "settings.yaml")
+_REPLACED = (*_LABELS, *RESULT_FILES)
 
 
 @dataclass(frozen=True)
