@@ -381,6 +381,8 @@ class JudgeSettings(_Group):
     min_distance: float = Field(0.5, ge=0, description="m, between first and last observation")
     min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")
+    long_side: float = Field(8.0, gt=0, description="m, of something longer now more and now less is in sight")
+    long_share: float = Field(0.6, gt=0, le=1, description="moved, of the points the evidence speaks of in a scan")
     block: float = Field(0.5, gt=0, description="s, over which centres are averaged to corners of the path")
     noise: float = Field(0.1, gt=0, description="m, scatter of a box's centre that no track is without")
     alike: float = Field(0.15, gt=0, description="of its usual side plus 1 m, by which what is seen of it may differ")

@@ -93,6 +93,23 @@ def test_a_piece_seen_first_does_not_hide_the_motion_of_the_whole(direction):
     assert verdict_on(center=jumping, side=side, moved=0.6, stayed=0.3) == Verdict.STATIC
 
 
+SLIDING = 20.0 - np.abs(np.arange(20) - 9.5)
+"""Length of what is seen of a long thing through a gap: first more of it comes into sight, then less is left."""
+
+
+@pytest.mark.parametrize(
+    ("track", "expected"),
+    [
+        ({"side": SLIDING, "moved": 0.6, "stayed": 0.3}, Verdict.MOVING),
+        ({"side": SLIDING, "moved": 0.4, "stayed": 0.35}, Verdict.STATIC),
+        ({"side": 0.2 * SLIDING, "moved": 0.6, "stayed": 0.3}, Verdict.STATIC),
+    ],
+    ids=["a tram", "a hedge, half of it seen through", "a bush"],
+)
+def test_of_something_long_the_evidence_decides_wherever_its_middle_is(track, expected):
+    assert verdict_on(center=0.01 * STRAIGHT, **track) == expected
+
+
 def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():
     sensor = np.column_stack([STRAIGHT, np.full(20, 1.7)])
     beside = {"center": STRAIGHT + np.array([1.0, 1.0])}

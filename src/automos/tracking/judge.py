@@ -25,9 +25,11 @@ def judge_by_evidence(
     Static things are seen through too: foliage, edges, thin poles. But only part of their points are, and what is left
     of them does not travel: their speed is not significant against its own scatter and their path turns back on
     itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
-    straight; it must have left its place either way. What is seen twice or thrice must not flicker. Of sparse tracks, a
-    few points a scan, more is asked: they must be seen in most scans, and go straight; of glimpses, that nearly all of
-    their points have moved. What keeps its place beside the sensor is part of the vehicle itself.
+    straight; it must have left its place either way. Of a tram more or less is in sight from scan to scan, so that what
+    is seen of it may even stand while it passes: of something long, what the evidence says in most scans is enough.
+    What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, more is asked: they must be
+    seen in most scans, and go straight; of glimpses, that nearly all of their points have moved. What keeps its place
+    beside the sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
@@ -49,6 +51,8 @@ def judge_by_evidence(
             and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
             and (moved > 0.5 * points).sum() >= settings.min_moved_scans
         )
+        is_long = size[:, :2].max() >= settings.long_side
+        passes_by = is_long and np.median(moved / np.maximum(moved + stayed, 1.0)) >= settings.long_share
         goes_somewhere = distance > settings.min_distance and (
             share >= settings.sure_share
             or (significance >= settings.min_significance and straightness >= settings.min_straightness)
@@ -61,7 +65,7 @@ def judge_by_evidence(
         is_clear = len(center) >= settings.glimpse_min_observations and share >= settings.glimpse_min_share
         if (
             is_witnessed
-            and goes_somewhere
+            and (goes_somewhere or passes_by)
             and (is_known or is_present)
             and (is_steady or not is_sparse)
             and (is_clear or not is_glimpse)
