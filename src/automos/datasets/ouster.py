@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automos.datasets.formats import Format, import_extra
 from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.sensors import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
 from automos.scan import Scan, Sequence
 
@@ -49,7 +50,7 @@ class OusterSequence(Sequence):
         InputError
             No metadata, a damaged file, several sensors, or no frames.
         """
-        self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self.source, wanted = split_sensor(path)
         self._address = path
         self._threads = threading.local()
         stem = self.source.stem
@@ -61,7 +62,8 @@ class OusterSequence(Sequence):
                 "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
                 "makers' packets to a ROS bag, PCD or LAS"
             )
-        self._serial = self._choose_sensor(wanted)
+        serials = [str(info.sn) for info in self._reader.sensor_info]
+        self._serial = choose_sensor(self.source, wanted, serials, "sensor")
         self.name = stem if wanted is None else f"{stem}_{wanted}"
         self._places, stamps = self._index()
         if not self._places:
@@ -141,17 +143,6 @@ class OusterSequence(Sequence):
         core = import_extra("ouster.sdk.core", "ouster")
         info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
         return core.XYZLut(info, use_extrinsics=False)
-
-    def _choose_sensor(self, wanted: str | None) -> str:
-        serials = [str(info.sn) for info in self._reader.sensor_info]
-        if wanted is not None and wanted not in serials:
-            raise InputError(f"{self.source} has no sensor {wanted}; it has: {', '.join(serials)}")
-        if wanted is None and len(serials) > 1:
-            listed = ", ".join(serials)
-            raise InputError(
-                f"{self.source} has {len(serials)} sensors ({listed}); give one, as {self.source / serials[0]}"
-            )
-        return wanted or serials[0]
 
     def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
         """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""

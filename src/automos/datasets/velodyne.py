@@ -20,6 +20,7 @@ import yaml
 from automos.datasets.formats import Format, import_extra
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
+from automos.datasets.sensors import choose_sensor, split_sensor
 from automos.datasets.velodyne_sweeps import clock_of, find_packets, find_sweeps
 from automos.errors import InputError
 from automos.scan import Scan, Sequence
@@ -59,10 +60,13 @@ class VelodyneSequence(Sequence):
         InputError
             A damaged file, several sensors, a clock that runs backwards, or packets of an unknown model.
         """
-        self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self.source, wanted = split_sensor(path)
         self._address = path
         sweeps = find_sweeps(self._capture)
-        self._sender = _choose_sender(self.source, wanted, sorted(sweeps))
+        if not sweeps:
+            raise InputError(f"{self.source} holds no packets of a Velodyne; give another file or another --format")
+        senders = {sender_name(sender): sender for sender in sorted(sweeps)}
+        self._sender = senders[choose_sensor(self.source, wanted, list(senders), "Velodyne")]
         self._starts, self._stamps = sweeps[self._sender]
         self.name = self.source.stem if wanted is None else f"{self.source.stem}_{wanted}"
         require_increasing(self._stamps, self.names, self.source)
@@ -142,19 +146,6 @@ class VelodyneSequence(Sequence):
         for index in range(len(self)):
             for payload in self._packets(index).payloads:
                 yield payload.tobytes()
-
-
-def _choose_sender(source: Path, wanted: str | None, senders: list[int]) -> int:
-    names = {sender_name(sender): sender for sender in senders}
-    listed = ", ".join(names)
-    if not names:
-        raise InputError(f"{source} holds no packets of a Velodyne; give another file or another --format")
-    if wanted is not None and wanted not in names:
-        raise InputError(f"{source} has no Velodyne {wanted}; it has: {listed}")
-    if wanted is None and len(names) > 1:
-        first = source / next(iter(names))
-        raise InputError(f"{source} has {len(names)} Velodynes ({listed}); give one, as {first}")
-    return names[wanted or listed]
 
 
 FORMAT = Format(
