@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.formats import Format, import_extra
+from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.sensors import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
@@ -28,9 +28,7 @@ _IS_VALID = 1
 
 def find(path: Path) -> list[Path]:
     """Return the .pcap files at `path`: itself, a sensor of it, or those that lie in it by name."""
-    if path.is_dir():
-        return sorted(p for p in path.iterdir() if _is_pcap(p))
-    return [path] if _is_pcap(path) or _is_pcap(path.parent) else []
+    return [path] if _is_pcap(path.parent) else recordings_at(path, _is_pcap)
 
 
 def _is_pcap(path: Path) -> bool:

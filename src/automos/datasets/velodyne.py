@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from automos.datasets.formats import Format, import_extra
+from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
 from automos.datasets.sensors import choose_sensor, split_sensor
@@ -33,9 +33,7 @@ _FACTORY = slice(1204, 1206)
 
 def find(path: Path) -> list[Path]:
     """Return the captures with a Velodyne's packets at `path`: itself, a sensor of it, or those in it by name."""
-    if path.is_dir():
-        return sorted(p for p in path.iterdir() if _is_velodynes(p))
-    return [path] if _is_velodynes(path) or _is_velodynes(path.parent) else []
+    return [path] if _is_velodynes(path.parent) else recordings_at(path, _is_velodynes)
 
 
 def _is_velodynes(path: Path) -> bool:
