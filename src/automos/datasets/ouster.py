@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
-from automos.datasets.sensors import choose_sensor, split_sensor
+from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
 from automos.scan import Scan, Sequence
 

@@ -20,7 +20,7 @@ import yaml
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
-from automos.datasets.sensors import choose_sensor, split_sensor
+from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.datasets.velodyne_sweeps import clock_of, find_packets, find_sweeps
 from automos.errors import InputError
 from automos.scan import Scan, Sequence

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from automos.datasets.sensors import choose_sensor, split_sensor
+from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.errors import InputError
 
 DRIVE = Path("logs/drive.pcap")
