@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from automos.settings import Settings, _keys
+from automos.settings import Settings, keys_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -20,9 +20,9 @@ def test_the_site_builds_without_a_warning(tmp_path):
     run = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     settings = (tmp_path / "site" / "reference" / "settings" / "index.html").read_text()
-    for key in _keys(Settings):
+    for key in keys_of(Settings):
         group, _, name = key.rpartition(".")
-        is_group = any(other.startswith(f"{key}.") for other in _keys(Settings))
+        is_group = any(other.startswith(f"{key}.") for other in keys_of(Settings))
         assert is_group or (f">{group}<" in settings and f"<code>{name}</code>" in settings), key
     commands = (tmp_path / "site" / "reference" / "commands" / "index.html").read_text()
     assert all(f"automos {name}" in commands for name in ("label", "report", "review", "view", "merge"))

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from rival_worlds import Yard
 
-from automos.baselines.batches import cut_batches, labels_of_voxels
+from automos.baselines.batches import add_points, cut_batches, labels_of_voxels
 from automos.baselines.height_images import find_edges, find_ground
 from automos.baselines.hmm_mos import otsu_threshold
 from automos.baselines.methods import BASELINES
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
 from automos.baselines.regions import drop_small_regions, grow_regions
+from automos.candidates.voxel_map import VoxelMap
 from automos.errors import MissingExtraError
+from automos.scan import Frame
 from automos.settings import BatchSettings, OctomapSettings, load_settings
 
 
@@ -21,6 +23,16 @@ from automos.settings import BatchSettings, OctomapSettings, load_settings
 def test_a_point_has_the_label_of_its_own_voxel_and_none_stays():
     moving = labels_of_voxels(np.array([0, 1, -1, 1], np.int32), np.array([False, True]))
     assert moving.tolist() == [False, True, False, True]
+
+
+def test_points_out_of_range_are_in_no_voxel():
+    T_level_sensor = np.eye(4)
+    T_level_sensor[:3, 3] = 30.0, 0.0, 2.0  # the range is from the sensor, the voxels are of the level frame
+    points = np.array([[5.0, 0.1, 0.1], [-30.0, 0.1, 0.1], [5.1, 0.1, 0.1], [0.1, 9.0, 0.1]], np.float32)
+    voxels = VoxelMap(0.5)
+    ids = add_points(voxels, Frame(points, np.arange(4), 4, T_level_sensor, 0.0), 20.0)
+    assert ids.tolist() == [0, -1, 0, 1]
+    np.testing.assert_allclose(voxels.mean, [[35.05, 0.1, 2.1], [30.1, 9.0, 2.1]], atol=1e-5)
 
 
 def test_batches_answer_for_every_scan_once_and_see_beyond():

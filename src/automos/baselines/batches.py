@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automos.baselines.brick_grid import BrickGrid
 from automos.candidates.erasor import cut_submaps
+from automos.candidates.voxel_map import VoxelMap
 from automos.scan import Frame, Frames, Mask
 from automos.settings import BatchSettings, ErasorSettings
 
@@ -36,6 +38,14 @@ def is_within(frame: Frame, max_range: float, min_range: float = 0.0) -> Mask:
     """Return (M,) bool: which points of `frame` are between the ranges, metres from the sensor."""
     squared = np.einsum("ij,ij->i", frame.points, frame.points)
     return (squared <= max_range**2) & (squared >= min_range**2)
+
+
+def add_points(voxels: BrickGrid | VoxelMap, frame: Frame, max_range: float) -> npt.NDArray[np.int32]:
+    """Add the points of `frame` up to `max_range`, metres; return (M,) int32, the voxel of each, -1 beyond."""
+    used = is_within(frame, max_range)
+    ids = np.full(len(used), -1, np.int32)
+    ids[used] = voxels.add(frame.points_level[used])
+    return ids
 
 
 def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:

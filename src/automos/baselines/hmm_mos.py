@@ -17,7 +17,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import add_points, cut_batches, labels_of_voxels
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates.ground import segment_ground
 from automos.scan import Frames, Mask
@@ -34,13 +34,7 @@ def find_moving(
     for batch in cut_batches(frames, settings.batch, start):
         first, seen = batch.frames[0], range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
         grid = BrickGrid(settings.voxel, frames.T_level_sensor[first : seen[-1] + 1, :3, 3], settings.max_range)
-        ids_of = []
-        for k in seen:
-            frame = frames[k]
-            used = is_within(frame, settings.max_range)
-            ids = np.full(len(used), -1, np.int32)
-            ids[used] = grid.add(frame.points_level[used])
-            ids_of.append(ids)
+        ids_of = [add_points(grid, frames[k], settings.max_range) for k in seen]
         voxels = _Voxels(grid, settings)
         for k, ids in zip(seen, ids_of, strict=True):
             frame = frames[k]

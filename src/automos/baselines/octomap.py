@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import Batch, add_points, cut_batches, labels_of_voxels
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import find_ground
 from automos.geometry import transform
@@ -44,11 +44,9 @@ def _map_batch(
     ids_of, ground_ids = [], []
     for k in batch.frames:
         frame = frames[k]
-        used = is_within(frame, settings.max_range)
-        ids = np.full(len(used), -1, np.int32)
-        ids[used] = grid.add(frame.points_level[used])
+        ids = add_points(grid, frame, settings.max_range)
         ids_of.append(ids)
-        ground_ids.append(ids[find_ground(transform(T_body_sensor, frame.points), settings) & used])
+        ground_ids.append(ids[find_ground(transform(T_body_sensor, frame.points), settings) & (ids >= 0)])
     is_pinned = np.zeros(len(grid), bool)
     is_pinned[np.concatenate(ground_ids)] = True
 

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import Batch, add_points, cut_batches, is_within, labels_of_voxels
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
 from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse
@@ -38,13 +38,7 @@ def _aggregate(
 ) -> tuple[npt.NDArray[np.float32], list[npt.NDArray[np.int32]]]:
     """Return the mean of every voxel (V, 3), level frame, and of each frame which voxel each point fell into."""
     voxels = VoxelMap(settings.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
-    ids_of = []
-    for k in batch.frames:
-        frame = frames[k]
-        used = is_within(frame, settings.max_range)
-        ids = np.full(len(used), -1, np.int32)
-        ids[used] = voxels.add(frame.points_level[used])
-        ids_of.append(ids)
+    ids_of = [add_points(voxels, frames[k], settings.max_range) for k in batch.frames]
     return voxels.mean, ids_of
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.datasets.folder import FolderSequence
-from automos.datasets.formats import Format
+from automos.datasets.formats import Format, recordings_at
 from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
@@ -24,9 +24,7 @@ _SCANS, _POSES = "pcds", Path("poses") / "gt_poses.txt"
 
 def find(path: Path) -> list[Path]:
     """Return the recordings at `path`: itself, or those in it by name."""
-    if _is_recording(path):
-        return [path]
-    return sorted(p for p in path.iterdir() if _is_recording(p)) if path.is_dir() else []
+    return recordings_at(path, _is_recording)
 
 
 def _is_recording(path: Path) -> bool:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
 from automos.datasets.columns import to_scan
-from automos.datasets.formats import Format, import_extra
+from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
 from automos.errors import InputError
@@ -34,9 +34,7 @@ Table = dict[str, npt.NDArray]
 
 def find(path: Path) -> list[Path]:
     """Return the logs at `path`: itself, or those in it by name."""
-    if (path / _SCANS).is_dir():
-        return [path]
-    return sorted(p for p in path.iterdir() if (p / _SCANS).is_dir()) if path.is_dir() else []
+    return recordings_at(path, lambda p: (p / _SCANS).is_dir())
 
 
 class Argoverse2Sequence(ListedSequence):

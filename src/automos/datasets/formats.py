@@ -1,4 +1,4 @@
-"""What a reader declares of itself, and how it gets the optional package it may need."""
+"""What a reader declares of itself, how it finds recordings and gets the optional package it may need."""
 
 from __future__ import annotations
 
@@ -32,6 +32,13 @@ class Format:
     open: Callable[..., Sequence]
     needs: str | None = None
     has_codecs: bool = False
+
+
+def recordings_at(path: Path, is_recording: Callable[[Path], bool]) -> list[Path]:
+    """Return `path` if it is a recording, else those that lie in it, by name."""
+    if is_recording(path):
+        return [path]
+    return sorted(filter(is_recording, path.iterdir())) if path.is_dir() else []
 
 
 def import_extra(module: str, extra: str) -> Any:

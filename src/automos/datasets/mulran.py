@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets.columns import Columns, to_scan
-from automos.datasets.formats import Format
+from automos.datasets.formats import Format, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.records import read_records, read_table
 from automos.datasets.stamped_poses import orthonormal, poses_at, sensor_poses
@@ -26,9 +26,7 @@ _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"
 
 def find(path: Path) -> list[Path]:
     """Return the recordings at `path`: itself, or those in it by name."""
-    if _is_recording(path):
-        return [path]
-    return sorted(p for p in path.iterdir() if _is_recording(p)) if path.is_dir() else []
+    return recordings_at(path, _is_recording)
 
 
 def _is_recording(path: Path) -> bool:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.formats import Format, import_extra
+from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
 from automos.scan import Scan, Sequence
 
@@ -27,9 +28,7 @@ _IS_VALID = 1
 
 def find(path: Path) -> list[Path]:
     """Return the .pcap files at `path`: itself, a sensor of it, or those that lie in it by name."""
-    if path.is_dir():
-        return sorted(p for p in path.iterdir() if _is_pcap(p))
-    return [path] if _is_pcap(path) or _is_pcap(path.parent) else []
+    return [path] if _is_pcap(path.parent) else recordings_at(path, _is_pcap)
 
 
 def _is_pcap(path: Path) -> bool:
@@ -49,7 +48,7 @@ class OusterSequence(Sequence):
         InputError
             No metadata, a damaged file, several sensors, or no frames.
         """
-        self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self.source, wanted = split_sensor(path)
         self._address = path
         self._threads = threading.local()
         stem = self.source.stem
@@ -61,7 +60,8 @@ class OusterSequence(Sequence):
                 "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
                 "makers' packets to a ROS bag, PCD or LAS"
             )
-        self._serial = self._choose_sensor(wanted)
+        serials = [str(info.sn) for info in self._reader.sensor_info]
+        self._serial = choose_sensor(self.source, wanted, serials, "sensor")
         self.name = stem if wanted is None else f"{stem}_{wanted}"
         self._places, stamps = self._index()
         if not self._places:
@@ -141,17 +141,6 @@ class OusterSequence(Sequence):
         core = import_extra("ouster.sdk.core", "ouster")
         info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
         return core.XYZLut(info, use_extrinsics=False)
-
-    def _choose_sensor(self, wanted: str | None) -> str:
-        serials = [str(info.sn) for info in self._reader.sensor_info]
-        if wanted is not None and wanted not in serials:
-            raise InputError(f"{self.source} has no sensor {wanted}; it has: {', '.join(serials)}")
-        if wanted is None and len(serials) > 1:
-            listed = ", ".join(serials)
-            raise InputError(
-                f"{self.source} has {len(serials)} sensors ({listed}); give one, as {self.source / serials[0]}"
-            )
-        return wanted or serials[0]
 
     def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
         """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""

@@ -17,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from automos.datasets.formats import Format, import_extra
+from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
+from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.datasets.velodyne_sweeps import clock_of, find_packets, find_sweeps
 from automos.errors import InputError
 from automos.scan import Scan, Sequence
@@ -32,9 +33,7 @@ _FACTORY = slice(1204, 1206)
 
 def find(path: Path) -> list[Path]:
     """Return the captures with a Velodyne's packets at `path`: itself, a sensor of it, or those in it by name."""
-    if path.is_dir():
-        return sorted(p for p in path.iterdir() if _is_velodynes(p))
-    return [path] if _is_velodynes(path) or _is_velodynes(path.parent) else []
+    return [path] if _is_velodynes(path.parent) else recordings_at(path, _is_velodynes)
 
 
 def _is_velodynes(path: Path) -> bool:
@@ -59,10 +58,13 @@ class VelodyneSequence(Sequence):
         InputError
             A damaged file, several sensors, a clock that runs backwards, or packets of an unknown model.
         """
-        self.source, wanted = (path, None) if path.exists() else (path.parent, path.name)
+        self.source, wanted = split_sensor(path)
         self._address = path
         sweeps = find_sweeps(self._capture)
-        self._sender = _choose_sender(self.source, wanted, sorted(sweeps))
+        if not sweeps:
+            raise InputError(f"{self.source} holds no packets of a Velodyne; give another file or another --format")
+        senders = {sender_name(sender): sender for sender in sorted(sweeps)}
+        self._sender = senders[choose_sensor(self.source, wanted, list(senders), "Velodyne")]
         self._starts, self._stamps = sweeps[self._sender]
         self.name = self.source.stem if wanted is None else f"{self.source.stem}_{wanted}"
         require_increasing(self._stamps, self.names, self.source)
@@ -142,19 +144,6 @@ class VelodyneSequence(Sequence):
         for index in range(len(self)):
             for payload in self._packets(index).payloads:
                 yield payload.tobytes()
-
-
-def _choose_sender(source: Path, wanted: str | None, senders: list[int]) -> int:
-    names = {sender_name(sender): sender for sender in senders}
-    listed = ", ".join(names)
-    if not names:
-        raise InputError(f"{source} holds no packets of a Velodyne; give another file or another --format")
-    if wanted is not None and wanted not in names:
-        raise InputError(f"{source} has no Velodyne {wanted}; it has: {listed}")
-    if wanted is None and len(names) > 1:
-        first = source / next(iter(names))
-        raise InputError(f"{source} has {len(names)} Velodynes ({listed}); give one, as {first}")
-    return names[wanted or listed]
 
 
 FORMAT = Format(

@@ -144,6 +144,21 @@ _ALPHA = np.concatenate(
     ]
 )
 
+_OS1_64 = Sensor(
+    "OS1-64",
+    elevations=np.linspace(22.5, -22.5, 64),
+    columns=1024,
+    period=0.1,
+    reach=50.0,
+    max_range=120.0,
+    min_range=0.5,
+    noise=0.012,
+    height=1.8,
+    stagger=(4.23, 1.41, -1.41, -4.23),
+    organised=True,
+    levels=4096,
+)
+
 _SENSORS = [
     Sensor(
         "HDL-64E",
@@ -181,34 +196,8 @@ _SENSORS = [
         noise=0.012,
         height=1.8,
     ),
-    Sensor(
-        "OS1-64",
-        elevations=np.linspace(22.5, -22.5, 64),
-        columns=1024,
-        period=0.1,
-        reach=50.0,
-        max_range=120.0,
-        min_range=0.5,
-        noise=0.012,
-        height=1.8,
-        stagger=(4.23, 1.41, -1.41, -4.23),
-        organised=True,
-        levels=4096,
-    ),
-    Sensor(
-        "OS1-128",
-        elevations=np.linspace(22.5, -22.5, 128),
-        columns=1024,
-        period=0.1,
-        reach=50.0,
-        max_range=120.0,
-        min_range=0.5,
-        noise=0.012,
-        height=1.8,
-        stagger=(4.23, 1.41, -1.41, -4.23),
-        organised=True,
-        levels=4096,
-    ),
+    _OS1_64,
+    replace(_OS1_64, name="OS1-128", elevations=np.linspace(22.5, -22.5, 128)),
     Sensor(
         "VLS-128",
         elevations=_ALPHA[::-1].copy(),

@@ -49,6 +49,12 @@ def _seats(rows: tuple[float, ...], half_width: float, floor: float) -> Mesh:
     return join(parts)
 
 
+def _pillars(stations: np.ndarray, half_width: float, size: tuple[float, float, float], height: float) -> Mesh:
+    return join(
+        [box(size, (float(x), side * half_width, height), Material.PAINT) for x in stations for side in (-1.0, 1.0)]
+    )
+
+
 _CAR_SHAPES = {
     # length, width, height, bonnet end, cabin front foot, roof front, roof rear, cabin rear foot (fractions from front)
     "sedan": (4.65, 1.80, 1.45, 0.03, 0.27, 0.42, 0.70, 0.86),
@@ -210,13 +216,9 @@ def make_bus(rng: np.random.Generator) -> Thing:
     front = 0.5 * length
     stations = np.linspace(-front, front, 9)
     sections = [Section(float(x), 0.35, 1.25, height, half, half * 0.96, GLASS) for x in stations]
-    pillars = [
-        box((0.25, 0.04, 1.7), (float(x), side * half * 0.985, 2.1), Material.PAINT)
-        for x in stations
-        for side in (-1.0, 1.0)
-    ]
+    pillars = _pillars(stations, half * 0.985, (0.25, 0.04, 1.7), 2.1)
     seats = [_seats(tuple(np.arange(-4.5, 4.6, 0.9)), half * 1.3, 0.5)]
-    mesh = join([loft(sections, caps=GLASS), *pillars]).tinted(_paint(rng), Material.PAINT)
+    mesh = join([loft(sections, caps=GLASS), pillars]).tinted(_paint(rng), Material.PAINT)
     mesh = join([mesh, *seats, _wheels(3.1, -2.8, half, 0.48), _plates_and_lamps(front, -front, half, 0.9)])
     return Thing("bus", (mesh,), axles=(-2.8, 3.1))
 
@@ -231,13 +233,9 @@ def make_tram_car(rng: np.random.Generator, length: float = TRAM_CAR) -> Thing:
     front = 0.5 * length
     stations = np.linspace(-front, front, 7)
     sections = [Section(float(x), 0.15, 1.2, height, half, half * 0.95, GLASS) for x in stations]
-    pillars = [
-        box((0.35, 0.04, 1.9), (float(x), side * half * 0.98, 2.2), Material.PAINT)
-        for x in stations
-        for side in (-1.0, 1.0)
-    ]
+    pillars = _pillars(stations, half * 0.98, (0.35, 0.04, 1.9), 2.2)
     bogie = box((3.0, 2.0, 0.5), (0.0, 0.0, 0.3), Material.METAL, 0.4)
-    mesh = join([loft(sections, caps=Material.PLASTIC), *pillars, bogie]).tinted(
+    mesh = join([loft(sections, caps=Material.PLASTIC), pillars, bogie]).tinted(
         float(rng.uniform(0.5, 1.2)), Material.PAINT
     )
     return Thing("tram", (mesh,), axles=(-0.35 * length, 0.35 * length))

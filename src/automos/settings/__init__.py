@@ -1,0 +1,64 @@
+"""Every number that shapes a result, with its unit, range and, where it comes from the paper, its section.
+
+One module for each stage, one group for each idea. Lengths are metres, angles degrees, times seconds. Order of
+precedence: preset < settings file < command line.
+"""
+
+from automos.settings.baselines import (
+    BaselinesSettings,
+    BatchSettings,
+    DufomapSettings,
+    HmmMosSettings,
+    MDetectorSettings,
+    OctomapSettings,
+    PfreundschuhSettings,
+    RemovertSettings,
+    YoonSettings,
+)
+from automos.settings.candidates import (
+    CandidatesSettings,
+    EgoBodySettings,
+    ErasorSettings,
+    FreeSpaceSettings,
+    GroundSettings,
+    SelfTrainingSettings,
+)
+from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
+from automos.settings.loading import PRESETS, dump_yaml, keys_of, load_settings, read_overrides
+from automos.settings.network import (
+    AugmentationSettings,
+    CleanUpSettings,
+    ImageSettings,
+    ModelSettings,
+    NetworkSettings,
+    OnlineSettings,
+    SceneFlowSettings,
+    TrainingSettings,
+)
+from automos.settings.odometry import LoopSettings, OdometrySettings, RefineSettings
+from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
+from automos.settings.tracking import (
+    AssociationSettings,
+    CompletionSettings,
+    ExtensionSettings,
+    FilterSettings,
+    FollowSettings,
+    JudgeSettings,
+    SmoothingSettings,
+    TrackingSettings,
+    VerdictSettings,
+)
+from automos.settings.tree import Settings
+
+__all__ = [
+    "PRESETS",
+    "AssociationSettings", "AugmentationSettings", "BaselinesSettings", "BatchSettings", "CandidatesSettings",
+    "CleanUpSettings", "CompletionSettings", "DetectSettings", "DufomapSettings", "EgoBodySettings", "ErasorSettings",
+    "ExtensionSettings", "FilterSettings", "FollowSettings", "FreeSpaceSettings", "GroundSettings", "HdbscanSettings",
+    "HmmMosSettings", "ImageSettings", "InstancesSettings", "JudgeSettings", "LabelsSettings", "LoopSettings",
+    "MDetectorSettings", "MapSettings", "ModelSettings", "NetworkSettings", "OctomapSettings", "OdometrySettings",
+    "OnlineSettings", "OutputSettings", "PfreundschuhSettings", "RefineSettings", "RemovertSettings",
+    "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings", "SmoothingSettings",
+    "TrackingSettings", "TrainingSettings", "VerdictSettings", "YoonSettings",
+    "dump_yaml", "keys_of", "load_settings", "read_overrides",
+]  # fmt: skip

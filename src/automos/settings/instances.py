@@ -1,0 +1,76 @@
+"""III-C: what belongs together in one scan."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from automos.settings.group import Group
+
+
+class SegmentSettings(Group):
+    """Segments of the whole non-ground scan."""
+
+    cell: float = Field(0.25, gt=0, description="m, side of a cell seen from above")
+    max_range: float = Field(120.0, gt=0, description="m, half the side of the area looked at")
+    height_bin: float = Field(0.1, gt=0, description="m, resolution in height; 64 bins from the ground up")
+    gap: float = Field(0.5, gt=0, description="m, things nearer to each other than this are one, seen from above")
+    gap_columns: float = Field(
+        2.5, ge=0, description="the same in distances between neighbouring rays, if that is more"
+    )
+    height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
+    height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
+    thin_share: float = Field(0.25, ge=0, description="points per row of rays: a stack of fewer joins no two things")
+    thin_rows: int = Field(6, ge=1, description="rows of rays through a stack, from which on that can be told")
+
+
+class HdbscanSettings(Group):
+    """III-C: class-agnostic segments by HDBSCAN, and the boxes kept."""
+
+    epsilons: tuple[float, ...] = Field(
+        (2.0, 1.0, 0.5, 0.25), min_length=1, description="m, density thresholds, decreasing (III-F)"
+    )
+    min_samples: int = Field(5, ge=1, description="neighbours that make a point dense")
+    min_points: int = Field(5, ge=1, description="N_min: smaller segments are dropped (III-F)")
+    max_side: float = Field(20.0, gt=0, description="m, T_size: larger segments are dropped (III-F)")
+    min_score: float = Field(0.5, ge=0, le=1, description="share of candidates from which on a segment is an instance")
+    voxel: float = Field(0.1, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+
+    @field_validator("epsilons")
+    @classmethod
+    def _check_epsilons(cls, epsilons: tuple[float, ...]) -> tuple[float, ...]:
+        # Segments are nested, and their tree is one, only where each eps is smaller than the one before.
+        if not all(a > b for a, b in pairwise([*epsilons, 0.0])):
+            raise ValueError("they must be greater than 0 and decrease")
+        return epsilons
+
+
+class DetectSettings(Group):
+    """Segments of the whole scan, cut by the evidence of motion."""
+
+    segments: SegmentSettings = SegmentSettings()
+    moved_score: float = Field(0.62, ge=0, le=1, description="score from which on a point has moved")
+    stayed_score: float = Field(0.38, ge=0, le=1, description="score up to which a point has stayed")
+    min_points: int = Field(3, ge=1, description="points of the smallest object")
+    max_side: float = Field(45.0, gt=0, description="m, longest object")
+    min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
+    torn_share: float = Field(
+        0.1, ge=0, le=0.5, description="of its evidence: a segment with more than this both moved and stayed is torn"
+    )
+    torn_points: int = Field(20, ge=1, description="points, and at least as many as this")
+    torn_gap: float = Field(0.3, gt=0, description="m, at which it is split, if its parts are not torn then")
+    silence: float = Field(
+        0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static"
+    )
+
+
+class InstancesSettings(Group):
+    """III-C: what belongs together in one scan."""
+
+    method: Literal["components", "hdbscan"] = "components"
+    max_range: float = Field(80.0, gt=0, description="m, points further away are in no instance")
+    ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are in no instance")
+    hdbscan: HdbscanSettings = HdbscanSettings()
+    components: DetectSettings = DetectSettings()

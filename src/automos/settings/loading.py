@@ -1,0 +1,122 @@
+"""Settings of a run: a preset, changed by a settings file, then by the command line; and back to YAML.
+
+The preset "paper" is the seed paper to the letter; "default" is whatever measures best.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from automos.errors import SettingsError
+from automos.settings.tree import Settings
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {
+        "odometry": {"refine": False},
+        "candidates": {"method": "erasor"},
+        "instances": {"method": "hdbscan"},
+        "tracking": {"method": "paper"},
+    },
+    "default": {},
+}
+
+
+def load_settings(
+    preset: str = "default", file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Return the settings of `preset`, changed by a YAML `file`, then by `overrides` ("tracking.max_misses": 3).
+
+    Raises
+    ------
+    SettingsError : an unknown preset or key (the nearest is named), a value of the wrong type or out of range.
+    """
+    if preset not in PRESETS:
+        raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
+    tree = _merged(Settings().model_dump(), PRESETS[preset])  # groups of one kind differ in their defaults by place
+    if file is not None:
+        tree = _merged(tree, _read_yaml(Path(file)))
+    for dotted, value in (overrides or {}).items():
+        branch: Any = value
+        for key in reversed(dotted.split(".")):
+            branch = {key: branch}
+        tree = _merged(tree, branch)
+    try:
+        return Settings.model_validate(tree)
+    except ValidationError as error:
+        raise SettingsError(_sentence(error)) from None
+
+
+def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
+    """Return the settings written as "tracking.max_misses=3", by their names; values are YAML's.
+
+    Raises
+    ------
+    SettingsError : one of them has no value, or none that YAML understands.
+    """
+    values = {}
+    for item in items or []:
+        key, sign, text = item.partition("=")
+        if not sign:
+            raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
+        try:
+            values[key.strip()] = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise SettingsError(
+                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
+            ) from None
+    return values
+
+
+def dump_yaml(settings: Settings) -> str:
+    """Return the settings as YAML that `load_settings` reads back."""
+    return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False)
+
+
+def keys_of(group: type[BaseModel], prefix: str = "") -> list[str]:
+    """Return the names of the settings and groups in `group`, at any depth ("tracking.max_misses"), after `prefix`."""
+    keys = []
+    for name, field in group.model_fields.items():
+        keys.append(prefix + name)
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            keys += keys_of(field.annotation, f"{prefix}{name}.")
+    return keys
+
+
+def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(base)
+    for key, value in change.items():
+        is_group = isinstance(value, Mapping) and isinstance(out.get(key, {}), Mapping)
+        out[key] = _merged(out.get(key, {}), value) if is_group else value
+    return out
+
+
+def _read_yaml(file: Path) -> dict[str, Any]:
+    try:
+        tree = yaml.safe_load(file.read_text())
+    except OSError as error:
+        raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        why = " ".join(str(error).split())  # YAML's messages draw the place on lines of their own
+        raise SettingsError(f"settings file {file} is not YAML ({why}): `automos settings` prints one") from None
+    if not isinstance(tree, dict | None):
+        raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
+    return tree or {}
+
+
+def _sentence(error: ValidationError) -> str:
+    """Return the first problem of `error` as a sentence that names the key, the value and the nearest known key."""
+    problem = error.errors()[0]
+    path = [str(part) for part in problem["loc"]]
+    key = ".".join(path)
+    if problem["type"] == "extra_forbidden":
+        known = keys_of(Settings)
+        same_name = [k for k in known if (k.split(".")[0], k.rsplit(".", 1)[-1]) == (path[0], path[-1])]
+        near = difflib.get_close_matches(key, same_name or known, 1, 0.0)[0]
+        return f"there is no setting '{key}': did you mean '{near}'? (`automos settings` lists all)"
+    return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"

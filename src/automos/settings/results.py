@@ -1,0 +1,34 @@
+"""What comes out: labels, what is written beside them, the map."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from automos.settings.group import Group
+
+
+class LabelsSettings(Group):
+    """What makes a point moving or static in the end."""
+
+    moving: Literal["sequence", "now"] = Field("sequence", description="moved at some time, or moves in this scan")
+    now_speed: float = Field(0.5, ge=0, description="m/s from which on an object moves now")
+    unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled")
+
+
+class OutputSettings(Group):
+    """What is written per point."""
+
+    confidence: bool = Field(False, description="write confidences/, how sure each point's label is")
+
+    track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
+
+
+class MapSettings(Group):
+    """The map without what moves (paper Fig. 5)."""
+
+    voxel: float = Field(0.1, gt=0, description="m, one point of the map per voxel: the mean of its points")
+    max_range: float = Field(60.0, gt=0, description="m, points used")
+    tile: float = Field(40.0, gt=0, description="m, side of the squares in which the map is made and written")
+    picture_pixels: int = Field(3000, ge=16, le=20000, description="pixels of the pictures' longer side, at most")

@@ -1,0 +1,27 @@
+"""All settings of one run, a branch for each stage."""
+
+from __future__ import annotations
+
+from automos.settings.baselines import BaselinesSettings
+from automos.settings.candidates import CandidatesSettings, SelfTrainingSettings
+from automos.settings.group import Group
+from automos.settings.instances import InstancesSettings
+from automos.settings.network import NetworkSettings
+from automos.settings.odometry import OdometrySettings
+from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
+from automos.settings.tracking import TrackingSettings
+
+
+class Settings(Group):
+    """All settings of one run."""
+
+    odometry: OdometrySettings = OdometrySettings()
+    candidates: CandidatesSettings = CandidatesSettings()
+    instances: InstancesSettings = InstancesSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    labels: LabelsSettings = LabelsSettings()
+    output: OutputSettings = OutputSettings()
+    network: NetworkSettings = NetworkSettings()
+    self_training: SelfTrainingSettings = SelfTrainingSettings()
+    baselines: BaselinesSettings = BaselinesSettings()
+    map: MapSettings = MapSettings()
