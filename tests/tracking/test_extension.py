@@ -103,3 +103,12 @@ def test_pieces_that_the_evidence_leaves_of_something_that_halts_give_way_to_the
 
 def test_no_tracks_stay_no_tracks():
     assert len(extended([seen(), seen(), seen()])[1]) == 0
+
+
+def test_a_tram_that_hangs_together_with_what_it_meets_for_a_while_is_followed_on():
+    tram, both = (20.0, 2.5, 3.3), (20.0, 6.0, 3.3)
+    drives = [(0.8 * i, 0.0, tram, i >= 20) for i in range(50)]
+    way = [(x, 1.75, both, stayed) if 28 <= i < 33 else (x, y, size, stayed)
+           for i, (x, y, size, stayed) in enumerate(drives)]  # fmt: skip
+    scans = [seen(thing) for thing in way]
+    assert extended(scans)[1].scan.tolist() == list(range(50))

@@ -197,3 +197,31 @@ def test_the_middle_of_a_long_box_is_unsure_along_its_length():
     assert across @ tram[:2, :2] @ across == pytest.approx(0.5)
     assert along @ tram[:2, :2] @ across == pytest.approx(0.0)
     assert tram[2:, 2:] == pytest.approx(0.5 * np.eye(5))
+
+
+@pytest.mark.parametrize(
+    ("known", "seen", "expected"),
+    [
+        ([12.0, 2.5], [12.0, 2.5, 0.0], [0.0, 0.0]),
+        ([12.0, 2.5], [6.0, 2.5, 0.0], [0.5 * 6.0, 0.0]),
+        ([12.0, 2.5], [2.5, 6.0, 90.0], [0.5 * 6.0, 0.0]),
+        ([12.0, 2.5], [12.0, 5.5, 180.0], [0.0, 0.5 * 3.0]),
+        ([2.9, 1.8], [1.0, 1.8, 0.0], [0.0, 0.0]),
+    ],
+    ids=["whole", "half of it", "half of it, turned by a quarter", "with what is beside it", "short"],
+)
+def test_the_middle_of_what_is_seen_more_or_less_of_is_unsure(known, seen, expected):
+    settings = SETTINGS.model_copy(update={"unlike_share": 0.5, "whole_side": 3.0})
+    yaw = np.radians(30.0)
+    belief = kalman.start(boxes([0, 0, 0, yaw, *known, 1.5]), settings)
+    box = boxes([0, 0, 0, yaw + np.radians(seen[2]), seen[0], seen[1], 1.5])
+    assert kalman.unlike_sides(belief, box, settings)[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_half_of_a_bus_hardly_moves_it_along_its_length():
+    settings = SETTINGS.model_copy(update={"initial_variance": 0.02, "measurement_variance": 0.02, "unlike_share": 0.3})
+    belief = kalman.start(boxes([0, 0, 0, 0, 12, 2.5, 3]), settings)
+    half = kalman.update(belief, boxes([3, 0.2, 0, 0, 6, 2.5, 3]), settings)
+    assert abs(half.mean[0, 0]) < 0.1
+    assert half.mean[0, 1] == pytest.approx(0.1)
+    assert half.mean[0, 4] > 11.9

@@ -21,6 +21,9 @@ class FilterSettings(Group):
         0.0, ge=0, description="of a long side, by which a box's middle may be off along it"
     )
     whole_side: float = Field(3.0, ge=0, description="m, subtracted from it: sides up to this are seen whole")
+    unlike_share: float = Field(
+        0.0, ge=0, description="of what is seen more or less of a long thing's side, by which its middle may be off"
+    )
 
 
 class AssociationSettings(Group):
@@ -76,9 +79,10 @@ class ExtensionSettings(Group):
         process_velocity_variance=1.0,
         measurement_variance=0.02,
         measurement_share=0.1,
+        unlike_share=0.3,
     )
     gates: FollowSettings = FollowSettings(
-        filter=_FOLLOWING.model_copy(update={"measurement_share": 0.1}),
+        filter=_FOLLOWING.model_copy(update={"measurement_share": 0.1, "unlike_share": 0.3}),
         max_gap=1.5,
         max_size_change=0.8,
         max_climb=0.5,

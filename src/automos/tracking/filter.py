@@ -78,6 +78,9 @@ def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
 def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
     P, R = beliefs.covariance, measurement_noise(boxes, settings)
+    unlike = unlike_sides(beliefs, boxes, settings)
+    R[:, :2, :2] += along(beliefs.mean[:, YAW], unlike)
+    R[:, [4, 5], [4, 5]] += unlike**2
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
     innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
@@ -95,11 +98,30 @@ def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
     Of a tram, more or less comes into sight from scan to scan: the middle of a long box may be off, along its length.
     """
     R = np.broadcast_to(settings.measurement_variance * np.eye(N_MEASURED), (len(boxes), N_MEASURED, N_MEASURED)).copy()
-    c, s = np.cos(boxes.yaw), np.sin(boxes.yaw)
     spread = settings.measurement_share * np.maximum(boxes.size[:, :2] - settings.whole_side, 0.0)
-    for axis, sigma in ((np.stack([c, s], axis=1), spread[:, 0]), (np.stack([-s, c], axis=1), spread[:, 1])):
-        R[:, :2, :2] += (sigma**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    R[:, :2, :2] += along(boxes.yaw, spread)
     return R
+
+
+def unlike_sides(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Array:
+    """Return (K, 2) metres by which the middle may be off along length and width, as more or less is seen than known.
+
+    `beliefs` (K) and `boxes` (K) are paired. A bus half of which is hidden is seen where its other half is; one that
+    hangs together with what is beside it, between the two. Of something short, neither is likely.
+    """
+    turn = boxes.yaw - beliefs.mean[:, YAW]
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    seen = np.stack([c * boxes.size[:, 0] + s * boxes.size[:, 1], s * boxes.size[:, 0] + c * boxes.size[:, 1]], axis=1)
+    known = beliefs.mean[:, SIZE][:, :2]
+    is_long = known.max(axis=1, keepdims=True, initial=0.0) > settings.whole_side
+    return settings.unlike_share * np.where(is_long, np.abs(known - seen), 0.0)
+
+
+def along(yaw: Array, sigma: Array) -> Array:
+    """Return (K, 2, 2) covariances of standard deviations `sigma` (K, 2) along and across the headings `yaw` (K,)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    R = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    return R * sigma[:, None, :] ** 2 @ np.swapaxes(R, -1, -2)
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:

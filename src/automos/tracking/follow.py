@@ -81,6 +81,10 @@ def motion_cost(
     """
     offset = seen.boxes.center[None, :, :] - alive.mean[:, None, :3]  # (K, M, 3)
     noise = kalman.measurement_noise(seen.boxes, settings.filter)[:, :2, :2]
+    if settings.filter.unlike_share:
+        k, j = (index.ravel() for index in np.indices(offset.shape[:2]))
+        unlike = kalman.unlike_sides(alive[k], seen.boxes[j], settings.filter)
+        noise = noise + kalman.along(alive.mean[k, kalman.YAW], unlike).reshape(*offset.shape[:2], 2, 2)
     squared = _mahalanobis(offset[..., :2], alive.covariance[:, None, :2, :2] + noise)
     climb = np.abs(offset[..., 2])
     size_before = np.sort(np.maximum(alive.mean[:, None, 4:6], 0.1), axis=-1)
