@@ -25,7 +25,7 @@
       [Look.count(data.scans), "scans", data.has_clock ? `${Look.duration(lasts)}, ${Look.count(data.length)} m driven` : `${Look.count(data.length)} m driven`],
       [Look.percent(share, 2), "of all points move", `${Look.count(total[2])} points`],
       [Look.count(verdicts.moving), "objects move", `${Look.count(verdicts.static)} stand still${verdicts.unknown ? `, ${verdicts.unknown} unsure` : ""}`],
-      [Look.percent(points ? total[0] / points : 0, 1), "without a label", `${Look.count(total[0])} points`],
+      [Look.percent(points ? total[0] / points : 0, 2), "without a label", `${Look.count(total[0])} points`],
     ];
     if (data.truth) cards.push([Look.percent(data.truth.all.iou), "IoU of what moves", "against the truth"]);
     if (spent) cards.push([Look.duration(spent), "of computing", `${(spent / data.scans).toFixed(2)} s a scan`]);
@@ -76,7 +76,8 @@
     const heads = ["", "IoU", "precision", "recall", "rightly moving", "wrongly moving", "missed"];
     put("scores-body",
       element("p", { class: "soft" }, `Counted as SemanticKITTI's moving-object benchmark counts, on ${Look.count(data.truth.n_scans)} scans with truth` +
-        (data.truth.objects ? `; ${data.truth.found} of ${data.truth.objects} moving objects were found (half of their points or more).` : ".")),
+        (data.truth.objects ? `; ${data.truth.found} of ${data.truth.objects} moving objects were found (half of their points or more)` : "") +
+        (data.truth.untold ? `; ${Look.count(data.truth.untold)} points have no truth and are left out.` : ".")),
       element("div", { class: "scroll" }, element("table", {},
         element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", {}, h)))),
         element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((c) => element("td", {}, c))))))));
