@@ -334,6 +334,19 @@ def test_finishing_waits_for_decisions_on_their_way(browser, server):
 
 
 @pytest.mark.browser
+def test_the_report_says_what_a_person_decided_in_the_words_of_the_review(browser, server):
+    server.session.decide(1, "unknown")
+    server.session.finish()
+    browser.get((server.session.run.folder / "report.html").as_uri())
+    assert wait_for(browser, "document.querySelector('#tracks-body .tag.unknown')").text == "unsure"
+    shown = browser.find_element("tag name", "body").text
+    assert "✓ reviewed" in shown
+    assert "1 verdict was decided by a person" in shown
+    assert "unsure 1" in shown
+    assert "unknown" not in shown
+
+
+@pytest.mark.browser
 def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server):
     browser.get(server.url)
     first = wait_for(browser, "document.body.dataset.shown")

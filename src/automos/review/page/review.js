@@ -2,7 +2,7 @@
 /* Steps through the objects, shows each, sends what is decided. */
 (() => {
   const byId = (id) => document.getElementById(id);
-  const { element, colors } = Look;
+  const { element } = Look;
   const GROUND = 0, OTHER = 2, OWN = 3;
   const space = makeSpace(byId("space"));
   const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
@@ -39,7 +39,7 @@
       "aria-current": `${track === current}`, "data-id": track.id, tabindex: "-1", onclick: (event) => { event.currentTarget.blur(); open(track); },
     },
     element("span", { class: "figure" }, `${track.id}`),
-    element("span", {}, element("span", { class: `tag ${verdictOf(track)}` }, verdictOf(track) === "unknown" ? "unsure" : verdictOf(track))),
+    element("span", {}, element("span", { class: `tag ${verdictOf(track)}` }, Look.word(verdictOf(track)))),
     track.decided ? element("span", { class: "tick", title: "decided by you" }, outbox.tracks().includes(track.id) ? "…" : "✓")
       : element("span", { class: "figure" }, track.confidence.toFixed(2))))));
     byId("queue").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
@@ -166,7 +166,7 @@
   function drawFacts() {
     const fact = (name, value) => element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
     byId("facts").replaceChildren(
-      fact("object", `${current.id}`), fact("found", `${current.verdict === "unknown" ? "unsure" : current.verdict}, confidence ${current.confidence.toFixed(2)}`),
+      fact("object", `${current.id}`), fact("found", `${Look.word(current.verdict)}, confidence ${current.confidence.toFixed(2)}`),
       fact("seen in", `${current.seen} scans`), fact("moved", `${current.moved.toFixed(1)} m`), fact("size", `${current.size.map((s) => s.toFixed(1)).join(" × ")} m`));
     for (const button of document.querySelectorAll(".choice")) button.setAttribute("aria-pressed", `${button.dataset.verdict === current.decided}`);
   }

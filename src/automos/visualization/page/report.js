@@ -37,7 +37,7 @@
     put("caveats", element("h2", {}, sentences.length ? "Worth knowing" : "No warnings: no drift was seen, no scan is missing, the sensor stands level."),
       ...(sentences.length ? [element("ul", {}, ...sentences.map((sentence) => element("li", {}, sentence)))] : []));
     const decided = data.run.review && data.run.review.decisions;
-    put("foot", `Written ${data.made} by AutoMOS ${data.version}.${decided ? ` ${decided} verdicts were decided by a person.` : ""}`);
+    put("foot", `Written ${data.made} by AutoMOS ${data.version}.${decided ? ` ${decided} ${decided === 1 ? "verdict was" : "verdicts were"} decided by a person.` : ""}`);
     put("legend", ...[["moving", "moved here"], ["static", "stands still"], ["path", "where the sensor drove"],
       ...(data.truth ? [["false", "moving, wrongly"], ["missed", "moving, missed"]] : [])].map(
       ([name, text]) => element("span", { style: `--color:${Look.colors[name]}` }, text)));
@@ -110,7 +110,7 @@
   const map = makeMap(byId("map"), data, {
     hover(id) {
       const track = byTrack.get(id);
-      put("hint", track ? `object ${id}: ${track.verdict}, confidence ${track.confidence.toFixed(2)}, ${track.speed.toFixed(1)} m/s` : "");
+      put("hint", track ? `object ${id}: ${Look.word(track.verdict)}, confidence ${track.confidence.toFixed(2)}, ${track.speed.toFixed(1)} m/s` : "");
     },
     click(id) { choose(byTrack.get(id) || null, false); },
   });
