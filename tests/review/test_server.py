@@ -371,6 +371,7 @@ def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server)
     body = browser.find_element("tag name", "body")
     body.send_keys("u")
     wait_for(browser, "document.querySelector('#saved.problem')")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
     body.send_keys("u")
     wait_for(browser, "document.querySelector('#saved.problem')?.textContent.startsWith('2 decisions are not saved')")
     browser.find_element("id", "finish").click()
@@ -384,6 +385,24 @@ def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server)
     wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
     assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["unknown", "unknown"]
     assert browser.find_element("id", "over-text").text.startswith("2 objects were decided")
+
+
+@pytest.mark.browser
+def test_an_object_that_is_not_drawn_yet_is_not_decided_on(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.execute_script("""
+        const send = window.fetch.bind(window);
+        window.fetch = (path, options) => path.startsWith("api/scene") ? new Promise(() => {}) : send(path, options);
+    """)
+    body = browser.find_element("tag name", "body")
+    last = server.session.overview()["tracks"][-1]["id"]  # beyond what is fetched ahead
+    browser.execute_script(f"document.querySelector('#queue [data-id=\"{last}\"]').click()")
+    body.send_keys("u")
+    browser.execute_script(f"document.querySelector('#queue [data-id=\"{first}\"]').click()")
+    body.send_keys("s")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [(d.track, d.verdict) for d in read_decisions(server.session.run.folder)] == [(int(first), "static")]
 
 
 @pytest.mark.browser

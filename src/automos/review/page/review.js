@@ -16,7 +16,7 @@
       answer = await fetch(path, sent);
       content = await answer.json();
     } catch {
-      throw new Error("automos review does not answer; is it still running?");
+      throw new Error("automos review does not answer, it may have ended");
     }
     if (!answer.ok) throw new Error(content.error);
     return content;
@@ -73,6 +73,7 @@
     current = track;
     scene = null; // of the object before
     drawAbove();
+    if (space) space.show(new Float32Array(), new Float32Array());
     drawQueue();
     drawFacts();
     try {
@@ -173,7 +174,7 @@
 
   // ---------------------------------------------------------------------------------------------------- deciding
   function decide(verdict) {
-    if (!current) return;
+    if (!scene) return; // nobody decides on what is not drawn yet
     const track = current;
     track.decided = verdict === "undo" ? null : verdict;
     outbox.add({ track: track.id, verdict });
@@ -226,8 +227,8 @@
     try {
       await outbox.send();
     } catch (error) {
-      const left = outbox.tracks().join(", ");
-      return over("Not all could be saved", `What you decided on object ${left} is not saved: ${error.message} Leave this page open, go back and finish again.`);
+      const left = outbox.tracks();
+      return over("Not all could be saved", `What you decided on ${left.length === 1 ? "object" : "objects"} ${left.join(", ")} is not saved: ${error.message}. Leave this page open, go back and finish again.`);
     }
     try {
       const done = (await ask("api/finish", {})).decided;
