@@ -366,20 +366,24 @@ def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server
 def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server):
     browser.get(server.url)
     first = wait_for(browser, "document.body.dataset.shown")
-    hinder_decisions(browser, "if (window.isCut) throw new TypeError('Failed to fetch');")
-    browser.execute_script("window.isCut = true")
+    browser.execute_script("window.send = window.fetch.bind(window)")
+    hinder_decisions(browser, "throw new TypeError('Failed to fetch');")
     body = browser.find_element("tag name", "body")
     body.send_keys("u")
     wait_for(browser, "document.querySelector('#saved.problem')")
     wait_for(browser, f"document.body.dataset.shown !== '{first}'")
     body.send_keys("u")
     wait_for(browser, "document.querySelector('#saved.problem')?.textContent.startsWith('2 decisions are not saved')")
+    browser.execute_script("window.fetch = () => Promise.reject(new TypeError('Failed to fetch'))")
+    browser.execute_script("[...document.querySelectorAll('#queue button')].at(-1).click()")  # cannot be drawn
+    browser.execute_async_script("setTimeout(arguments[0], 300)")
+    assert browser.find_element("id", "saved").text.startswith("2 decisions are not saved")
     browser.find_element("id", "finish").click()
     wait_for(browser, "document.getElementById('over-title').textContent === 'Not all could be saved'")
     assert f"{first}, " in browser.find_element("id", "over-text").text
     assert read_decisions(server.session.run.folder) == []
 
-    browser.execute_script("window.isCut = false")
+    browser.execute_script("window.fetch = send")
     browser.find_element("id", "over-back").click()
     browser.find_element("id", "finish").click()
     wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)

@@ -8,6 +8,7 @@
   const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
   const scenes = new Map(); // promises, by track id
   let run = null, queue = [], filter = "all", current = null, scene = null, moment = 0, timer = null, isAll = false;
+  let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
   async function ask(path, body) {
     const sent = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
@@ -185,11 +186,13 @@
     tell("saving …");
     outbox.send().then(watch, (error) => {
       const what = outbox.length === 1 ? "1 decision is not saved" : `${outbox.length} decisions are not saved`;
-      tell(`${what}, and will be sent again with the next one or with Finish: ${error.message}`, true);
+      unsaved = `${what}, and will be sent again with the next one or with Finish: ${error.message}`;
+      tell(unsaved, true);
     });
   }
 
   function saved({ track }) {
+    if (!outbox.length) unsaved = "";
     const tick = byId("queue").querySelector(`[data-id="${track}"] .tick`);
     if (tick && !outbox.tracks().includes(track)) tick.textContent = "✓";
   }
@@ -209,8 +212,8 @@
   }
 
   function tell(text, isProblem = false) {
-    byId("saved").textContent = text;
-    byId("saved").classList.toggle("problem", isProblem);
+    byId("saved").textContent = unsaved || text;
+    byId("saved").classList.toggle("problem", isProblem || unsaved !== "");
   }
 
   function over(title, text, isBusy = false) {
