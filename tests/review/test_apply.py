@@ -12,7 +12,7 @@ from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.labels import Label
 from automos.review.apply import decided_labels, reapply, rewrite_scan
-from automos.review.decisions import Decision, append_decision, read_decisions
+from automos.review.decisions import Cover, Decision, append_decision, read_decisions
 from automos.review.matching import cover_track, match
 from automos.review.run_stages import RunStages
 from automos.tracking.verdict import Verdict
@@ -149,6 +149,21 @@ def test_a_decision_follows_its_points_when_the_numbers_of_tracks_change(run, re
         wrong_number = (track + 1) % len(stages.tracks) + 1
         decision = Decision(AT, wrong_number, "moving", "static", "of another run", covers)
         assert match(stages, [decision]) == ({track: "moving"}, [])
+
+
+def test_a_decision_is_not_taken_over_by_what_brushed_past_once(run, recording):
+    stages = stages_of(run, recording)
+    track = moving_track(stages)
+    covers = cover_track(stages, track)
+    first, *others = sorted(covers)[:4]
+    nobodys = {}
+    for name in others:
+        i = stages.names.index(name)
+        nobodys[name] = Cover(3, stages.frame(i).kept[np.flatnonzero(stages.track_of_points(i) < 0)[:3]].tolist())
+    of_another = Decision(AT, 1, "unknown", "static", "another run", {first: covers[first], **nobodys})
+    assert match(stages, [of_another]) == ({}, [of_another])
+    of_its_own = Decision(AT, 1, "unknown", "static", "another run", {name: covers[name] for name in (first, *others)})
+    assert match(stages, [of_its_own]) == ({track: "unknown"}, [])
 
 
 def test_a_decision_that_finds_no_track_is_told_in_a_sentence_and_stays_in_the_log(run, recording):

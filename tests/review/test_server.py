@@ -11,6 +11,7 @@ import pytest
 
 from automos.export.open_run import open_run
 from automos.labels import Label
+from automos.review import session as session_module
 from automos.review.decisions import read_decisions
 from automos.review.server import ReviewServer
 from automos.review.session import Session
@@ -131,6 +132,116 @@ def test_a_decision_is_in_the_log_at_once_and_soon_in_labels_tracks_and_report(s
     assert '"reviewed":true' in (run / "report.html").read_text()
 
 
+def test_finishing_waits_for_a_decision_that_has_come_but_is_not_logged_yet(server, monkeypatch):
+    is_deciding, real = threading.Event(), session_module.cover_track
+
+    def slow(*args):
+        is_deciding.set()
+        time.sleep(0.5)
+        return real(*args)
+
+    monkeypatch.setattr(session_module, "cover_track", slow)
+    run = server.session.run.folder
+    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")
+    before = count_moving(run)
+    deciding = threading.Thread(target=ask, args=(server, "/api/decide", {"track": moving["id"], "verdict": "static"}))
+    deciding.start()
+    assert is_deciding.wait(10)
+    status, text = ask(server, "/api/finish", {})
+    assert (status, json.loads(text)["decided"]) == (200, 1)
+    assert [d.track for d in read_decisions(run)] == [moving["id"]]
+    assert count_moving(run) < before
+    assert '"reviewed":true' in (run / "report.html").read_text()
+    deciding.join()
+
+
+def test_decisions_are_logged_in_the_order_in_which_they_came(server, monkeypatch):
+    is_deciding, real = threading.Event(), session_module.cover_track
+
+    def slow_at_first(*args):
+        if not is_deciding.is_set():
+            is_deciding.set()
+            time.sleep(0.3)
+        return real(*args)
+
+    monkeypatch.setattr(session_module, "cover_track", slow_at_first)
+    first = threading.Thread(target=ask, args=(server, "/api/decide", {"track": 1, "verdict": "moving"}))
+    first.start()
+    assert is_deciding.wait(10)
+    assert ask(server, "/api/decide", {"track": 1, "verdict": "unknown"})[0] == 200
+    first.join()
+    assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["moving", "unknown"]
+    assert server.session.decided == {0: "unknown"}
+
+
+def test_many_decisions_on_one_object_are_all_done_with_in_the_end(server):
+    for verdict in ("moving", "static", "unknown") * 4:  # while the first is written, others wait
+        assert ask(server, "/api/decide", {"track": 1, "verdict": verdict})[0] == 200
+    status, text = ask(server, "/api/finish", {})
+    assert status == 200
+    assert json.loads(text) == {"waiting": 0, "problem": None, "decided": 1}
+    assert len(read_decisions(server.session.run.folder)) == 12
+
+
+def test_a_review_goes_on_after_finishing_until_it_is_closed(server):
+    run = server.session.run.folder
+    for verdict in ("unknown", "static"):
+        assert ask(server, "/api/decide", {"track": 1, "verdict": verdict})[0] == 200
+        assert ask(server, "/api/finish", {})[0] == 200
+        assert json.loads((run / "tracks.json").read_text())["tracks"][0]["verdict"] == verdict
+
+
+def test_a_decision_after_the_end_of_the_review_is_refused_in_a_sentence(server):
+    server.session.close()
+    status, text = ask(server, "/api/decide", {"track": 1, "verdict": "unknown"})
+    assert status == 400
+    assert json.loads(text)["error"] == (
+        "this review has ended, and object 1 was not decided on; run automos review again and decide there"
+    )
+    assert read_decisions(server.session.run.folder) == []
+
+
+def test_a_decision_is_refused_at_once_while_the_last_ones_are_written(server, monkeypatch):
+    is_writing, may_end, real = threading.Event(), threading.Event(), session_module.write_report
+
+    def slow(*args):
+        is_writing.set()
+        assert may_end.wait(20)
+        real(*args)
+
+    monkeypatch.setattr(session_module, "write_report", slow)
+    assert ask(server, "/api/decide", {"track": 1, "verdict": "unknown"})[0] == 200
+    closing = threading.Thread(target=server.session.close)
+    closing.start()
+    assert is_writing.wait(10)
+    status, text = ask(server, "/api/decide", {"track": 2, "verdict": "unknown"})
+    may_end.set()
+    closing.join()
+    assert (status, "this review has ended" in text) == (400, True)
+    assert [d.track for d in read_decisions(server.session.run.folder)] == [1]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ValueError("something else")])
+def test_what_could_not_be_written_is_told_and_tried_again(server, monkeypatch, error):
+    run, real = server.session.run.folder, session_module.rewrite_scan
+    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")
+    before = count_moving(run)
+
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(session_module, "rewrite_scan", fail)
+    assert ask(server, "/api/decide", {"track": moving["id"], "verdict": "static"})[0] == 200
+    status, text = ask(server, "/api/finish", {})
+    assert status == 400
+    assert str(error.args[-1]) in json.loads(text)["error"]
+    assert count_moving(run) == before
+    monkeypatch.setattr(session_module, "rewrite_scan", real)
+    status, text = ask(server, "/api/finish", {})
+    assert (status, json.loads(text)["problem"]) == (200, None)
+    assert count_moving(run) < before
+
+
 def count_moving(run):
     return sum(int((np.fromfile(p, np.uint32) & 0xFFFF == Label.MOVING).sum()) for p in (run / "predictions").iterdir())
 
@@ -194,3 +305,116 @@ def test_finishing_writes_the_report_and_says_so(browser, server):
     browser.find_element("id", "finish").click()
     wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
     assert (server.session.run.folder / "report.html").exists()
+
+
+def hinder_decisions(browser, body):
+    """Have `body`, JavaScript, run before each decision is sent; `count` numbers them from 1."""
+    browser.execute_script(f"""
+        const send = window.fetch.bind(window);
+        let count = 0;
+        window.fetch = async (path, options) => {{
+            if (path === "api/decide") {{ count += 1; {body} }}
+            return send(path, options);
+        }};
+    """)
+
+
+@pytest.mark.browser
+def test_finishing_waits_for_decisions_on_their_way(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    hinder_decisions(browser, "await new Promise((done) => setTimeout(done, 700));")
+    browser.find_element("tag name", "body").send_keys("u")
+    browser.find_element("id", "finish").click()
+    wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
+    run = server.session.run.folder
+    assert [(d.track, d.verdict) for d in read_decisions(run)] == [(int(first), "unknown")]
+    assert json.loads((run / "tracks.json").read_text())["tracks"][int(first) - 1]["verdict"] == "unknown"
+    assert '"reviewed":true' in (run / "report.html").read_text()
+
+
+@pytest.mark.browser
+def test_the_report_says_what_a_person_decided_in_the_words_of_the_review(browser, server):
+    server.session.decide(1, "unknown")
+    server.session.finish()
+    browser.get((server.session.run.folder / "report.html").as_uri())
+    assert wait_for(browser, "document.querySelector('#tracks-body .tag.unknown')").text == "unsure"
+    shown = browser.find_element("tag name", "body").text
+    assert "✓ reviewed" in shown
+    assert "1 verdict was decided by a person" in shown
+    assert "unsure 1" in shown
+    assert "unknown" not in shown
+
+
+@pytest.mark.browser
+def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    hinder_decisions(browser, "if (count === 1) await new Promise((done) => setTimeout(done, 2500));")
+    body = browser.find_element("tag name", "body")
+    body.send_keys("u")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    body.send_keys("\ue013")  # arrow up
+    wait_for(browser, f"document.body.dataset.shown === '{first}'")
+    body.send_keys("s")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["unknown", "static"]
+    assert server.session.decided == {int(first) - 1: "static"}
+
+
+@pytest.mark.browser
+def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.execute_script("window.send = window.fetch.bind(window)")
+    hinder_decisions(browser, "throw new TypeError('Failed to fetch');")
+    body = browser.find_element("tag name", "body")
+    body.send_keys("u")
+    wait_for(browser, "document.querySelector('#saved.problem')")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    body.send_keys("u")
+    wait_for(browser, "document.querySelector('#saved.problem')?.textContent.startsWith('2 decisions are not saved')")
+    browser.execute_script("window.fetch = () => Promise.reject(new TypeError('Failed to fetch'))")
+    browser.execute_script("[...document.querySelectorAll('#queue button')].at(-1).click()")  # cannot be drawn
+    browser.execute_async_script("setTimeout(arguments[0], 300)")
+    assert browser.find_element("id", "saved").text.startswith("2 decisions are not saved")
+    browser.find_element("id", "finish").click()
+    wait_for(browser, "document.getElementById('over-title').textContent === 'Not all could be saved'")
+    assert f"{first}, " in browser.find_element("id", "over-text").text
+    assert read_decisions(server.session.run.folder) == []
+
+    browser.execute_script("window.fetch = send")
+    browser.find_element("id", "over-back").click()
+    browser.find_element("id", "finish").click()
+    wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
+    assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["unknown", "unknown"]
+    assert browser.find_element("id", "over-text").text.startswith("2 objects were decided")
+
+
+@pytest.mark.browser
+def test_an_object_that_is_not_drawn_yet_is_not_decided_on(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.execute_script("""
+        const send = window.fetch.bind(window);
+        window.fetch = (path, options) => path.startsWith("api/scene") ? new Promise(() => {}) : send(path, options);
+    """)
+    body = browser.find_element("tag name", "body")
+    last = server.session.overview()["tracks"][-1]["id"]  # beyond what is fetched ahead
+    browser.execute_script(f"document.querySelector('#queue [data-id=\"{last}\"]').click()")
+    body.send_keys("u")
+    browser.execute_script(f"document.querySelector('#queue [data-id=\"{first}\"]').click()")
+    body.send_keys("s")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [(d.track, d.verdict) for d in read_decisions(server.session.run.folder)] == [(int(first), "static")]
+
+
+@pytest.mark.browser
+def test_a_key_held_down_decides_once(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    for is_repeat in ("false", "true", "true"):
+        event = f"new KeyboardEvent('keydown', {{ key: 'u', bubbles: true, repeat: {is_repeat} }})"
+        browser.execute_script(f"document.body.dispatchEvent({event})")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [d.track for d in read_decisions(server.session.run.folder)] == [int(first)]

@@ -65,6 +65,17 @@ def test_the_page_asks_nothing_of_the_network(page):
     assert re.findall(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?!data:)", text) == []
 
 
+def test_points_without_truth_are_left_out_and_counted(lane_run, tmp_path):
+    recording = shutil.copytree(lane_run.parent / "lane", tmp_path / "lane")
+    all_told = survey(open_run(lane_run, recording))["truth"]
+    first = sorted((recording / "labels").iterdir())[0]
+    truth = np.fromfile(first, np.uint32)
+    n_told, truth[:100] = int((truth[:100] > 0).sum()), 0
+    truth.tofile(first)
+    assert n_told > 50
+    assert survey(open_run(lane_run, recording))["truth"]["untold"] == all_told["untold"] + n_told
+
+
 def test_a_run_without_truth_has_no_scores(lane_run, tmp_path):
     shutil.copytree(lane_run.parent / "lane", tmp_path / "lane", ignore=shutil.ignore_patterns("labels"))
     assert survey(open_run(lane_run, tmp_path / "lane"))["truth"] is None

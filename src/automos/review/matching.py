@@ -13,7 +13,8 @@ from automos.review.run_stages import RunStages
 MOMENTS = 12
 """Scans of a track that a decision remembers, evenly over its life."""
 SHARED = 0.5
-"""Share of the decided points that a track must hold, and of the track's points that must have been decided on."""
+"""Share of the decided points that a track must hold, in the scans where it holds any, and of the track's points, in
+all remembered scans, that must have been decided on."""
 LIFE = 0.25
 """Share of the remembered scans in which a track must be, for brushing past an object is not being it."""
 
@@ -67,11 +68,12 @@ def _holders(stages: RunStages, decision: Decision, owners: dict[str, np.ndarray
         if name not in owners:
             owners[name] = stages.frame(index[name]).scatter(stages.track_of_points(index[name]), fill=-1)
         owner = owners[name]
+        for track, n_points in zip(*np.unique(owner[owner >= 0], return_counts=True), strict=True):
+            theirs[int(track)] += n_points  # where nothing of it was decided on, too: it may only have brushed past
         rows = [row for row in covered.rows if row < len(owner)]
         for track, hits in zip(*np.unique(owner[rows], return_counts=True), strict=True):
             if track >= 0:
                 shared[int(track)] += hits / len(covered.rows) * covered.n_points
-                theirs[int(track)] += int((owner == track).sum())
                 ours[int(track)] += covered.n_points
                 scans[int(track)] += 1
     return [

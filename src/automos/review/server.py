@@ -24,7 +24,7 @@ _log = logging.getLogger(__name__)
 HOST = "127.0.0.1"
 MAX_BODY = 1000
 """Bytes a decision may have."""
-_OWN = ("review.html", "review.css", "review.js", "review_gl.js")
+_OWN = ("review.html", "review.css", "review.js", "review_gl.js", "review_above.js", "review_outbox.js")
 _SHARED = ("look.css", "look.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
 
@@ -102,7 +102,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.server.session.status()
 
     def _finish(self) -> dict[str, Any]:
-        self.server.session.close()
+        self.server.session.finish()
         return self.server.session.status()
 
     # ------------------------------------------------------------------------------------------------- in and out

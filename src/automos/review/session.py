@@ -40,6 +40,8 @@ class Session:
         reapply(run.folder, run.sequence, progress)
         self.decided, self.lost = match(self.stages, read_decisions(run.folder))
         self.problem: str | None = None
+        self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through
+        self._has_ended = False
         self._reading = threading.Lock()
         self._deciding = threading.Lock()
         self._queue: Queue[int | None] = Queue()
@@ -77,8 +79,8 @@ class Session:
             return scene(self.stages, track - 1)
 
     def status(self) -> dict[str, Any]:
-        """Return how many decisions are still to be written into the labels, and what went wrong if anything did."""
-        return {"waiting": self._queue.unfinished_tasks, "problem": self.problem}
+        """Return how many decisions hold, how many are still to be written, and what went wrong if anything did."""
+        return {"waiting": self._queue.unfinished_tasks, "problem": self.problem, "decided": len(self.decided)}
 
     # ------------------------------------------------------------------------------------------------ what is decided
     def decide(self, track: int, verdict: str) -> None:
@@ -87,58 +89,93 @@ class Session:
         Raises
         ------
         InputError
-            There is no such track or verdict, or the log cannot be written.
+            There is no such track or verdict, the log cannot be written, or the review has ended.
         """
         self._require(track)
         if verdict not in CHOICES:
             raise InputError(f"{verdict!r} is no verdict: decide on {', '.join(CHOICES)}")
-        with self._reading:
-            covers = cover_track(self.stages, track - 1)
-        found = Verdict(self.stages.verdicts.verdict[track - 1]).name.lower()
-        decision = Decision(now(), track, verdict, found, self.stages.keys["tracking"], covers)
-        with self._deciding:
+        self._require_open(track)
+        with self._gate:
+            self._require_open(track)
+            with self._reading:
+                covers = cover_track(self.stages, track - 1)
+            found = Verdict(self.stages.verdicts.verdict[track - 1]).name.lower()
+            decision = Decision(now(), track, verdict, found, self.stages.keys["tracking"], covers)
             append_decision(self.run.folder, decision)
-            if verdict == "undo":
-                self.decided.pop(track - 1, None)
-            else:
-                self.decided[track - 1] = verdict
-        self._queue.put(track - 1)
+            with self._deciding:
+                if verdict == "undo":
+                    self.decided.pop(track - 1, None)
+                else:
+                    self.decided[track - 1] = verdict
+            self._queue.put(track - 1)
+
+    def finish(self) -> None:
+        """Wait until every decision is in the results, then write the report if any was made; the review goes on.
+
+        Raises
+        ------
+        InputError
+            Something could not be written. It is tried again when finishing next.
+        """
+        with self._gate:
+            self._finish()
 
     def close(self) -> None:
-        """Wait until every decision is in the results, then write the report if any was made.
+        """Finish, and refuse whatever is decided from now on.
 
         Raises
         ------
         InputError
             Something could not be written.
         """
+        self._has_ended = True  # before the gate, so that who comes late is told so at once
+        with self._gate:
+            self._finish()
+
+    def _finish(self) -> None:
+        if self.problem is not None:
+            self._queue.put(None)
         self._queue.join()
         if self.problem is not None:
             raise InputError(f"{self.problem}; the decisions are in the log: run automos review again to apply them")
         if self._is_stale:
             fresh = RunFiles(self.run.folder, self.run.sequence)  # its tracks are read anew
-            write_report(fresh, self.run.folder / "report.html")
+            path = self.run.folder / "report.html"
+            try:
+                write_report(fresh, path)
+            except OSError as error:
+                raise InputError(f"{path} cannot be written ({error.strerror}): free some space") from error
             self._is_stale = False
 
     def _require(self, track: int) -> None:
         if not 1 <= track <= len(self.stages.tracks):
             raise InputError(f"there is no object {track}: they are numbered from 1 to {len(self.stages.tracks)}")
 
+    def _require_open(self, track: int) -> None:
+        if self._has_ended:
+            raise InputError(
+                f"this review has ended, and object {track} was not decided on; run automos review again and decide "
+                "there"
+            )
+
     def _write_decided(self) -> None:
         stages = RunStages(self.run.folder, self.run.sequence)  # of its own, so that looking never waits for writing
+        unwritten: set[int] = set()
         while True:
-            tracks = {self._queue.get()}
+            taken = [self._queue.get()]
             while not self._queue.empty():
-                tracks.add(self._queue.get())
+                taken.append(self._queue.get())
+            unwritten.update(track for track in taken if track is not None)  # None: try again what failed before
             with self._deciding:
                 decided = dict(self.decided)
             try:
-                for i in scans_of(stages, [track for track in tracks if track is not None]):
+                for i in scans_of(stages, unwritten):
                     rewrite_scan(stages, i, decided)
                 rewrite_run(stages, decided, self.lost)
-                self._is_stale = True
-            except (AutomosError, OSError) as error:
-                self.problem = str(error)
+                unwritten.clear()
+                self.problem, self._is_stale = None, True
+            except Exception as error:  # whatever it is, the one who waits for this thread must hear of it
+                self.problem = str(error) if isinstance(error, (AutomosError, OSError)) else repr(error)
                 _log.exception("decisions could not be written into the results")
-            for _ in range(len(tracks)):
+            for _ in taken:
                 self._queue.task_done()

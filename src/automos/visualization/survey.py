@@ -162,6 +162,7 @@ class _Truth:
             "objects": len(recall),
             "found": int((recall >= FOUND).sum()),
             "n_scans": self._counts.n_scans,
+            "untold": int(self._counts.confusion[:, Label.UNLABELED].sum()),  # points without truth in these scans
         }
 
 

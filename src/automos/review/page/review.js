@@ -2,17 +2,23 @@
 /* Steps through the objects, shows each, sends what is decided. */
 (() => {
   const byId = (id) => document.getElementById(id);
-  const { element, colors } = Look;
+  const { element } = Look;
   const GROUND = 0, OTHER = 2, OWN = 3;
   const space = makeSpace(byId("space"));
+  const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
   const scenes = new Map(); // promises, by track id
   let run = null, queue = [], filter = "all", current = null, scene = null, moment = 0, timer = null, isAll = false;
+  let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
   async function ask(path, body) {
-    const answer = await fetch(path, body === undefined ? {} : {
-      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
-    });
-    const content = await answer.json();
+    const sent = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+    let answer, content;
+    try {
+      answer = await fetch(path, sent);
+      content = await answer.json();
+    } catch {
+      throw new Error("automos review does not answer, it may have ended");
+    }
     if (!answer.ok) throw new Error(content.error);
     return content;
   }
@@ -34,8 +40,8 @@
       "aria-current": `${track === current}`, "data-id": track.id, tabindex: "-1", onclick: (event) => { event.currentTarget.blur(); open(track); },
     },
     element("span", { class: "figure" }, `${track.id}`),
-    element("span", {}, element("span", { class: `tag ${verdictOf(track)}` }, verdictOf(track) === "unknown" ? "unsure" : verdictOf(track))),
-    track.decided ? element("span", { class: "tick", title: "decided by you" }, "✓")
+    element("span", {}, element("span", { class: `tag ${verdictOf(track)}` }, Look.word(verdictOf(track)))),
+    track.decided ? element("span", { class: "tick", title: "decided by you" }, outbox.tracks().includes(track.id) ? "…" : "✓")
       : element("span", { class: "figure" }, track.confidence.toFixed(2))))));
     byId("queue").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
     const done = run.tracks.filter((track) => track.decided).length;
@@ -66,6 +72,9 @@
 
   async function open(track) {
     current = track;
+    scene = null; // of the object before
+    drawAbove();
+    if (space) space.show(new Float32Array(), new Float32Array());
     drawQueue();
     drawFacts();
     try {
@@ -137,47 +146,7 @@
     return new Float32Array(out);
   }
 
-  function drawAbove() {
-    const { context, width, height } = Look.fit(byId("above"));
-    if (!scene) return;
-    const zoom = Math.min(width, height) / (2 * scene.half);
-    const toPage = (x, y) => [width / 2 + x * zoom, height / 2 - y * zoom];
-    const dot = (i, color, size) => {
-      const [px, py] = toPage(scene.points[3 * i], scene.points[3 * i + 1]);
-      context.fillStyle = color;
-      context.fillRect(px - size / 2, py - size / 2, size, size);
-    };
-    for (let i = scene.starts[moment]; i < scene.starts[moment + 1]; i++) {
-      if (scene.kinds[i] !== OWN) dot(i, ["#eceff1", "#aab3ba", "#8fd3a8"][scene.kinds[i]], 1.4);
-    }
-    const ramp = { moving: [150, 76, 30], static: [205, 20, 12], unknown: [40, 90, 50] }[verdictOf(current)];
-    const last = Math.max(scene.moments.length - 1, 1);
-    for (let m = 0; m < scene.moments.length; m++) {
-      const color = `hsl(${ramp[0]} ${ramp[1]}% ${78 - (m / last) * (78 - ramp[2])}%)`;
-      for (let i = scene.starts[m]; i < scene.starts[m + 1]; i++) if (scene.kinds[i] === OWN) dot(i, color, 1.8);
-    }
-    context.strokeStyle = "#8a4fd0";
-    context.lineWidth = 1.5;
-    context.beginPath();
-    for (const { box } of scene.moments) context.lineTo(...toPage(box[0], box[1]));
-    context.stroke();
-    const { box, sensor } = scene.moments[moment];
-    context.save();
-    context.translate(...toPage(box[0], box[1]));
-    context.rotate(-box[6]);
-    context.lineWidth = 2;
-    context.strokeStyle = colors[verdictOf(current)];
-    context.strokeRect((-box[3] * zoom) / 2, (-box[4] * zoom) / 2, box[3] * zoom, box[4] * zoom);
-    context.restore();
-    context.beginPath();
-    context.arc(...toPage(sensor[0], sensor[1]), 4, 0, 2 * Math.PI);
-    context.fillStyle = colors.path;
-    context.fill();
-    const meters = [1, 2, 5, 10, 20].find((m) => m * zoom > 50) || 20;
-    context.fillRect(14, height - 14, meters * zoom, 2);
-    context.font = "12px system-ui, sans-serif";
-    context.fillText(`${meters} m`, 14, height - 19);
-  }
+  const drawAbove = () => drawFromAbove(byId("above"), scene, moment, current ? verdictOf(current) : "unknown");
 
   function show(index) {
     if (!scene) return;
@@ -199,30 +168,33 @@
   function drawFacts() {
     const fact = (name, value) => element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
     byId("facts").replaceChildren(
-      fact("object", `${current.id}`), fact("found", `${current.verdict === "unknown" ? "unsure" : current.verdict}, confidence ${current.confidence.toFixed(2)}`),
+      fact("object", `${current.id}`), fact("found", `${Look.word(current.verdict)}, confidence ${current.confidence.toFixed(2)}`),
       fact("seen in", `${current.seen} scans`), fact("moved", `${current.moved.toFixed(1)} m`), fact("size", `${current.size.map((s) => s.toFixed(1)).join(" × ")} m`));
     for (const button of document.querySelectorAll(".choice")) button.setAttribute("aria-pressed", `${button.dataset.verdict === current.decided}`);
   }
 
   // ---------------------------------------------------------------------------------------------------- deciding
-  async function decide(verdict) {
-    if (!current) return;
-    const track = current, before = track.decided;
+  function decide(verdict) {
+    if (!scene) return; // nobody decides on what is not drawn yet
+    const track = current;
     track.decided = verdict === "undo" ? null : verdict;
+    outbox.add({ track: track.id, verdict });
     drawFacts();
     const next = queue[queue.indexOf(track) + 1];
     if (verdict !== "undo" && next) open(next);
     else { drawQueue(); show(moment); }
     tell("saving …");
-    try {
-      await ask("api/decide", { track: track.id, verdict });
-      watch();
-    } catch (error) {
-      track.decided = before;
-      drawQueue();
-      if (current === track) drawFacts();
-      tell(error.message || "not saved: is automos review still running?", true);
-    }
+    outbox.send().then(watch, (error) => {
+      const what = outbox.length === 1 ? "1 decision is not saved" : `${outbox.length} decisions are not saved`;
+      unsaved = `${what}, and will be sent again with the next one or with Finish: ${error.message}`;
+      tell(unsaved, true);
+    });
+  }
+
+  function saved({ track }) {
+    if (!outbox.length) unsaved = "";
+    const tick = byId("queue").querySelector(`[data-id="${track}"] .tick`);
+    if (tick && !outbox.tracks().includes(track)) tick.textContent = "✓";
   }
 
   let watching = null;
@@ -231,31 +203,39 @@
     watching = setTimeout(async () => {
       try {
         const status = await ask("api/status");
+        if (outbox.length) return; // what becomes of it is told when that is known
         if (status.problem) return tell(status.problem, true);
         if (status.waiting) { tell(`writing ${status.waiting} …`); return watch(); }
         tell("saved ✓");
-      } catch { tell("automos review is not running any more", true); }
+      } catch (error) { tell(error.message, true); }
     }, 250);
   }
 
   function tell(text, isProblem = false) {
-    byId("saved").textContent = text;
-    byId("saved").classList.toggle("problem", isProblem);
+    byId("saved").textContent = unsaved || text;
+    byId("saved").classList.toggle("problem", isProblem || unsaved !== "");
   }
 
-  function over(title, text) {
+  function over(title, text, isBusy = false) {
     byId("over-title").textContent = title;
     byId("over-text").textContent = text;
+    byId("over-back").hidden = isBusy; // nothing is decided while the report is written
     byId("over").hidden = false;
   }
 
   async function finish() {
     byId("finish").blur();
     play(false);
-    over("Writing labels, tracks and report …", "A second or so for every hundred scans.");
+    over("Writing labels, tracks and report …", "A second or so for every hundred scans.", true);
     try {
-      await ask("api/finish", {});
-      const done = run.tracks.filter((track) => track.decided).length;
+      await outbox.send();
+    } catch (error) {
+      const left = outbox.tracks();
+      return over("Not all could be saved", `What you decided on ${left.length === 1 ? "object" : "objects"} ${left.join(", ")} is not saved: ${error.message}. Leave this page open, go back and finish again.`);
+    }
+    try {
+      const done = (await ask("api/finish", {})).decided;
+      tell("saved ✓");
       over("All saved", `${done} ${done === 1 ? "object was" : "objects were"} decided by you; labels, tracks.json and report.html say so, and the next automos label will too. You may close this page and stop automos review with Ctrl-C, or go on.`);
     } catch (error) {
       over("Not all could be written", error.message);
@@ -270,6 +250,7 @@
     button.addEventListener("click", () => { decide(button.dataset.verdict); button.blur(); });
   }
   document.addEventListener("keydown", (event) => {
+    if (event.repeat && "mMsSuUzZ".includes(event.key)) return; // a key held down decides once
     if (event.ctrlKey || event.metaKey || event.altKey || !byId("over").hidden || event.target.tagName === "BUTTON") return;
     const does = {
       m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"),
@@ -279,6 +260,7 @@
     }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (does && run) { event.preventDefault(); does(); }
   });
+  window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });
   new ResizeObserver(drawAbove).observe(byId("above"));
 
   ask("api/overview").then((overview) => {

@@ -69,6 +69,7 @@ const Look = (() => {
     context.fillText(`${meters} m`, 5, height - 9);
   }
 
+  const word = (verdict) => (verdict === "unknown" ? "unsure" : verdict);
   const count = (n) => Math.round(n).toLocaleString("en-US");
   const short = (n) => (n >= 1e6 ? `${(n / 1e6).toFixed(1)} M` : n >= 1e4 ? `${(n / 1e3).toFixed(0)} k` : count(n));
   const percent = (share, digits = 1) => (share === null ? "–" : `${(100 * share).toFixed(digits)} %`);
@@ -78,5 +79,5 @@ const Look = (() => {
     return seconds < 6000 ? `${(seconds / 60).toFixed(1)} min` : `${(seconds / 3600).toFixed(1)} h`;
   }
 
-  return { colors, bytes, floats, element, fit, drawPicture, count, short, percent, duration };
+  return { colors, bytes, floats, element, fit, drawPicture, word, count, short, percent, duration };
 })();

@@ -25,7 +25,7 @@
       [Look.count(data.scans), "scans", data.has_clock ? `${Look.duration(lasts)}, ${Look.count(data.length)} m driven` : `${Look.count(data.length)} m driven`],
       [Look.percent(share, 2), "of all points move", `${Look.count(total[2])} points`],
       [Look.count(verdicts.moving), "objects move", `${Look.count(verdicts.static)} stand still${verdicts.unknown ? `, ${verdicts.unknown} unsure` : ""}`],
-      [Look.percent(points ? total[0] / points : 0, 1), "without a label", `${Look.count(total[0])} points`],
+      [Look.percent(points ? total[0] / points : 0, 2), "without a label", `${Look.count(total[0])} points`],
     ];
     if (data.truth) cards.push([Look.percent(data.truth.all.iou), "IoU of what moves", "against the truth"]);
     if (spent) cards.push([Look.duration(spent), "of computing", `${(spent / data.scans).toFixed(2)} s a scan`]);
@@ -37,7 +37,7 @@
     put("caveats", element("h2", {}, sentences.length ? "Worth knowing" : "No warnings: no drift was seen, no scan is missing, the sensor stands level."),
       ...(sentences.length ? [element("ul", {}, ...sentences.map((sentence) => element("li", {}, sentence)))] : []));
     const decided = data.run.review && data.run.review.decisions;
-    put("foot", `Written ${data.made} by AutoMOS ${data.version}.${decided ? ` ${decided} verdicts were decided by a person.` : ""}`);
+    put("foot", `Written ${data.made} by AutoMOS ${data.version}.${decided ? ` ${decided} ${decided === 1 ? "verdict was" : "verdicts were"} decided by a person.` : ""}`);
     put("legend", ...[["moving", "moved here"], ["static", "stands still"], ["path", "where the sensor drove"],
       ...(data.truth ? [["false", "moving, wrongly"], ["missed", "moving, missed"]] : [])].map(
       ([name, text]) => element("span", { style: `--color:${Look.colors[name]}` }, text)));
@@ -76,7 +76,8 @@
     const heads = ["", "IoU", "precision", "recall", "rightly moving", "wrongly moving", "missed"];
     put("scores-body",
       element("p", { class: "soft" }, `Counted as SemanticKITTI's moving-object benchmark counts, on ${Look.count(data.truth.n_scans)} scans with truth` +
-        (data.truth.objects ? `; ${data.truth.found} of ${data.truth.objects} moving objects were found (half of their points or more).` : ".")),
+        (data.truth.objects ? `; ${data.truth.found} of ${data.truth.objects} moving objects were found (half of their points or more)` : "") +
+        (data.truth.untold ? `; ${Look.count(data.truth.untold)} points have no truth and are left out.` : ".")),
       element("div", { class: "scroll" }, element("table", {},
         element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", {}, h)))),
         element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((c) => element("td", {}, c))))))));
@@ -109,7 +110,7 @@
   const map = makeMap(byId("map"), data, {
     hover(id) {
       const track = byTrack.get(id);
-      put("hint", track ? `object ${id}: ${track.verdict}, confidence ${track.confidence.toFixed(2)}, ${track.speed.toFixed(1)} m/s` : "");
+      put("hint", track ? `object ${id}: ${Look.word(track.verdict)}, confidence ${track.confidence.toFixed(2)}, ${track.speed.toFixed(1)} m/s` : "");
     },
     click(id) { choose(byTrack.get(id) || null, false); },
   });

@@ -44,7 +44,7 @@ function makeTracks(data, onChoose) {
     const bar = Look.element("span", { class: "meter", style: `--color:${Look.colors[track.verdict]}` },
       Look.element("i", { style: `width:${100 * track.confidence}%` }));
     const cell = (content, isLeft) => Look.element("td", isLeft ? { class: "left" } : {}, ...[content].flat());
-    const verdict = [Look.element("span", { class: `tag ${track.verdict}` }, track.verdict)];
+    const verdict = [Look.element("span", { class: `tag ${track.verdict}` }, Look.word(track.verdict))];
     if (track.reviewed) verdict.push(Look.element("span", { class: "soft", title: "decided by a person" }, " ✓ reviewed"));
     return Look.element("tr", { "data-id": track.id, class: chosen === track.id ? "chosen" : "", onclick: () => onChoose(track, true) },
       cell(picture(track), true), cell(`${track.id}`), cell(verdict, true),
@@ -77,7 +77,7 @@ function makeTracks(data, onChoose) {
     const total = { ...counts, "moving and unsure": (counts.moving || 0) + (counts.unknown || 0) };
     return names.filter((name) => total[name]).map((name) => Look.element("button", {
       "aria-pressed": `${filter === name}`, onclick: () => { filter = name; shown = STEP; draw(); },
-    }, `${name} ${Look.count(total[name])}`));
+    }, `${Look.word(name)} ${Look.count(total[name])}`));
   }
 
   more.addEventListener("click", () => { shown += 4 * STEP; draw(); });
