@@ -4,8 +4,9 @@ from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import record, van
 
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import lengthen, missing_distance
+from automos.odometry.speed import _prior, _score_distances, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
+from automos.odometry.submap import make_submap
 from automos.odometry.sweeps import surfels_of
 from automos.settings import RefineSettings
 
@@ -73,3 +74,24 @@ def test_one_scan_misses_nothing(canyon):
     surfels = [surfels_of(world.sequence[0].points, None, SETTINGS)]
     stretch = Stretch(surfels, np.zeros((1, 6)), truth[:1], np.ones(0), 0.1, 0.0)
     assert missing_distance(stretch, SETTINGS).shape == (0, 3)
+
+
+def test_what_is_higher_than_any_vehicle_counts_more():
+    rng = np.random.default_rng(0)
+    flat = np.array([0.0, 0.35, 0.35]) * rng.uniform(-1.0, 1.0, (400, 3))
+    low, high = np.array([10.2, 2.2, 0.6]), np.array([12.2, -3.4, 4.2])
+    before = surfels_of((np.concatenate([flat + low, flat + high])).astype(np.float32), None, SETTINGS)
+    come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is high stays
+    after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None, SETTINGS)
+    submap = make_submap([before], np.eye(4)[None], SETTINGS.voxel, SETTINGS.near)
+    scores = _score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS)
+    assert scores[0] > 0.0 == scores[1]
+    assert scores[2] == pytest.approx(SETTINGS.overhead_weight * scores[0], rel=0.5)
+
+
+def test_the_present_speed_is_ahead_and_backwards_is_behind():
+    speeds = np.array([-1.0, -0.125, 0.0, 0.125, 4.0])
+    settings = RefineSettings(speed_step=0.125, speed_prior=0.2, reverse_cost=0.3)
+    forwards = _prior(speeds, np.array([0.0, 4.0]), False, settings)
+    np.testing.assert_allclose(forwards, [[-0.3, 0.2, 0.2, 0.2, 0.0], [-0.3, 0.0, 0.0, 0.0, 0.2]])
+    np.testing.assert_allclose(_prior(speeds, np.array([4.0]), True, settings), [[0.0, 0.0, 0.0, 0.0, 0.2]])

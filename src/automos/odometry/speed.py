@@ -4,8 +4,9 @@ In a street canyon whose traffic keeps pace with the sensor, façades and ground
 cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
 standing still. Only the few surfaces that face along the street (poles, recesses, corners) tell, and they do so sharply
 once only they are asked: how much of them finds a surface again, over two baselines at once, as a function of speed,
-has its peak where the world stands still. Traffic has no common peak. The path of speeds over time with the greatest
-sum and possible accelerations is followed (Viterbi).
+has its peak where the world stands still. Traffic has no common peak. What is higher than any vehicle cannot be traffic
+and counts more. The path of speeds over time with the greatest sum and possible accelerations is followed (Viterbi);
+the registration's own speed is somewhat ahead, driving backwards somewhat behind.
 """
 
 from __future__ import annotations
@@ -83,9 +84,9 @@ def _growth_along(
     is_slower = speeds * np.sign(present)[:, None] < settings.min_speed_ratio * np.abs(present)[:, None]
     scores[is_slower & (np.abs(present) > settings.min_clear_speed)[:, None]] -= 1.0
     middle = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
-    path = _best_path(scores, speeds, middle, settings)
     rows = np.arange(len(starts))
     nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
+    path = _best_path(scores + _prior(speeds, present, is_guess, settings), speeds, middle, settings)
     if is_guess and scores[rows, nearest].mean() > settings.standstill_share:
         return nothing, 0.0
     gain = scores[rows, path] - scores[rows, nearest]
@@ -98,6 +99,15 @@ def _growth_along(
     change = np.interp(middle, middle[is_told], change[is_told])
     growth = np.interp(0.5 * (clock[1:] + clock[:-1]), middle, change) * np.diff(clock)
     return growth, float(gain[is_better].sum())
+
+
+def _prior(speeds: Array, present: Array, is_guess: bool, settings: RefineSettings) -> Array:
+    """Return (M, S) what `speeds` (S,) have ahead of the scores: the `present` ones (M,) much, those backwards less.
+
+    Of a direction that `is_guess` it is not known which way is forwards.
+    """
+    ahead = settings.speed_prior * (np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step)
+    return ahead if is_guess else ahead - settings.reverse_cost * (speeds < -settings.speed_step)
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
@@ -156,13 +166,27 @@ def _score_distances(
     stretch = per_sweep * (distances - present)
     _score(
         submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
-        settings.speed_close, scores,
+        settings.speed_close, settings.overhead, settings.overhead_weight, scores,
     )  # fmt: skip
     return scores
 
 
 @numba.njit(cache=True, nogil=True)
-def _score(submap, points, covariance, times, R, offset, direction, distances, stretch, close, scores):  # type: ignore[no-untyped-def]
+def _score(  # type: ignore[no-untyped-def]
+    submap,
+    points,
+    covariance,
+    times,
+    R,
+    offset,
+    direction,
+    distances,
+    stretch,
+    close,
+    overhead,
+    overhead_weight,
+    scores,
+):
     keys, rows, mean, axes, variance, voxel, near = submap
     inverse_voxel = 1.0 / voxel
     told = np.zeros(len(mean))  # how much each voxel says about the way
@@ -211,7 +235,7 @@ def _score(submap, points, covariance, times, R, offset, direction, distances, s
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < close:
-                scores[d] += told[row]
+                scores[d] += overhead_weight * told[row] if points[i, 2] > overhead else told[row]
 
 
 def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:

@@ -40,6 +40,11 @@ class RefineSettings(Group):
     max_reverse: float = Field(10.0, ge=0, description="m/s tried backwards")
     speed_close: float = Field(0.15, gt=0, description="m, surfels nearer to a surface than this have found it again")
     speed_evidence: float = Field(5.0, gt=0, description="surfels found again that count for half of full certainty")
+    overhead: float = Field(2.7, description="m above the sensor along its z axis, where no vehicle reaches")
+    overhead_weight: float = Field(4.0, ge=1, description="of what is so high, in the search for the speed")
+    speed_rounds: int = Field(3, ge=1, description="searches, each from the poses that the one before has found")
+    speed_prior: float = Field(0.2, ge=0, description="of a full score, that the registration's own speed has ahead")
+    reverse_cost: float = Field(0.3, ge=0, description="of a full score, that going backwards has behind")
     speed_gain: float = Field(0.2, gt=0, lt=1, description="share by which another speed must explain more")
     acceleration_cost: float = Field(
         0.1, ge=0, description="share that an acceleration of max_acceleration must explain"
