@@ -105,31 +105,22 @@ def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
-    """Apply exp(time * twist), Rodrigues' formula on each point (the axis is the same for all)."""
-    angle = np.sqrt(phi[0] ** 2 + phi[1] ** 2 + phi[2] ** 2)
-    ax, ay, az = phi[0], phi[1], phi[2]
-    if angle > 1e-9:
-        ax, ay, az = ax / angle, ay / angle, az / angle
-    # The twist's translation along and across the axis: exp moves it along a helix.
-    along = ax * rho[0] + ay * rho[1] + az * rho[2]
-    cross_x, cross_y, cross_z = ay * rho[2] - az * rho[1], az * rho[0] - ax * rho[2], ax * rho[1] - ay * rho[0]
+    """Apply exp(time * twist): Rodrigues' formula, its sines and cosines as series, exact up to half a turn a sweep."""
+    px, py, pz = phi[0], phi[1], phi[2]
+    square = px * px + py * py + pz * pz
+    rx, ry, rz = rho[0], rho[1], rho[2]
+    sx, sy, sz = py * rz - pz * ry, pz * rx - px * rz, px * ry - py * rx  # phi x rho
+    cx, cy, cz = py * sz - pz * sy, pz * sx - px * sz, px * sy - py * sx  # phi x (phi x rho)
     for i in range(len(points)):
-        s = float(times[i])
+        t = float(times[i])
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        if angle > 1e-9:
-            a = s * angle
-            sin, cos = np.sin(a), np.cos(a)
-            one_cos = 1.0 - cos
-            dot = (ax * x + ay * y + az * z) * one_cos
-            px = x * cos + (ay * z - az * y) * sin + ax * dot
-            py = y * cos + (az * x - ax * z) * sin + ay * dot
-            pz = z * cos + (ax * y - ay * x) * sin + az * dot
-            straight, bend, climb = sin / angle, one_cos / angle, along * (a - sin) / angle
-            px += straight * rho[0] + bend * cross_x + climb * ax
-            py += straight * rho[1] + bend * cross_y + climb * ay
-            pz += straight * rho[2] + bend * cross_z + climb * az
-        else:
-            px, py, pz = x + s * rho[0], y + s * rho[1], z + s * rho[2]
-        out[i, 0], out[i, 1], out[i, 2] = px, py, pz
+        q = t * t * square  # the angle turned, squared
+        sine = t * (1 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
+        cosine = t * t * (1 / 2 + q * (-1 / 24 + q * (1 / 720 + q * (-1 / 40320 + q / 3628800))))  # 1 - cos
+        rest = t * t * t * (1 / 6 + q * (-1 / 120 + q * (1 / 5040 + q * (-1 / 362880 + q / 39916800))))  # angle - sin
+        dot = px * x + py * y + pz * z
+        out[i, 0] = x + sine * (py * z - pz * y) + cosine * (px * dot - square * x + sx) + t * rx + rest * cx
+        out[i, 1] = y + sine * (pz * x - px * z) + cosine * (py * dot - square * y + sy) + t * ry + rest * cy
+        out[i, 2] = z + sine * (px * y - py * x) + cosine * (pz * dot - square * z + sz) + t * rz + rest * cz
