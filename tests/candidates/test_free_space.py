@@ -22,8 +22,8 @@ MOVED = 1.0
 
 
 def evidence_of(frames, threads=2, start=0):
-    space = FreeSpace(frames, frames.stamps, FreeSpaceSettings(), GroundSettings(), EgoBodySettings())
-    return dict(space.collect(start, threads))
+    space = FreeSpace(frames, frames.stamps, FreeSpaceSettings(), GroundSettings(), EgoBodySettings(), threads)
+    return dict(space.collect(start))
 
 
 def shares(frames, block, scans, evidence=None):

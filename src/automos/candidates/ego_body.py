@@ -9,6 +9,7 @@ stands still nothing can be told, and nothing goes wrong: what never moves is st
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numba
@@ -18,7 +19,7 @@ from scipy import ndimage
 
 from automos.candidates.free_space_pattern import BeamPattern, raw_points, turn_of
 from automos.candidates.ground import segment_ground
-from automos.scan import Frame, Frames, Mask, Points
+from automos.scan import Frames, Mask, Points
 from automos.settings import EgoBodySettings, GroundSettings
 
 _SECTORS = 90
@@ -45,31 +46,39 @@ class EgoBody:
         return is_body
 
 
-def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, ground: GroundSettings) -> EgoBody:
+def find_ego_body(
+    frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, ground: GroundSettings, threads: int = 2
+) -> EgoBody:
     """Return the body that a handful of `frames`, spread over the recording, show."""
     reach = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
-    sample = _frames_apart(frames, settings)
+    sample = _scans_apart(frames, settings)
     if len(sample) < settings.min_scans:
         return EgoBody(reach, pattern)
-    ranges = np.zeros((len(sample), *reach.shape), np.float32)
-    for image, frame in zip(ranges, sample, strict=True):
+
+    def look(index: int) -> npt.NDArray[np.float32]:
+        frame, image = frames[index], np.zeros_like(reach)
+        raw, up = raw_points(frame), frame.T_level_sensor[2, :3]
         on_ground = segment_ground(frame.points_level, frame.origin_level, ground)
         ground_from = np.full(_SECTORS, np.float32(settings.max_range))
-        _nearest_ground(raw_points(frame), frame.T_level_sensor[2, :3], on_ground, ground_from)
-        _nearest_ranges(raw_points(frame), frame.T_level_sensor[2, :3], ground_from, on_ground, pattern, image)
+        _nearest_ground(raw, up, on_ground, ground_from)
+        _nearest_ranges(raw, up, ground_from, on_ground, pattern, image)
+        return image
+
+    with ThreadPoolExecutor(threads) as pool:
+        ranges = np.stack(list(pool.map(look, sample)))
     thirds = np.zeros((3, *reach.shape), np.float32)
     for third, part in zip(thirds, np.array_split(ranges, 3), strict=True):
         _find_constant(part, settings.tolerance, settings.min_share, third)
     return EgoBody(_grow(np.where(_stays_put(thirds, settings), thirds.max(axis=0), 0.0)), pattern)
 
 
-def _frames_apart(frames: Frames, settings: EgoBodySettings) -> list[Frame]:
+def _scans_apart(frames: Frames, settings: EgoBodySettings) -> list[int]:
     """Return up to `max_scans` of `frames`, evenly spread, each some way from the one before."""
-    sample: list[Frame] = []
+    origins = frames.T_level_sensor[:, :3, 3]
+    sample: list[int] = []
     for i in np.unique(np.linspace(0, len(frames) - 1, 2 * settings.max_scans).astype(int)):
-        origin = frames.T_level_sensor[i, :3, 3]
-        if not sample or np.linalg.norm(origin - sample[-1].origin_level) > settings.min_distance:
-            sample.append(frames[int(i)])
+        if not sample or np.linalg.norm(origins[i] - origins[sample[-1]]) > settings.min_distance:
+            sample.append(int(i))
     return sample[: settings.max_scans]
 
 

@@ -70,17 +70,19 @@ class FreeSpace:
         settings: FreeSpaceSettings,
         ground: GroundSettings,
         ego_body: EgoBodySettings,
+        threads: int = 2,
     ):
         """Learn from a few of `frames` how the sensor's rays lie and what of the vehicle they meet.
 
-        `stamps` (N,) are the frames' times in seconds, increasing.
+        `stamps` (N,) are the frames' times in seconds, increasing. The result does not depend on `threads`.
         """
+        self.threads = threads
         self.frames, self.stamps = frames, np.asarray(stamps, np.float64)
         self.settings, self.ground = settings, ground
         spread = np.unique(np.linspace(0, len(frames) - 1, _PATTERN_SCANS).astype(int))
         self.pattern: BeamPattern = learn_pattern([frames[i] for i in spread])
         self.pyramid: PyramidShape = pyramid_shape(self.pattern)
-        self.body: EgoBody = find_ego_body(frames, self.pattern, ego_body, ground)
+        self.body: EgoBody = find_ego_body(frames, self.pattern, ego_body, ground, threads)
         self._T_sensor_level = inverse(frames.T_level_sensor)
         steps = np.floor(self.stamps / settings.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
@@ -104,10 +106,10 @@ class FreeSpace:
         is_near = off <= self.settings.span_tolerance * np.abs(wanted - self.stamps[index])
         return np.setdiff1d(ids[nearest[is_near]], [index])
 
-    def collect(self, start: int = 0, threads: int = 2, stop: int | None = None) -> Iterator[tuple[int, Evidence]]:
+    def collect(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Evidence]]:
         """Yield (index, evidence) of every frame from `start` to before `stop`, in order; each frame is read once.
 
-        The result depends neither on the number of `threads` nor on where one starts and stops.
+        The result does not depend on where one starts and stops.
         """
         todo = range(start, len(self.frames) if stop is None else stop)
         partners = {i: self.partners(i) for i in todo}
@@ -116,15 +118,15 @@ class FreeSpace:
             last_use[[i, *partners[i]]] = i
         seen: dict[int, Future[_Seen]] = {}
         asked: deque[tuple[int, Future[Evidence]]] = deque()
-        with ThreadPoolExecutor(threads) as pool:
+        with ThreadPoolExecutor(self.threads) as pool:
             for i in todo:
-                ahead = min(i + 2 * threads, todo[-1])
+                ahead = min(i + 2 * self.threads, todo[-1])
                 for j in (ahead, *partners[ahead], i, *partners[i]):
                     if j not in seen:
                         seen[j] = pool.submit(self._look, int(j))
                 others = {int(j): seen[j].result() for j in partners[i]}
                 asked.append((i, pool.submit(self._ask, i, seen[i].result(), others)))
-                if len(asked) > 2 * threads:
+                if len(asked) > 2 * self.threads:
                     done, evidence = asked.popleft()
                     yield done, evidence.result()
                 for j in [j for j in seen if last_use[j] <= i]:

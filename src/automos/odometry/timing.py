@@ -8,7 +8,6 @@ tried at a few places at which the sensor moves, and the one that makes walls th
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -25,7 +24,7 @@ from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.odometry.sweeps import surfels_of, usable_points
-from automos.scan import ArraySequence, Pose, Sequence
+from automos.scan import ArraySequence, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
@@ -63,11 +62,11 @@ def choose_timing(
     if wanted == "auto" and from_file is not None:
         # Some keep the times although the points are compensated, and a recording may have been turned round.
         guesses = [from_file, *untimed, replace(from_file, share=-from_file.share)]
-        stretches = list(_moving_stretches(sequence, settings, poses, clock))
+        stretches = _moving_stretches(sequence, settings, poses, clock, pool)
         return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
     if wanted == "auto" and not _sees_all_round(sequence):
         return SweepTiming()
-    stretches = list(_moving_stretches(sequence, settings, poses, clock))
+    stretches = _moving_stretches(sequence, settings, poses, clock, pool)
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
     rough = _best_folding(circle, stretches, 0.0, settings, pool)
     finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
@@ -96,38 +95,57 @@ def _sees_all_round(sequence: Sequence) -> bool:
 
 
 def _moving_stretches(
-    sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock
-) -> Iterator[Stretch]:
-    """Yield stretches of the recording in which the sensor moves, as surfels of the points as they came."""
+    sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock, pool: ThreadPoolExecutor | None
+) -> list[Stretch]:
+    """Return stretches of the recording in which the sensor moves, as surfels of the points as they came."""
     length = min(settings.timing_scans, len(sequence))
     if length < settings.timing_scans // 2:
-        return
-    starts = dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0))
+        return []
+    starts = list(dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0)))
     file_timing = _file_timing(sequence, clock) or SweepTiming()
-    n_found = 0
-    for start in starts:
+
+    def look(start: int) -> Stretch | None:
         # Speeds are tried at one place only: where nothing moves, that would be done at all of them.
-        trying = settings if start == next(iter(starts)) else settings.model_copy(update={"start_steps": ()})
-        scans = [sequence[i] for i in range(start, start + length)]
-        gaps = clock.gaps[start : start + length - 1]
-        if poses is not None:
-            T = poses[start : start + length]
-        else:
-            steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), trying, SweepTiming(), gaps)]
-            T = chain(np.eye(4), np.array(steps[1:]))
-        twists = se3_log(inverse(T[:-1]) @ T[1:])
-        bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
-        if bend.mean() < settings.timing_motion:
-            continue
-        raw = [usable_points(scan, file_timing, np.zeros(6), settings) for scan in scans]
-        surfels = [surfels_of(*part, settings.timing_refinement) for part in raw]
-        stretch = Stretch(surfels, np.zeros((length, 6)), T, gaps, clock.period, 0.0)
-        if poses is None:
-            stretch = stretch.moved(lengthen(T, missing_distance(stretch, settings.refinement)))
-        yield refine_poses(stretch, np.zeros(length, bool), settings.refinement)[0]
-        n_found += 1
-        if n_found == settings.timing_stretches:
-            return
+        trying = settings if start == starts[0] else settings.model_copy(update={"start_steps": ()})
+        ids = range(start, start + length)
+        part = None if poses is None else poses[start : start + length]
+        return _moving_stretch(
+            [sequence[i] for i in ids], part, clock.gaps[start : start + length - 1], file_timing, clock, trying
+        )
+
+    found: list[Stretch] = []
+    at = 0
+    while len(found) < settings.timing_stretches and at < len(starts):
+        wanted = starts[at : at + settings.timing_stretches - len(found)]
+        looks = map(look, wanted) if pool is None else pool.map(look, wanted)
+        found += [stretch for stretch in looks if stretch is not None]
+        at += len(wanted)
+    return found
+
+
+def _moving_stretch(
+    scans: list[Scan],
+    poses: Pose | None,
+    gaps: npt.NDArray[np.float64],
+    timing: SweepTiming,
+    clock: Clock,
+    settings: OdometrySettings,
+) -> Stretch | None:
+    """Return consecutive `scans` with poses that fold them, None where the sensor hardly moves."""
+    T = poses
+    if T is None:
+        steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), settings, SweepTiming(), gaps)]
+        T = chain(np.eye(4), np.array(steps[1:]))
+    twists = se3_log(inverse(T[:-1]) @ T[1:])
+    bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
+    if bend.mean() < settings.timing_motion:
+        return None
+    raw = [usable_points(scan, timing, np.zeros(6), settings) for scan in scans]
+    surfels = [surfels_of(*part, settings.timing_refinement) for part in raw]
+    stretch = Stretch(surfels, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
+    if poses is None:
+        stretch = stretch.moved(lengthen(T, missing_distance(stretch, settings.refinement)))
+    return refine_poses(stretch, np.zeros(len(scans), bool), settings.refinement)[0]
 
 
 def _best_folding(
