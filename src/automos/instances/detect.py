@@ -94,7 +94,8 @@ def _split_where_it_tells(
         return ids
     finer = settings.segments.model_copy(update={"gap": settings.torn_gap})
     parts = segment_points(points[torn], heights[torn], ranges[torn], *ray_steps, finer)
-    _, part = np.unique(ids[torn].astype(np.int64) * (len(torn) + 1) + parts, return_inverse=True)
+    n_parts = int(parts.max()) + 2  # one of them is what lies beyond the range looked at, -1
+    part = _gapless(ids[torn].astype(np.int64) * n_parts + parts + 1, n * n_parts)
     whole = np.zeros(part.max() + 1, np.int64)
     whole[part] = ids[torn]
     voices = np.stack([np.bincount(part, kind[torn]) for kind in (has_moved, has_stayed)])
@@ -102,7 +103,7 @@ def _split_where_it_tells(
     is_split = unanimous[ids[torn]]
     split = ids.copy()
     split[torn[is_split]] = n + part[is_split]
-    split[inside] = np.unique(split[inside], return_inverse=True)[1]
+    split[inside] = _gapless(split[inside], n + len(voices[0]))
     return split
 
 
@@ -114,6 +115,13 @@ def _describe(
     kinds = (np.ones(len(points)), has_moved, has_stayed)
     count, moved, stayed = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
     return Detections.of_objects(fit_boxes(points, ids, np.ones(n)), count, moved, stayed)
+
+
+def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:
+    """Return `values`, each in 0..n - 1, numbered 0, 1, 2, ... in their order."""
+    is_there = np.zeros(n, np.bool_)
+    is_there[values] = True
+    return (np.cumsum(is_there) - 1)[values]
 
 
 def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], first: int) -> npt.NDArray[np.int32]:
