@@ -180,7 +180,7 @@ def paint(
 
     def paint_scan(i: int) -> Arrays:
         frame, here = frames[i], tracks[np.flatnonzero(is_moving & (tracks.scan == i))]
-        found, about = instances.load(names[i]), candidates.load(names[i])
+        found, about = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind", "score")
         if settings.tracking.method == "paper":
             label, track = paint_points(frame.points_level, found["ids"], here)
         else:

@@ -83,7 +83,7 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: 
     n = sum(len(part) for part in parts)
     size = 1 << max(int(np.ceil(np.log2(max(n, 16)))), 4)
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
-    sums = np.zeros((n, 11))
+    sums = np.empty((n, 10))
     m = 0
     for part, T in zip(parts, T_center_parts, strict=True):
         m = _add_surfels(
@@ -116,47 +116,44 @@ def fit_surfels(
 
 
 @numba.njit(cache=True, nogil=True)
-def _rotate_covariance(R, c, out):  # type: ignore[no-untyped-def]
-    """Write R C R^T (as xx, xy, xz, yy, yz, zz) to `out`."""
-    k = 0
-    for i in range(3):
-        x = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2]
-        y = R[i, 0] * c[1] + R[i, 1] * c[3] + R[i, 2] * c[4]
-        z = R[i, 0] * c[2] + R[i, 1] * c[4] + R[i, 2] * c[5]
-        for j in range(i, 3):
-            out[k] = x * R[j, 0] + y * R[j, 1] + z * R[j, 2]
-            k += 1
-
-
-@numba.njit(cache=True, nogil=True)
 def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m):  # type: ignore[no-untyped-def]
+    """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
+
+    Written out without loops, which takes half the time.
+    """
     inverse_voxel = 1.0 / voxel
-    R = T[:3, :3]
-    c = np.empty(6)
+    r00, r01, r02 = T[0, 0], T[0, 1], T[0, 2]
+    r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
+    r20, r21, r22 = T[2, 0], T[2, 1], T[2, 2]
     for i in range(len(mean)):
         mx, my, mz = float(mean[i, 0]), float(mean[i, 1]), float(mean[i, 2])
-        x = R[0, 0] * mx + R[0, 1] * my + R[0, 2] * mz + T[0, 3]
-        y = R[1, 0] * mx + R[1, 1] * my + R[1, 2] * mz + T[1, 3]
-        z = R[2, 0] * mx + R[2, 1] * my + R[2, 2] * mz + T[2, 3]
+        x = r00 * mx + r01 * my + r02 * mz + T[0, 3]
+        y = r10 * mx + r11 * my + r12 * mz + T[1, 3]
+        z = r20 * mx + r21 * my + r22 * mz + T[2, 3]
         key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
-            keys[slot] = key
-            rows[slot] = m
+            keys[slot], rows[slot] = key, m
+            sums[m] = 0.0
             m += 1
-        row = sums[rows[slot]]
+        row = rows[slot]
         w = min(float(count[i]), MAX_WEIGHT)
-        _rotate_covariance(R, covariance[i], c)
-        row[0] += w
-        row[1] += w * x
-        row[2] += w * y
-        row[3] += w * z
-        row[4] += w * (x * x + c[0])
-        row[5] += w * (x * y + c[1])
-        row[6] += w * (x * z + c[2])
-        row[7] += w * (y * y + c[3])
-        row[8] += w * (y * z + c[4])
-        row[9] += w * (z * z + c[5])
+        xx, xy, xz = float(covariance[i, 0]), float(covariance[i, 1]), float(covariance[i, 2])
+        yy, yz, zz = float(covariance[i, 3]), float(covariance[i, 4]), float(covariance[i, 5])
+        # R C, row by row
+        ax, ay, az = r00 * xx + r01 * xy + r02 * xz, r00 * xy + r01 * yy + r02 * yz, r00 * xz + r01 * yz + r02 * zz
+        bx, by, bz = r10 * xx + r11 * xy + r12 * xz, r10 * xy + r11 * yy + r12 * yz, r10 * xz + r11 * yz + r12 * zz
+        cx, cy, cz = r20 * xx + r21 * xy + r22 * xz, r20 * xy + r21 * yy + r22 * yz, r20 * xz + r21 * yz + r22 * zz
+        sums[row, 0] += w
+        sums[row, 1] += w * x
+        sums[row, 2] += w * y
+        sums[row, 3] += w * z
+        sums[row, 4] += w * (x * x + (ax * r00 + ay * r01 + az * r02))
+        sums[row, 5] += w * (x * y + (ax * r10 + ay * r11 + az * r12))
+        sums[row, 6] += w * (x * z + (ax * r20 + ay * r21 + az * r22))
+        sums[row, 7] += w * (y * y + (bx * r10 + by * r11 + bz * r12))
+        sums[row, 8] += w * (y * z + (bx * r20 + by * r21 + bz * r22))
+        sums[row, 9] += w * (z * z + (cx * r20 + cy * r21 + cz * r22))
     return m
 
 
