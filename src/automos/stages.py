@@ -130,7 +130,7 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
     ids, stayed = np.full((2, len(frame.points)), -1, np.int32)
     objects = np.flatnonzero(about["kind"] == OBJECT)
     ids[objects], stayed[objects], found = detect_objects(
-        frame.points_level[objects],
+        np.take(frame.points_level, objects, axis=0),
         frame.origin_level,
         about["score"][objects] / 255.0,
         about["height"][objects].astype(np.float32),

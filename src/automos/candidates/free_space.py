@@ -148,7 +148,8 @@ class FreeSpace:
         height = points[:, 2] - ground.height_at(points)
         knows_motion = frame.sweep_motion is not None and frame.sweep_time is not None
         motion = np.asarray(frame.sweep_motion if knows_motion else np.zeros(6), np.float32)
-        return _Seen(kind, height, np.ascontiguousarray(frame.points[kind == OBJECT].T), image, motion)
+        objects = np.take(frame.points, np.flatnonzero(kind == OBJECT), axis=0)
+        return _Seen(kind, height, np.ascontiguousarray(objects.T), image, motion)
 
     def _ask(self, index: int, mine: _Seen, others: dict[int, _Seen]) -> Evidence:
         """Return what the scans in `others` say about frame `index`."""

@@ -30,7 +30,7 @@ def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArr
     order = order[np.searchsorted(ids[order], 0) :]
     start = np.searchsorted(ids[order], np.arange(count + 1))
     center, size, yaw = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    _fit(np.ascontiguousarray(points[order], np.float64), start, center, size, yaw)
+    _fit(np.take(points, order, axis=0).astype(np.float64), start, center, size, yaw)
     return Boxes(center, size, yaw, np.asarray(scores, np.float64))
 
 

@@ -17,7 +17,7 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
     clipped and thinned, and their rows no longer line up with the labels.
     """
     kept = rows_in_range(scan.points, MIN_RANGE, np.inf).astype(np.int64)
-    points = scan.points if len(kept) == len(scan) else scan.points[kept]
+    points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
     times = sweep_times(scan, trajectory.timing)
     motion = trajectory.sweep_motion[index]
     if times is not None:

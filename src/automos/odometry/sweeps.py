@@ -17,10 +17,11 @@ def usable_points(
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
     rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
-    points, times = scan.points[rows], sweep_times(scan, timing)
+    points, times = np.take(scan.points, rows, axis=0), sweep_times(scan, timing)  # [rows] takes five times as long
     if times is None:
         return points, None
-    return compensate(points, times[rows], twist), times[rows]
+    times = np.take(times, rows)
+    return compensate(points, times, twist), times
 
 
 @numba.njit(cache=True, nogil=True)
