@@ -54,13 +54,16 @@ def estimate_trajectory(
     InputError
         When the sequence is empty, or the poses are not one rigid transform per scan.
     """
+    from threadpoolctl import threadpool_limits
+
     if len(sequence) == 0:
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
     clock = read_clock(sequence)
     if poses is not None:
         poses = _checked_poses(poses, len(sequence))
     diagnostics: dict[str, Any] = {"warnings": []}
-    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
+    # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
+    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
         timing = choose_timing(sequence, settings, poses, clock, pool)
         if poses is None:
             poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
