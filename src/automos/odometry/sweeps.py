@@ -26,6 +26,7 @@ def usable_points(
 
 @numba.njit(cache=True, nogil=True)
 def rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
+    """Return the (M,) rows of finite `points` (N, 3) whose range is between `nearest` and `farthest` metres."""
     rows = np.empty(len(points), np.int32)
     n = 0
     for i in range(len(points)):
