@@ -14,10 +14,10 @@ STAMPS = 0.1 * np.arange(20)
 FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))
 
 
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0):
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, climb=0.0, is_piece=False):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
-    center = np.column_stack([center, np.zeros(len(center))])
+    center = np.column_stack([center, np.linspace(0.0, climb, len(center))])
     size = np.column_stack([np.broadcast_to(side, len(center)), *np.ones((2, len(center)))])
     table = Tracks(
         np.zeros(len(scans), np.int64), scans, np.zeros(len(scans), np.int64), center, size,
@@ -26,7 +26,10 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0)
     found = {s: Boxes(center[i : i + 1], size[i : i + 1], np.zeros(1), np.ones(1)) for i, s in enumerate(scans)}
     counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
     none = Detections.of_objects(Boxes.empty(), *np.zeros((3, 0)))
-    return table, [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
+    seen = [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
+    for one in seen:
+        one.part_of[:] = 0 if is_piece else -1
+    return table, seen
 
 
 def verdict_on(sensor=FAR_SENSOR, **track):
@@ -60,6 +63,11 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         ({"center": STRAIGHT[:4], "n_points": 15}, Verdict.STATIC),
         ({"center": STRAIGHT[:10], "n_points": 15, "moved": 0.7}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 15, "moved": 0.7}, Verdict.MOVING),
+        ({"center": SHAKING}, Verdict.MOVING),
+        ({"center": SHAKING, "is_piece": True}, Verdict.STATIC),
+        ({"center": STRAIGHT, "is_piece": True}, Verdict.MOVING),
+        ({"center": STRAIGHT, "climb": 9.0}, Verdict.MOVING),
+        ({"center": STRAIGHT, "climb": -11.0}, Verdict.STATIC),
     ],
     ids=[
         "a car that drives",
@@ -77,6 +85,11 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         "a glimpse",
         "a longer glimpse, not all of it seen through",
         "the same for long",
+        "all of it seen through, here and there",
+        "pieces that were, here and there",
+        "a piece that drives",
+        "up a ramp",
+        "down a tree",
     ],
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):

@@ -27,9 +27,10 @@ def judge_by_evidence(
     itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
     straight; it must have left its place either way. Of a tram more or less is in sight from scan to scan, so that what
     is seen of it may even stand while it passes: of something long, what the evidence says in most scans is enough.
-    What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, more is asked: they must be
-    seen in most scans, and go straight; of glimpses, that nearly all of their points have moved. What keeps its place
-    beside the sensor is part of the vehicle itself.
+    What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, and of those of pieces, from
+    which what has stayed was taken out, more is asked: they must be seen in most scans, and go straight; of glimpses,
+    that nearly all of their points have moved. Nothing climbs farther than it goes. What keeps its place beside the
+    sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
@@ -39,7 +40,7 @@ def judge_by_evidence(
     for k in range(n):
         rows = tracks.rows_of(k)
         seen = tracks.is_observed[rows]
-        center, size, points, moved, stayed = (column[rows][seen] for column in evidence)
+        center, size, points, moved, stayed, is_piece = (column[rows][seen] for column in evidence)
         if len(center) < 2:
             confidence[k] = 0.5
             continue
@@ -59,7 +60,7 @@ def judge_by_evidence(
         )
         is_known = len(center) >= settings.sparse_min_observations
         is_present = len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
-        is_sparse = np.median(points) < settings.sparse_points
+        is_sparse = np.median(points) < (settings.sparse_pieces if is_piece.mean() > 0.5 else settings.sparse_points)
         is_steady = is_known and is_present and straightness >= settings.sparse_min_straightness
         is_glimpse = np.median(points) < settings.glimpse_points and len(center) < settings.glimpse_observations
         is_clear = len(center) >= settings.glimpse_min_observations and share >= settings.glimpse_min_share
@@ -69,6 +70,7 @@ def judge_by_evidence(
             and (is_known or is_present)
             and (is_steady or not is_sparse)
             and (is_clear or not is_glimpse)
+            and abs(center[-1, 2] - center[0, 2]) <= max(settings.max_climb, distance)
             and not _is_carried(center, size, sensor[scans], settings)
         ):
             verdict[k] = Verdict.MOVING
@@ -140,7 +142,7 @@ def _confidence(share: float, significance: float, settings: JudgeSettings) -> f
 
 def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
     """Return centre, size (R, 3), points, moved, stayed (R,) of the segment matched in each row; 0 where none was."""
-    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((3, len(tracks.track)))
+    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((4, len(tracks.track)))
     seen = np.flatnonzero(tracks.is_observed)
     order = seen[np.argsort(tracks.scan[seen], kind="stable")]
     first = np.searchsorted(tracks.scan[order], np.arange(len(detections) + 1))
@@ -148,5 +150,6 @@ def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[
         rows = order[first[scan] : first[scan + 1]]
         segment = tracks.segment[rows]
         center[rows], size[rows] = found.boxes.center[segment], found.boxes.size[segment]
-        counts[:, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
+        counts[:3, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
+        counts[3, rows] = found.part_of[segment] >= 0
     return [center, size, *counts]
