@@ -106,8 +106,10 @@ def _prior(speeds: Array, present: Array, is_guess: bool, settings: RefineSettin
 
     Of a direction that `is_guess` it is not known which way is forwards.
     """
-    ahead = settings.speed_prior * (np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step)
-    return ahead if is_guess else ahead - settings.reverse_cost * (speeds < -settings.speed_step)
+    ahead: Array = settings.speed_prior * (np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step)
+    if not is_guess:
+        ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
+    return ahead
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:

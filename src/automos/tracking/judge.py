@@ -141,7 +141,7 @@ def _confidence(share: float, significance: float, settings: JudgeSettings) -> f
 
 
 def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
-    """Return centre, size (R, 3), points, moved, stayed (R,) of the segment matched in each row; 0 where none was."""
+    """Return centre, size (R, 3), points, moved, stayed, whether it is a piece (R,) of each row's segment; else 0."""
     (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((4, len(tracks.track)))
     seen = np.flatnonzero(tracks.is_observed)
     order = seen[np.argsort(tracks.scan[seen], kind="stable")]
