@@ -106,7 +106,8 @@ def _prior(speeds: Array, present: Array, is_guess: bool, settings: RefineSettin
 
     Of a direction that `is_guess` it is not known which way is forwards.
     """
-    ahead: Array = settings.speed_prior * (np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step)
+    is_present = np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step
+    ahead = np.where(is_present, settings.speed_prior, 0.0)
     if not is_guess:
         ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
     return ahead
