@@ -86,7 +86,8 @@ def test_a_glimpse_is_not_followed_on():
     assert extended(scans)[1].scan.max() == 4
 
 
-def test_pieces_that_the_evidence_leaves_of_something_that_halts_give_way_to_the_whole():
+@pytest.mark.parametrize("has_sliver", [False, True], ids=["pieces", "pieces, and a sliver that hangs with nothing"])
+def test_pieces_that_the_evidence_leaves_of_something_that_halts_give_way_to_the_whole(has_sliver):
     way = stops()
     still_from = next(i for i, (*_, stayed) in enumerate(way) if stayed)
     scans = [
@@ -95,6 +96,9 @@ def test_pieces_that_the_evidence_leaves_of_something_that_halts_give_way_to_the
         else seen(thing)
         for i, thing in enumerate(way)
     ]
+    if has_sliver:
+        x = way[-1][0]
+        scans[-1] = seen((x - 0.7, 0.0, (1.2, 1.0, 1.0), False), (x, 0.0, CAR, True))
     _, after = extended(scans)
     car = after[np.flatnonzero(after.track == 0)]
     assert car.scan.tolist() == list(range(60))

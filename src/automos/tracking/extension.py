@@ -47,7 +47,7 @@ def _with_mended_ends(
     """Return `moving` without the pieces that its tracks begin and end in.
 
     When something comes to a halt, the evidence leaves one part of it after the other. Such a piece gives way to the
-    whole segment it was cut out of, if that is of the object's size, or is left out.
+    whole segment it was cut out of, if that is as large as the first (or last) that was seen whole, or is left out.
     """
     moving = replace(moving, segment=moving.segment.copy(), center=moving.center.copy(), size=moving.size.copy())
     keep = np.ones(len(moving.track), np.bool_)
@@ -62,8 +62,10 @@ def _with_mended_ends(
         uncut = np.flatnonzero(whole < 0)
         if not len(uncut):
             continue
-        for like, cut in ((uncut[0], np.arange(uncut[0])), (uncut[-1], np.arange(uncut[-1] + 1, len(rows)))):
-            for k in cut:
+        sound = uncut[side[uncut] >= settings.fray_share * np.median(side[uncut])]
+        is_cut = whole >= 0
+        for like, ahead in ((sound[0], slice(0, sound[0])), (sound[-1], slice(sound[-1] + 1, None))):
+            for k in np.arange(len(rows))[ahead][is_cut[ahead]]:
                 found, usual = detections[scans[k]], detections[scans[like]]
                 if _is_like(found, whole[k], usual, segments[like], settings):
                     row = rows[k]
