@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from automos.odometry.motion import compensate, sweep_times
-from automos.odometry.sweeps import rows_in_range
 from automos.odometry.trajectory import Trajectory
-from automos.scan import MIN_RANGE, Frame, Pose, Scan, Sequence
+from automos.scan import Frame, Pose, Scan, Sequence
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
@@ -16,7 +15,7 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
     The user's own points are compensated, in their order, never a cloud that came back from a registration: those are
     clipped and thinned, and their rows no longer line up with the labels.
     """
-    kept = rows_in_range(scan.points, MIN_RANGE, np.inf).astype(np.int64)
+    kept = np.flatnonzero(scan.is_valid)
     points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
     times = sweep_times(scan, trajectory.timing)
     motion = trajectory.sweep_motion[index]

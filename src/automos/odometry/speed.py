@@ -102,9 +102,9 @@ def _growth_along(
 
 
 def _prior(speeds: Array, present: Array, is_guess: bool, settings: RefineSettings) -> Array:
-    """Return (M, S) what `speeds` (S,) have ahead of the scores: the `present` ones (M,) much, those backwards less.
+    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` ones (M,) gain, those backwards lose.
 
-    Of a direction that `is_guess` it is not known which way is forwards.
+    Of a direction that `is_guess` it is not known which way is forwards, so there none loses.
     """
     is_present = np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step
     ahead = np.where(is_present, settings.speed_prior, 0.0)
@@ -176,20 +176,9 @@ def _score_distances(
 
 @numba.njit(cache=True, nogil=True)
 def _score(  # type: ignore[no-untyped-def]
-    submap,
-    points,
-    covariance,
-    times,
-    R,
-    offset,
-    direction,
-    distances,
-    stretch,
-    close,
-    overhead,
-    overhead_weight,
+    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, overhead_weight,
     scores,
-):
+):  # fmt: skip
     keys, rows, mean, axes, variance, voxel, near = submap
     inverse_voxel = 1.0 / voxel
     told = np.zeros(len(mean))  # how much each voxel says about the way
@@ -224,6 +213,7 @@ def _score(  # type: ignore[no-untyped-def]
         x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
         y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
         z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
+        weight = overhead_weight if points[i, 2] > overhead else 1.0
         for d in range(len(distances)):
             e = distances[d] + times[i] * stretch[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
@@ -238,7 +228,7 @@ def _score(  # type: ignore[no-untyped-def]
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < close:
-                scores[d] += overhead_weight * told[row] if points[i, 2] > overhead else told[row]
+                scores[d] += weight * told[row]
 
 
 def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:

@@ -16,7 +16,7 @@ def usable_points(
     scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
-    rows = rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+    rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
     points, times = np.take(scan.points, rows, axis=0), sweep_times(scan, timing)  # [rows] takes five times as long
     if times is None:
         return points, None
@@ -25,8 +25,7 @@ def usable_points(
 
 
 @numba.njit(cache=True, nogil=True)
-def rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
-    """Return the (M,) rows of finite `points` (N, 3) whose range is between `nearest` and `farthest` metres."""
+def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
     rows = np.empty(len(points), np.int32)
     n = 0
     for i in range(len(points)):

@@ -59,13 +59,12 @@ def _with_mended_ends(
         side = np.array(
             [detections[scan].boxes.size[segment].max() for scan, segment in zip(scans, segments, strict=True)]
         )
-        uncut = np.flatnonzero(whole < 0)
+        uncut, cut = np.flatnonzero(whole < 0), np.flatnonzero(whole >= 0)
         if not len(uncut):
             continue
         sound = uncut[side[uncut] >= settings.fray_share * np.median(side[uncut])]
-        is_cut = whole >= 0
-        for like, ahead in ((sound[0], slice(0, sound[0])), (sound[-1], slice(sound[-1] + 1, None))):
-            for k in np.arange(len(rows))[ahead][is_cut[ahead]]:
+        for like, pieces in ((sound[0], cut[cut < sound[0]]), (sound[-1], cut[cut > sound[-1]])):
+            for k in pieces:
                 found, usual = detections[scans[k]], detections[scans[like]]
                 if _is_like(found, whole[k], usual, segments[like], settings):
                     row = rows[k]
