@@ -4,7 +4,7 @@ from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import record, van
 
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import _prior, _score_distances, lengthen, missing_distance
+from automos.odometry.speed import _expected_share, _prior, _score_distances, _stands, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.submap import make_submap
 from automos.odometry.sweeps import surfels_of
@@ -76,7 +76,7 @@ def test_one_scan_misses_nothing(canyon):
     assert missing_distance(stretch, SETTINGS).shape == (0, 3)
 
 
-def test_what_is_higher_than_any_vehicle_counts_more():
+def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
     rng = np.random.default_rng(0)
     flat = np.array([0.0, 0.35, 0.35]) * rng.uniform(-1.0, 1.0, (400, 3))
     low, high = np.array([10.2, 2.2, 0.6]), np.array([12.2, -3.4, 4.2])
@@ -85,13 +85,25 @@ def test_what_is_higher_than_any_vehicle_counts_more():
     after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None, SETTINGS)
     submap = make_submap([before], np.eye(4)[None], SETTINGS.voxel, SETTINGS.near)
     scores = _score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS)
-    assert scores[0] > 0.0 == scores[1]
-    assert scores[2] == pytest.approx(SETTINGS.overhead_weight * scores[0], rel=0.5)
+    low, high = scores
+    assert low[0] > 0.0 == low[1] == low[2]
+    assert high[2] > 0.0 == high[0] == high[1]
 
 
 def test_the_present_speed_is_ahead_and_backwards_is_behind():
     speeds = np.array([-1.0, -0.125, 0.0, 0.125, 4.0])
     settings = RefineSettings(speed_step=0.125, speed_prior=0.2, reverse_cost=0.3)
-    forwards = _prior(speeds, np.array([0.0, 4.0]), False, settings)
-    np.testing.assert_allclose(forwards, [[-0.3, 0.2, 0.2, 0.2, 0.0], [-0.3, 0.0, 0.0, 0.0, 0.2]])
-    np.testing.assert_allclose(_prior(speeds, np.array([4.0]), True, settings), [[0.0, 0.0, 0.0, 0.0, 0.2]])
+    ahead = _prior(speeds, np.array([0.0, 4.0]), settings)
+    np.testing.assert_allclose(ahead, [[-0.3, 0.2, 0.2, 0.2, 0.0], [-0.3, 0.0, 0.0, 0.0, 0.2]])
+
+
+def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():
+    assert _stands(np.array([5.0, 30.0]), np.array([400.0, 40.0]), SETTINGS)
+    assert not _stands(np.array([200.0, 4.0]), np.array([400.0, 40.0]), SETTINGS)  # low: traffic at the sensor's speed
+    assert _stands(np.array([80.0, 0.0]), np.array([400.0, 1.0]), SETTINGS)
+    assert not _stands(np.array([8.0, 0.0]), np.array([400.0, 1.0]), SETTINGS)
+
+
+def test_from_nearly_the_same_place_more_is_found_again():
+    share = _expected_share(np.array([0.0, SETTINGS.near_view, -SETTINGS.near_view, 100.0]), SETTINGS)
+    np.testing.assert_allclose(share, SETTINGS.near_share * np.array([1.0, np.exp(-1), np.exp(-1), 0.0]), atol=1e-9)

@@ -27,6 +27,9 @@ from automos.settings import RefineSettings
 
 Array = npt.NDArray[np.float64]
 
+NEAR_STEPS = 2
+"""Steps of speed that are still the same speed."""
+
 
 def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> Array:
     """Return the (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says.
@@ -66,18 +69,27 @@ def _growth_along(
     clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * period
     speeds = np.arange(-settings.max_reverse, settings.max_speed, settings.speed_step)
 
-    def score(start: int) -> Array:
+    weights = np.array([1.0, settings.overhead_weight])
+
+    def score(start: int) -> tuple[Array, Array, Array]:
         submap = make_submap([surfels[start]], np.eye(4)[None], settings.voxel, settings.near)
-        total = np.zeros(len(speeds))
+        whole = _score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings)[:, 0]
+        total, believed, refound = np.zeros(len(speeds)), np.zeros(len(speeds)), np.zeros((2, len(speeds)))
         for end in start + np.array(lags):
             T_start_end = inverse(T[start]) @ T[end]
             seconds = clock[end] - clock[start]
             per_sweep = stretch.share * period / seconds
-            total += _score_distances(submap, surfels[end], T_start_end, forward, speeds * seconds, per_sweep, settings)
-        return total / (total.max() + settings.speed_evidence)
+            distances = speeds * seconds
+            found = _score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings)
+            expected = weights @ whole * _expected_share(distances, settings)
+            total += weights @ found
+            believed += weights @ found * np.minimum(weights @ found / np.maximum(expected, 1e-9), 1.0)
+            refound += found / len(lags)
+        return believed / (total.max() + settings.speed_evidence), refound, whole
 
     todo = starts.tolist()
-    scores = np.array(list(map(score, todo) if pool is None else pool.map(score, todo)))
+    scored = list(map(score, todo) if pool is None else pool.map(score, todo))
+    scores = np.array([each[0] for each in scored])
     ends = starts + max(lags)
     present = _signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
     # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
@@ -86,12 +98,15 @@ def _growth_along(
     middle = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
     rows = np.arange(len(starts))
     nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
-    path = _best_path(scores + _prior(speeds, present, is_guess, settings), speeds, middle, settings)
-    if is_guess and scores[rows, nearest].mean() > settings.standstill_share:
-        return nothing, 0.0
+    if is_guess:
+        refound = np.mean([each[1][:, at] for each, at in zip(scored, nearest, strict=True)], axis=0)
+        if _stands(refound, np.mean([each[2] for each in scored], axis=0), settings):
+            return nothing, 0.0
+    prior = 0.0 if is_guess else _prior(speeds, present, settings)  # a mistaken standstill has nothing ahead
+    path = _best_path(scores + prior, speeds, middle, settings)
     gain = scores[rows, path] - scores[rows, nearest]
     is_better = gain > settings.speed_gain
-    is_right = ~is_better & (scores[rows, nearest] > settings.speed_gain)
+    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (scores[rows, nearest] > settings.speed_gain)
     if not is_better.any():
         return nothing, 0.0
     change = np.where(is_better, speeds[path] - present, 0.0)
@@ -101,15 +116,29 @@ def _growth_along(
     return growth, float(gain[is_better].sum())
 
 
-def _prior(speeds: Array, present: Array, is_guess: bool, settings: RefineSettings) -> Array:
-    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` ones (M,) gain, those backwards lose.
+def _stands(refound: Array, whole: Array, settings: RefineSettings) -> bool:
+    """Return whether as much is found again where it was, low and high (2,), of the `whole` (2,), as one at rest sees.
 
-    Of a direction that `is_guess` it is not known which way is forwards, so there none loses.
+    What is high tells, if there is any; what is low may be traffic nearly all.
     """
+    if whole[1] > settings.speed_evidence:
+        return bool(refound[1] > settings.standstill_share * whole[1])
+    return bool(refound.sum() > settings.standstill_share_low * whole.sum())
+
+
+def _expected_share(distances: Array, settings: RefineSettings) -> Array:
+    """Return how much of what faces along the way is found again at least, (D,), had the sensor come `distances`.
+
+    From nearly the same place nearly all of it is: what stands with the traffic finds little beside the traffic.
+    """
+    return settings.near_share * np.exp(-np.abs(distances) / settings.near_view)
+
+
+def _prior(speeds: Array, present: Array, settings: RefineSettings) -> Array:
+    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` ones (M,) gain, those backwards lose."""
     is_present = np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step
     ahead = np.where(is_present, settings.speed_prior, 0.0)
-    if not is_guess:
-        ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
+    ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
     return ahead
 
 
@@ -160,24 +189,23 @@ def _score_distances(
 ) -> Array:
     """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
 
-    The surfels' own compensation follows: `per_sweep` is the share of the distance that is driven during a sweep.
+    Returned as (2, D): what vehicles may be, and what is higher than any. The surfels' own compensation follows: `per_sweep` is the share of the distance that is driven during a sweep.
     """
-    scores = np.zeros(len(distances))
+    scores = np.zeros((2, len(distances)))
     present, direction = _signed_distance(T_submap_surfels, forward)
     sideways = T_submap_surfels[:3, 3] - present * direction
     R = np.ascontiguousarray(T_submap_surfels[:3, :3])
     stretch = per_sweep * (distances - present)
     _score(
         submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
-        settings.speed_close, settings.overhead, settings.overhead_weight, scores,
+        settings.speed_close, settings.overhead, scores,
     )  # fmt: skip
     return scores
 
 
 @numba.njit(cache=True, nogil=True)
 def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, overhead_weight,
-    scores,
+    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, scores
 ):  # fmt: skip
     keys, rows, mean, axes, variance, voxel, near = submap
     inverse_voxel = 1.0 / voxel
@@ -213,7 +241,7 @@ def _score(  # type: ignore[no-untyped-def]
         x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
         y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
         z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
-        weight = overhead_weight if points[i, 2] > overhead else 1.0
+        height = 1 if points[i, 2] > overhead else 0
         for d in range(len(distances)):
             e = distances[d] + times[i] * stretch[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
@@ -228,7 +256,7 @@ def _score(  # type: ignore[no-untyped-def]
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < close:
-                scores[d] += weight * told[row]
+                scores[height, d] += told[row]
 
 
 def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:

@@ -64,6 +64,7 @@ class RollingRefinement:
         surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
         poses, gaps = np.array(self._poses), np.array(self._gaps)
         stretch = Stretch(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
+        is_fixed = np.arange(len(poses)) < self._n_known // 2
         for _ in range(self._settings.speed_rounds):
             missing = missing_distance(stretch, self._settings, self._pool)
             missing[: max(self._n_known - 1, 0)] = 0.0
@@ -71,7 +72,7 @@ class RollingRefinement:
                 break
             self.lengthened += float(np.linalg.norm(missing, axis=1).sum())
             stretch = stretch.moved(lengthen(stretch.T_world_sensor, missing))
-        is_fixed = np.arange(len(poses)) < self._n_known // 2
+            stretch = refine_poses(stretch, is_fixed, self._settings, self._pool)[0]
         stretch, before, after = refine_poses(stretch, is_fixed, self._settings, self._pool)
         self._before.append(before)
         self._after.append(after)

@@ -42,18 +42,28 @@ class RefineSettings(Group):
     speed_evidence: float = Field(5.0, gt=0, description="surfels found again that count for half of full certainty")
     overhead: float = Field(2.7, description="m above the sensor along its z axis, where no vehicle reaches")
     overhead_weight: float = Field(4.0, ge=1, description="of what is so high, in the search for the speed")
-    speed_rounds: int = Field(3, ge=1, description="searches, each from the poses that the one before has found")
+    speed_rounds: int = Field(5, ge=1, description="searches, each from the poses that the one before has found")
     speed_prior: float = Field(0.2, ge=0, description="of a full score, that the registration's own speed has ahead")
     reverse_cost: float = Field(0.3, ge=0, description="of a full score, that going backwards has behind")
     speed_gain: float = Field(0.2, gt=0, lt=1, description="share by which another speed must explain more")
     acceleration_cost: float = Field(
-        0.1, ge=0, description="share that an acceleration of max_acceleration must explain"
+        0.3, ge=0, description="share that an acceleration of max_acceleration must explain"
     )
     min_speed_ratio: float = Field(0.8, gt=0, le=1, description="of true speed to first estimate, at least")
     min_clear_speed: float = Field(2.0, gt=0, description="m/s, slower first estimates may be a mistaken standstill")
     standstill_share: float = Field(
-        0.25, gt=0, lt=1, description="of what faces along the way, found where it was: with less, none stands"
+        0.25,
+        gt=0,
+        lt=1,
+        description="of what is overhead and faces along the way, found where it was by one who stands",
     )
+    standstill_share_low: float = Field(
+        0.1, gt=0, lt=1, description="of all that faces along the way, the same where nothing is overhead"
+    )
+    near_share: float = Field(
+        0.5, gt=0, le=1, description="of what faces along the way, found again from nearly the same place"
+    )
+    near_view: float = Field(1.5, gt=0, description="m over which this falls to a third")
     min_step: float = Field(0.1, gt=0, description="m, shorter steps have no direction")
     min_straightness: float = Field(
         0.8, gt=0, lt=1, description="how much steps agree on their direction in the sensor's frame"
