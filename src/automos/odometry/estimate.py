@@ -67,6 +67,12 @@ def estimate_trajectory(
         timing = choose_timing(sequence, settings, poses, clock, pool)
         if poses is None:
             poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
+            if timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
+                # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
+                better = choose_timing(sequence, settings, poses, clock, pool)
+                if better != timing:
+                    timing, diagnostics["warnings"] = better, []
+                    poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
     if "wall_thickness_m" not in diagnostics:
         links = measure_consistency(sequence, poses, timing, clock, settings)
         diagnostics.update(summarize(links, settings.refinement))

@@ -135,7 +135,7 @@ def _expected_share(distances: Array, settings: RefineSettings) -> Array:
 
 
 def _prior(speeds: Array, present: Array, settings: RefineSettings) -> Array:
-    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` ones (M,) gain, those backwards lose."""
+    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` (M,) gain, those backwards lose."""
     is_present = np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step
     ahead = np.where(is_present, settings.speed_prior, 0.0)
     ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
@@ -189,7 +189,8 @@ def _score_distances(
 ) -> Array:
     """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
 
-    Returned as (2, D): what vehicles may be, and what is higher than any. The surfels' own compensation follows: `per_sweep` is the share of the distance that is driven during a sweep.
+    Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
+    `per_sweep` is the share of the distance that is driven during a sweep.
     """
     scores = np.zeros((2, len(distances)))
     present, direction = _signed_distance(T_submap_surfels, forward)

@@ -70,9 +70,9 @@ def choose_timing(
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
     rough = _best_folding(circle, stretches, 0.0, settings, pool)
     finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
+    found = _best_folding([*untimed, rough, *finer], stretches, settings.timing_gain, settings, pool)
     halved = replace(rough, share=0.5)  # every second scan was left out
-    guesses = [*untimed, rough, *finer, halved]
-    return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
+    return _best_folding([found, halved], stretches, settings.timing_gain, settings, pool)
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
