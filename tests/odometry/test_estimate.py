@@ -6,7 +6,8 @@ from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
 from worlds import SCAN_GAP
 
 from automos.errors import InputError
-from automos.odometry import estimate_trajectory
+from automos.odometry import estimate, estimate_trajectory, windows
+from automos.odometry.motion import SweepTiming
 from automos.scan import ArraySequence, Scan
 from automos.settings import OdometrySettings
 
@@ -40,6 +41,27 @@ def test_the_same_recording_gives_the_same_trajectory_whatever_the_threads(scans
     one, two = (estimate_trajectory(sequence_of(scans), REFINED.model_copy(update={"threads": n})) for n in (1, 3))
     np.testing.assert_array_equal(one.T_world_sensor, two.T_world_sensor)
     np.testing.assert_array_equal(one.T_level_world, two.T_level_world)
+
+
+def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(scans, monkeypatch):
+    chosen, choose = [], estimate.choose_timing
+
+    def blind_at_first(sequence, settings, poses, clock, pool=None):
+        chosen.append(SweepTiming() if poses is None else choose(sequence, settings, poses, clock, pool))
+        return chosen[-1]
+
+    def too_short_at_first(stretch, settings, pool=None):
+        missing = np.zeros((len(stretch) - 1, 3))
+        missing[3, 0] = 1e-3 * (len(chosen) == 1)
+        return missing
+
+    monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
+    monkeypatch.setattr(windows, "missing_distance", too_short_at_first)
+    raw = sequence_of([untimed(s) for s in scans])
+    trajectory = estimate_trajectory(raw, OdometrySettings(start_steps=()))
+    assert [timing.source for timing in chosen] == ["none", "azimuth"]
+    assert trajectory.timing == chosen[1]
+    assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.04
 
 
 @pytest.mark.parametrize("refine", [False, True])

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from raw_worlds import TOWN, curve, true_poses, worst_distance
+from raw_worlds import CANYON, TOWN, curve, true_poses, worst_distance
 from test_refine import shaken
-from worlds import record
+from worlds import record, van
 
+from automos.odometry.speed import chain
 from automos.odometry.sweeps import surfels_of
 from automos.odometry.windows import RollingRefinement
 from automos.settings import RefineSettings
@@ -54,3 +55,17 @@ def test_without_scans_there_are_no_poses():
     poses, before, after = RollingRefinement(0.1, 1.0, SHORT).finish()
     assert poses.shape == (0, 4, 4)
     assert len(before.lag) == len(after.lag) == 0
+
+
+def test_poses_settle_between_searches_for_the_speed():
+    pose, n = curve(8.0, 0.0), 30
+    traffic = (van(8.0, 0.0, 0.0, 8.0), van(-9.0, 0.2, 0.0, 8.0), van(2.0, 3.5, 0.0, 8.0), van(-5.0, 3.5, 0.0, 8.0))
+    world = record((*CANYON, *traffic), np.array([pose(0.1 * i) for i in range(n)]), n_beams=32)
+    truth = true_poses(pose, n)
+    steps = np.linalg.inv(truth[:-1]) @ truth[1:]
+    steps[:, :3, 3] *= 0.3  # in step with the traffic
+    turn = np.eye(4)  # and turned a little, which hides the true speed from a single search
+    turn[:2, :2] = [[np.cos(6e-3), -np.sin(6e-3)], [np.sin(6e-3), np.cos(6e-3)]]
+    surfels = [surfels_of(scan.points, None, RefineSettings()) for scan in world.sequence]
+    poses, _, _ = roll(surfels, chain(np.eye(4), steps @ turn), RefineSettings()).finish()
+    assert worst_distance(poses, truth) < 0.02
