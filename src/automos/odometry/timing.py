@@ -7,7 +7,9 @@ tried at a few places at which the sensor moves, and the one that makes walls th
 
 from __future__ import annotations
 
+import functools
 import logging
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -28,6 +30,8 @@ from automos.scan import ArraySequence, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
+
+Doubt = Callable[[SweepTiming], float]
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start."""
@@ -62,17 +66,17 @@ def choose_timing(
     if wanted == "auto" and from_file is not None:
         # Some keep the times although the points are compensated, and a recording may have been turned round.
         guesses = [from_file, *untimed, replace(from_file, share=-from_file.share)]
-        stretches = _moving_stretches(sequence, settings, poses, clock, pool)
-        return _best_folding(guesses, stretches, settings.timing_gain, settings, pool)
+        doubt = _doubt_of(_moving_stretches(sequence, settings, poses, clock, pool), settings)
+        return _best_folding(guesses, doubt, settings.timing_gain, pool)
     if wanted == "auto" and not _sees_all_round(sequence):
         return SweepTiming()
-    stretches = _moving_stretches(sequence, settings, poses, clock, pool)
+    doubt = _doubt_of(_moving_stretches(sequence, settings, poses, clock, pool), settings)
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    rough = _best_folding(circle, stretches, 0.0, settings, pool)
+    rough = _best_folding(circle, doubt, 0.0, pool)
     finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
-    found = _best_folding([*untimed, rough, *finer], stretches, settings.timing_gain, settings, pool)
+    found = _best_folding([*untimed, rough, *finer], doubt, settings.timing_gain, pool)
     halved = replace(rough, share=0.5)  # every second scan was left out
-    return _best_folding([found, halved], stretches, settings.timing_gain, settings, pool)
+    return _best_folding([found, halved], doubt, settings.timing_gain, pool)
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
@@ -148,20 +152,20 @@ def _moving_stretch(
     return refine_poses(stretch, np.zeros(len(scans), bool), settings.refinement)[0]
 
 
+def _doubt_of(stretches: list[Stretch], settings: OdometrySettings) -> Doubt:
+    """Return how badly the stretches fold under a guess, as a function that asks them once for each."""
+
+    @functools.cache
+    def doubt(guess: SweepTiming) -> float:
+        return float(np.mean([_misfit(stretch, guess, settings) for stretch in stretches])) if stretches else 0.0
+
+    return doubt
+
+
 def _best_folding(
-    guesses: list[SweepTiming],
-    stretches: list[Stretch],
-    gain: float,
-    settings: OdometrySettings,
-    pool: ThreadPoolExecutor | None,
+    guesses: list[SweepTiming], doubt: Doubt, gain: float, pool: ThreadPoolExecutor | None
 ) -> SweepTiming:
     """Return the guess under which scans fold best; the first one unless another is better by the share `gain`."""
-    if not stretches:
-        return guesses[0]
-
-    def doubt(guess: SweepTiming) -> float:
-        return float(np.mean([_misfit(stretch, guess, settings) for stretch in stretches]))
-
     scores = np.array(list(map(doubt, guesses) if pool is None else pool.map(doubt, guesses)))
     scores[0] += np.log1p(-gain)
     best = guesses[int(np.argmin(scores))]

@@ -111,12 +111,12 @@ class OdometrySettings(Group):
     points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")
     max_iterations: int = Field(500, ge=1, description="of one registration")
     convergence: float = Field(
-        2e-3, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
+        1e-3, gt=0, description="m, a registration ends with a step shorter than this; KISS-ICP's own is 1e-4"
     )
     initial_threshold: float = Field(2.0, gt=0, description="m, deviation expected while the motion is unknown")
     known_threshold: float = Field(0.5, gt=0, description="m, deviation expected at first once the motion is known")
     min_motion: float = Field(0.1, gt=0, description="m, deviations below this do not adapt the threshold")
-    start_scans: int = Field(4, ge=1, description="scans registered twice, to know the motion during the first")
+    start_scans: int = Field(6, ge=1, description="scans registered twice, to know the motion during the first")
     start_convergence: float = Field(1e-4, gt=0, description="m, the same as `convergence` for these, at most")
     start_clear_step: float = Field(0.2, gt=0, description="m from scan to scan, faster starts are no mistaken rest")
     start_steps: tuple[float, ...] = Field((1.0, 2.5), description="m from scan to scan, tried at slower ones")
