@@ -22,6 +22,7 @@ class Detections:
     n_moving, n_static : (M,) how many of them the evidence calls moving and static; the others are unknown.
     has_stayed : (M,) bool, whether the evidence alone would call it static; tracks that move may still end in it.
     part_of : (M,) int32, the segment that has stayed which it was cut out of, -1 for none.
+    lift : (M,) metres from the ground up to its lowest point.
     """
 
     boxes: Boxes
@@ -30,6 +31,7 @@ class Detections:
     n_static: npt.NDArray[np.float64]
     has_stayed: npt.NDArray[np.bool_]
     part_of: npt.NDArray[np.int32]
+    lift: npt.NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -48,10 +50,12 @@ class Detections:
         n_points: npt.NDArray[np.float64],
         n_moving: npt.NDArray[np.float64],
         n_static: npt.NDArray[np.float64],
+        lift: npt.NDArray[np.float64] | None = None,
     ) -> Detections:
-        """Return segments all of which may be objects, none a part of another."""
+        """Return segments all of which may be objects, none a part of another; on the ground unless a lift is given."""
         n = len(boxes)
-        return Detections(boxes, n_points, n_moving, n_static, np.zeros(n, np.bool_), np.full(n, -1, np.int32))
+        lift = np.zeros(n) if lift is None else lift
+        return Detections(boxes, n_points, n_moving, n_static, np.zeros(n, np.bool_), np.full(n, -1, np.int32), lift)
 
     @staticmethod
     def columns() -> tuple[str, ...]:

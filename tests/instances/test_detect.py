@@ -43,6 +43,12 @@ def test_what_has_stayed_is_kept_whole_and_apart():
     assert found.n_static.tolist() == [0, n]
 
 
+def test_a_segment_is_lifted_by_what_is_under_it():
+    car, crown = block(5, 0), block(12, 0) + [0.0, 0.0, 3.0]
+    _, _, found = detect((car, MOVED), (crown, STAYED))
+    np.testing.assert_allclose(found.lift, [0.2, 3.2], atol=1e-6)
+
+
 def test_a_walker_at_a_wall_is_cut_off_it():
     wall, walker = block(5, 0, 0.4, 8.0), block(5.4, 3.0, 0.4, 0.6)
     objects, stayed, found = detect((wall, STAYED), (walker, MOVED))

@@ -21,7 +21,8 @@ def seen(*things):
     n = np.full(len(things), 60.0)
     boxes = Boxes(center, size, np.zeros(len(n)), np.ones(len(n)))
     part_of = np.array([len(things) - 1 if len(thing) > 4 else -1 for thing in things], np.int32)
-    return Detections(boxes, n, np.where(has_stayed, 0.0, n), np.where(has_stayed, n, 0.0), has_stayed, part_of)
+    moved, static = np.where(has_stayed, 0.0, n), np.where(has_stayed, n, 0.0)
+    return Detections(boxes, n, moved, static, has_stayed, part_of, np.zeros(len(n)))
 
 
 def extended(scans, period=0.1):

@@ -14,7 +14,7 @@ STAMPS = 0.1 * np.arange(20)
 FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))
 
 
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, climb=0.0, is_piece=False):
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, climb=0.0, is_piece=False, lift=0.0):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
     center = np.column_stack([center, np.linspace(0.0, climb, len(center))])
@@ -27,8 +27,9 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
     none = Detections.of_objects(Boxes.empty(), *np.zeros((3, 0)))
     seen = [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
-    for one in seen:
+    for at, one in zip(np.broadcast_to(lift, 20), seen, strict=True):
         one.part_of[:] = 0 if is_piece else -1
+        one.lift[:] = at
     return table, seen
 
 
@@ -68,6 +69,8 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         ({"center": STRAIGHT, "n_points": 30, "is_piece": True}, Verdict.MOVING),
         ({"center": STRAIGHT, "climb": 9.0}, Verdict.MOVING),
         ({"center": STRAIGHT, "climb": -11.0}, Verdict.STATIC),
+        ({"center": STRAIGHT, "lift": 3.0}, Verdict.STATIC),
+        ({"center": STRAIGHT, "lift": np.where(np.arange(20) < 6, 1.5, 3.0)}, Verdict.MOVING),
     ],
     ids=[
         "a car that drives",

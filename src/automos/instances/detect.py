@@ -63,7 +63,8 @@ def detect_objects(
 
     n_objects = n_whole + int(is_piece.sum())
     silent = _renumbered(ids, is_compact & ~speaks_once, n_objects)
-    parts = [_describe(part, points, has_moved, has_stayed) for part in (objects, np.maximum(silent - n_objects, -1))]
+    kinds = (objects, np.maximum(silent - n_objects, -1))
+    parts = [_describe(kind, points, heights, has_moved, has_stayed) for kind in kinds]
     parts[1].has_stayed[:] = True
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
     found.part_of[objects[is_cut]] = silent[is_cut]
@@ -108,13 +109,19 @@ def _split_where_it_tells(
 
 
 def _describe(
-    ids: npt.NDArray[np.int32], points: npt.NDArray, has_moved: npt.NDArray[np.bool_], has_stayed: npt.NDArray[np.bool_]
+    ids: npt.NDArray[np.int32],
+    points: npt.NDArray,
+    heights: npt.NDArray[np.float32],
+    has_moved: npt.NDArray[np.bool_],
+    has_stayed: npt.NDArray[np.bool_],
 ) -> Detections:
-    """Return the boxes and counts of segments 0, 1, ... of `ids`."""
+    """Return the boxes, counts and lifts of segments 0, 1, ... of `ids`."""
     n, inside = int(ids.max(initial=-1)) + 1, ids >= 0
     kinds = (np.ones(len(points)), has_moved, has_stayed)
     count, moved, stayed = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
-    return Detections.of_objects(fit_boxes(points, ids, np.ones(n)), count, moved, stayed)
+    lift = np.full(n, np.inf)
+    np.minimum.at(lift, ids[inside], heights[inside])
+    return Detections.of_objects(fit_boxes(points, ids, np.ones(n)), count, moved, stayed, lift)
 
 
 def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:

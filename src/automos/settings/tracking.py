@@ -118,6 +118,7 @@ class JudgeSettings(Group):
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
     sure_share: float = Field(0.85, gt=0, lt=1, description="moved, of all points: with more it need not go straight")
     max_climb: float = Field(1.5, ge=0, description="m, between first and last observation, or as far as it went")
+    max_lift: float = Field(2.5, gt=0, description="m from the ground up to its lowest point, but for a fifth of scans")
     min_distance: float = Field(0.5, ge=0, description="m, between first and last observation")
     min_significance: float = Field(6.0, ge=0, description="speed over its standard error")
     min_straightness: float = Field(0.5, ge=0, le=1, description="distance over length of the path")

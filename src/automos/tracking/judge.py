@@ -12,6 +12,9 @@ from automos.settings import JudgeSettings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
+LOW_PERCENTILE = 20
+"""Of a vehicle whose foot is hidden mostly, or whose ground is misjudged, some scans show it on the ground."""
+
 
 def judge_by_evidence(
     tracks: Tracks,
@@ -29,7 +32,7 @@ def judge_by_evidence(
     is seen of it may even stand while it passes: of something long, what the evidence says in most scans is enough.
     What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, and of those of pieces, from
     which what has stayed was taken out, more is asked: they must be seen in most scans, and go straight; of glimpses,
-    that nearly all of their points have moved. Nothing climbs farther than it goes. What keeps its place beside the
+    that nearly all of their points have moved. Nothing climbs farther than it goes, or hovers. What keeps its place beside the
     sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
@@ -40,7 +43,7 @@ def judge_by_evidence(
     for k in range(n):
         rows = tracks.rows_of(k)
         seen = tracks.is_observed[rows]
-        center, size, points, moved, stayed, is_piece = (column[rows][seen] for column in evidence)
+        center, size, points, moved, stayed, is_piece, lift = (column[rows][seen] for column in evidence)
         if len(center) < 2:
             confidence[k] = 0.5
             continue
@@ -70,6 +73,7 @@ def judge_by_evidence(
             and (is_known or is_present)
             and (is_steady or not is_sparse)
             and (is_clear or not is_glimpse)
+            and np.percentile(lift, LOW_PERCENTILE) <= settings.max_lift
             and abs(center[-1, 2] - center[0, 2]) <= max(settings.max_climb, distance)
             and not _is_carried(center, size, sensor[scans], settings)
         ):
@@ -141,8 +145,8 @@ def _confidence(share: float, significance: float, settings: JudgeSettings) -> f
 
 
 def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
-    """Return centre, size (R, 3), points, moved, stayed, whether it is a piece (R,) of each row's segment; else 0."""
-    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((4, len(tracks.track)))
+    """Return centre, size (R, 3), points, moved, stayed, if it is a piece, lift (R,) of each row's segment; else 0."""
+    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((5, len(tracks.track)))
     seen = np.flatnonzero(tracks.is_observed)
     order = seen[np.argsort(tracks.scan[seen], kind="stable")]
     first = np.searchsorted(tracks.scan[order], np.arange(len(detections) + 1))
@@ -151,5 +155,5 @@ def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[
         segment = tracks.segment[rows]
         center[rows], size[rows] = found.boxes.center[segment], found.boxes.size[segment]
         counts[:3, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
-        counts[3, rows] = found.part_of[segment] >= 0
+        counts[3, rows], counts[4, rows] = found.part_of[segment] >= 0, found.lift[segment]
     return [center, size, *counts]
