@@ -44,7 +44,7 @@ def test_what_has_stayed_is_kept_whole_and_apart():
 
 
 def test_a_segment_is_lifted_by_what_is_under_it():
-    car, crown = block(5, 0), block(12, 0) + [0.0, 0.0, 3.0]
+    car, crown = block(5, 0), block(12, 0) + np.array([0.0, 0.0, 3.0])
     _, _, found = detect((car, MOVED), (crown, STAYED))
     np.testing.assert_allclose(found.lift, [0.2, 3.2], atol=1e-6)
 

@@ -93,6 +93,8 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         "a piece that drives",
         "up a ramp",
         "down a tree",
+        "a crown of leaves",
+        "a lorry whose wheels are hidden mostly",
     ],
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):

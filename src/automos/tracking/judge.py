@@ -32,8 +32,8 @@ def judge_by_evidence(
     is seen of it may even stand while it passes: of something long, what the evidence says in most scans is enough.
     What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, and of those of pieces, from
     which what has stayed was taken out, more is asked: they must be seen in most scans, and go straight; of glimpses,
-    that nearly all of their points have moved. Nothing climbs farther than it goes, or hovers. What keeps its place beside the
-    sensor is part of the vehicle itself.
+    that nearly all of their points have moved. Nothing climbs farther than it goes, or hovers. What keeps its
+    place beside the sensor is part of the vehicle itself.
 
     stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
     """
