@@ -82,6 +82,19 @@ def test_a_tram_of_which_more_or_less_is_seen_is_followed_on(hidden):
     assert sorted(set(range(50)) - set(after.scan.tolist())) == list(range(24, 24 + hidden))
 
 
+def test_a_car_that_waits_behind_others_is_known_again_when_they_have_passed():
+    scans = [seen(thing) for thing in stops()]
+    for scan in scans:
+        scan.n_points[:] = 180.0
+    for i, n, height in zip(range(45, 50), (60.0, 20.0, 14.0, 14.0, 14.0), (1.2, 0.8, 0.6, 0.6, 0.6), strict=True):
+        scans[i] = seen((stops()[i][0], 0.0, (4.0, 1.8, height), True))  # less and less of it, from above
+        scans[i].boxes.center[:, 2] = 1.5 - 0.5 * height
+        scans[i].n_points[:] = n
+    before, after = extended(scans)
+    assert len(before) == 1
+    assert set(range(60)) - set(after.scan.tolist()) <= set(range(45, 50))
+
+
 def test_a_glimpse_is_not_followed_on():
     scans = [seen((0.3 * i, 0.0, CAR, False)) if i < 5 else seen((1.5, 0.0, CAR, True)) for i in range(30)]
     assert extended(scans)[1].scan.max() == 4

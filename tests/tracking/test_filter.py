@@ -202,20 +202,29 @@ def test_the_middle_of_a_long_box_is_unsure_along_its_length():
 @pytest.mark.parametrize(
     ("known", "seen", "expected"),
     [
-        ([12.0, 2.5], [12.0, 2.5, 0.0], [0.0, 0.0]),
-        ([12.0, 2.5], [6.0, 2.5, 0.0], [0.5 * 6.0, 0.0]),
-        ([12.0, 2.5], [2.5, 6.0, 90.0], [0.5 * 6.0, 0.0]),
-        ([12.0, 2.5], [12.0, 5.5, 180.0], [0.0, 0.5 * 3.0]),
-        ([2.9, 1.8], [1.0, 1.8, 0.0], [0.0, 0.0]),
+        ([12.0, 2.5], [12.0, 2.5, 1.5, 0.0], [0.0, 0.0, 0.0]),
+        ([12.0, 2.5], [6.0, 2.5, 1.5, 0.0], [0.5 * 6.0, 0.0, 0.0]),
+        ([12.0, 2.5], [2.5, 6.0, 1.5, 90.0], [0.5 * 6.0, 0.0, 0.0]),
+        ([12.0, 2.5], [12.0, 5.5, 1.5, 180.0], [0.0, 0.5 * 3.0, 0.0]),
+        ([12.0, 2.5], [12.0, 2.5, 0.3, 0.0], [0.0, 0.0, 0.5 * 1.2]),
+        ([2.9, 1.8], [1.0, 1.8, 0.3, 0.0], [0.0, 0.0, 0.0]),
     ],
-    ids=["whole", "half of it", "half of it, turned by a quarter", "with what is beside it", "short"],
+    ids=["whole", "half of it", "half of it, turned by a quarter", "with what is beside it", "its roof", "short"],
 )
 def test_the_middle_of_what_is_seen_more_or_less_of_is_unsure(known, seen, expected):
     settings = SETTINGS.model_copy(update={"unlike_share": 0.5, "whole_side": 3.0})
     yaw = np.radians(30.0)
     belief = kalman.start(boxes([0, 0, 0, yaw, *known, 1.5]), settings)
-    box = boxes([0, 0, 0, yaw + np.radians(seen[2]), seen[0], seen[1], 1.5])
+    box = boxes([0, 0, 0, yaw + np.radians(seen[3]), *seen[:3]])
     assert kalman.unlike_sides(belief, box, settings)[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_roof_of_a_car_does_not_lift_it():
+    settings = SETTINGS.model_copy(update={"initial_variance": 0.02, "measurement_variance": 0.02, "unlike_share": 0.3})
+    belief = kalman.start(boxes([0, 0, 0.75, 0, 4.5, 1.8, 1.5]), settings)
+    roof = kalman.update(belief, boxes([0, 0, 1.3, 0, 4.5, 1.8, 0.4]), settings)
+    assert roof.mean[0, 2] < 0.85
+    assert roof.mean[0, 6] > 1.3
 
 
 def test_half_of_a_bus_hardly_moves_it_along_its_length():

@@ -93,6 +93,7 @@ class ExtensionSettings(Group):
     min_points: int = Field(12, ge=1, description="in most of its scans, nor with fewer")
     max_blind_way: float = Field(1.0, ge=0, description="m, an object may go out of sight, or")
     max_blind_share: float = Field(0.25, ge=0, description="of its length, if that is more")
+    count_memory: float = Field(1.0, gt=0, description="s, after which a third of its points are expected still")
     look_back: float = Field(0.5, ge=0, description="s, for which nothing else may have stood at its place")
     same_place: float = Field(0.3, ge=0, description="m, what moved and changed by less is the same, and")
     same_size: float = Field(0.3, ge=0, description="of its size, by which it may have changed besides")

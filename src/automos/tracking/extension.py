@@ -121,7 +121,10 @@ def _extend(
         matched, segment = assign(cost)
         updated = kalman.update(alive[matched], found.boxes[segment], settings.filter)
         alive.mean[matched], alive.covariance[matched] = updated.mean, updated.covariance
-        unseen[matched], count[matched] = 0.0, found.n_points[segment]
+        unseen[matched] = 0.0
+        is_long = alive.mean[matched][:, kalman.SIZE][:, :2].max(axis=1, initial=0.0) > settings.filter.whole_side
+        known = np.where(is_long, np.exp(-dt / settings.count_memory) * count[matched], 0.0)
+        count[matched] = np.maximum(found.n_points[segment], known)
         way.update({(track, scan): at for track, at in zip(ids, alive.mean[:, :2], strict=True)})
         log.append((ids[matched], scan, segment, alive.mean[matched]))
         blind_way = unseen * np.linalg.norm(alive.mean[:, kalman.VELOCITY], axis=1)

@@ -79,8 +79,9 @@ def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
     P, R = beliefs.covariance, measurement_noise(boxes, settings)
     unlike = unlike_sides(beliefs, boxes, settings)
-    R[:, :2, :2] += along(beliefs.mean[:, YAW], unlike)
-    R[:, [4, 5], [4, 5]] += unlike**2
+    R[:, :2, :2] += along(beliefs.mean[:, YAW], unlike[:, :2])
+    R[:, 2, 2] += unlike[:, 2] ** 2
+    R[:, [4, 5, 6], [4, 5, 6]] += unlike**2
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
     innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
@@ -104,16 +105,18 @@ def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
 
 
 def unlike_sides(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Array:
-    """Return (K, 2) metres by which the middle may be off along length and width, as more or less is seen than known.
+    """Return (K, 3) metres by which the middle may be off along length, width and height, as more or less is seen.
 
     `beliefs` (K) and `boxes` (K) are paired. A bus half of which is hidden is seen where its other half is; one that
-    hangs together with what is beside it, between the two. Of something short, neither is likely.
+    hangs together with what is beside it, between the two; of a car behind another, only the roof is seen. Of something
+    short, none of it is likely.
     """
     turn = boxes.yaw - beliefs.mean[:, YAW]
     c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    seen = np.stack([c * boxes.size[:, 0] + s * boxes.size[:, 1], s * boxes.size[:, 0] + c * boxes.size[:, 1]], axis=1)
-    known = beliefs.mean[:, SIZE][:, :2]
-    is_long = known.max(axis=1, keepdims=True, initial=0.0) > settings.whole_side
+    length, width, height = boxes.size.T
+    seen = np.stack([c * length + s * width, s * length + c * width, height], axis=1)
+    known = beliefs.mean[:, SIZE]
+    is_long = known[:, :2].max(axis=1, keepdims=True, initial=0.0) > settings.whole_side
     return settings.unlike_share * np.where(is_long, np.abs(known - seen), 0.0)
 
 

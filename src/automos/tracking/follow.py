@@ -81,12 +81,13 @@ def motion_cost(
     """
     offset = seen.boxes.center[None, :, :] - alive.mean[:, None, :3]  # (K, M, 3)
     noise = kalman.measurement_noise(seen.boxes, settings.filter)[:, :2, :2]
+    climb = np.abs(offset[..., 2])
     if settings.filter.unlike_share:
         k, j = (index.ravel() for index in np.indices(offset.shape[:2]))
         unlike = kalman.unlike_sides(alive[k], seen.boxes[j], settings.filter)
-        noise = noise + kalman.along(alive.mean[k, kalman.YAW], unlike).reshape(*offset.shape[:2], 2, 2)
+        noise = noise + kalman.along(alive.mean[k, kalman.YAW], unlike[:, :2]).reshape(*offset.shape[:2], 2, 2)
+        climb = np.maximum(climb - unlike[:, 2].reshape(climb.shape), 0.0)
     squared = _mahalanobis(offset[..., :2], alive.covariance[:, None, :2, :2] + noise)
-    climb = np.abs(offset[..., 2])
     size_before = np.sort(np.maximum(alive.mean[:, None, 4:6], 0.1), axis=-1)
     size_now = np.sort(np.maximum(seen.boxes.size[None, :, :2], 0.1), axis=-1)
     growth = (np.abs(size_before - size_now) / (1.0 + np.maximum(size_before, size_now))).max(axis=-1)
