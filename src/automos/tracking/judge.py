@@ -111,7 +111,9 @@ def motion(
     way = np.column_stack([np.bincount(block, center[:, axis]) / n for axis in range(2)])
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
     straightness = np.linalg.norm(way[-1] - way[0]) / max(steps, 1e-6)
-    distance = float(np.linalg.norm(center[-1] - center[0]))
+    # One observation of something else at either end is no way.
+    ends = (np.median(center[:3], axis=0), np.median(center[-3:], axis=0)) if len(center) >= 6 else center[[0, -1]]
+    distance = float(np.linalg.norm(ends[1] - ends[0]))
     t = stamps - stamps.mean()
     spread = float(t @ t)
     velocity = t @ center / spread
