@@ -40,6 +40,7 @@ def verdict_on(sensor=FAR_SENSOR, **track):
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
 SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
+HERE_AND_THERE = np.column_stack([1.5 * np.sin(0.6 * np.arange(20)), 0.05 * np.arange(20)])
 
 
 CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
@@ -64,10 +65,10 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
         ({"center": STRAIGHT[:4], "n_points": 15}, Verdict.STATIC),
         ({"center": STRAIGHT[:10], "n_points": 15, "moved": 0.7}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 15, "moved": 0.7}, Verdict.MOVING),
-        ({"center": SHAKING, "n_points": 30}, Verdict.MOVING),
-        ({"center": SHAKING, "n_points": 30, "is_piece": True}, Verdict.STATIC),
+        ({"center": HERE_AND_THERE, "n_points": 30}, Verdict.MOVING),
+        ({"center": HERE_AND_THERE, "n_points": 30, "is_piece": True}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 30, "is_piece": True}, Verdict.MOVING),
-        ({"center": STRAIGHT, "climb": 9.0}, Verdict.MOVING),
+        ({"center": STRAIGHT, "climb": 8.0}, Verdict.MOVING),
         ({"center": STRAIGHT, "climb": -11.0}, Verdict.STATIC),
         ({"center": np.vstack([0.01 * STRAIGHT[:-1], [[3.0, 3.0]]])}, Verdict.STATIC),
         ({"center": STRAIGHT, "lift": 3.0}, Verdict.STATIC),

@@ -74,7 +74,7 @@ def judge_by_evidence(
             and (is_steady or not is_sparse)
             and (is_clear or not is_glimpse)
             and np.percentile(lift, LOW_PERCENTILE) <= settings.max_lift
-            and abs(center[-1, 2] - center[0, 2]) <= max(settings.max_climb, distance)
+            and abs(np.subtract(*_ends(center[:, 2]))) <= max(settings.max_climb, distance)
             and not _is_carried(center, size, sensor[scans], settings)
         ):
             verdict[k] = Verdict.MOVING
@@ -111,15 +111,20 @@ def motion(
     way = np.column_stack([np.bincount(block, center[:, axis]) / n for axis in range(2)])
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
     straightness = np.linalg.norm(way[-1] - way[0]) / max(steps, 1e-6)
-    # One observation of something else at either end is no way.
-    ends = (np.median(center[:3], axis=0), np.median(center[-3:], axis=0)) if len(center) >= 6 else center[[0, -1]]
-    distance = float(np.linalg.norm(ends[1] - ends[0]))
+    first, last = _ends(center)
+    distance = float(np.linalg.norm(last - first))
     t = stamps - stamps.mean()
     spread = float(t @ t)
     velocity = t @ center / spread
     scatter = center - center.mean(axis=0) - t[:, None] * velocity
     error = np.sqrt(((scatter**2).sum(axis=1).mean() + settings.noise**2) / spread)
     return float(np.linalg.norm(velocity) / error), float(straightness), distance
+
+
+def _ends(path: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return where `path` (T, ...) begins and ends: one observation of something else at an end is no way."""
+    n = 3 if len(path) >= 6 else 1
+    return np.median(path[:n], axis=0), np.median(path[-n:], axis=0)
 
 
 def _is_carried(
