@@ -37,7 +37,7 @@ SAME = 0.02
 
 
 def compare(sequence: Sequence, settings: OdometrySettings, seconds: float, every: int) -> dict:
-    """Return the median distances (% of the way) of odometry and reference from scans registered directly."""
+    """Return the mean distances (% of the way) of odometry and reference from scans registered directly."""
     found = estimate_trajectory(sequence, settings)
     apart = round(seconds / float(np.median(np.diff(found.stamps))))
     rows = []

@@ -63,8 +63,8 @@ def detect_objects(
 
     n_objects = n_whole + int(is_piece.sum())
     silent = _renumbered(ids, is_compact & ~speaks_once, n_objects)
-    kinds = (objects, np.maximum(silent - n_objects, -1))
-    parts = [_describe(kind, points, heights, has_moved, has_stayed) for kind in kinds]
+    both = (objects, np.maximum(silent - n_objects, -1))
+    parts = [_describe(part, points, heights, has_moved, has_stayed) for part in both]
     parts[1].has_stayed[:] = True
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
     found.part_of[objects[is_cut]] = silent[is_cut]

@@ -5,8 +5,9 @@ cars beside fit best where they were: registrations of neighbouring scans agree 
 standing still. Only the few surfaces that face along the street (poles, recesses, corners) tell, and they do so sharply
 once only they are asked: how much of them finds a surface again, over two baselines at once, as a function of speed,
 has its peak where the world stands still. Traffic has no common peak. What is higher than any vehicle cannot be traffic
-and counts more. The path of speeds over time with the greatest sum and possible accelerations is followed (Viterbi);
-the registration's own speed is somewhat ahead, driving backwards somewhat behind.
+and counts more. From nearly the same place nearly all is found again, so a speed near standing under which little is
+found counts for as much less. The path of speeds over time with the greatest sum and possible accelerations is followed
+(Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
 """
 
 from __future__ import annotations
@@ -74,18 +75,17 @@ def _growth_along(
     def score(start: int) -> tuple[Array, Array, Array]:
         submap = make_submap([surfels[start]], np.eye(4)[None], settings.voxel, settings.near)
         whole = _score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings)[:, 0]
-        total, believed, refound = np.zeros(len(speeds)), np.zeros(len(speeds)), np.zeros((2, len(speeds)))
+        refound, believed = np.zeros((2, len(speeds))), np.zeros(len(speeds))
         for end in start + np.array(lags):
             T_start_end = inverse(T[start]) @ T[end]
             seconds = clock[end] - clock[start]
             per_sweep = stretch.share * period / seconds
             distances = speeds * seconds
             found = _score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings)
-            expected = weights @ whole * _expected_share(distances, settings)
-            total += weights @ found
-            believed += weights @ found * np.minimum(weights @ found / np.maximum(expected, 1e-9), 1.0)
-            refound += found / len(lags)
-        return believed / (total.max() + settings.speed_evidence), refound, whole
+            weighed, expected = weights @ found, weights @ whole * _expected_share(distances, settings)
+            believed += weighed * np.minimum(weighed / np.maximum(expected, 1e-9), 1.0)
+            refound += found
+        return believed / ((weights @ refound).max() + settings.speed_evidence), refound / len(lags), whole
 
     todo = starts.tolist()
     scored = list(map(score, todo) if pool is None else pool.map(score, todo))

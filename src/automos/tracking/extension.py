@@ -122,7 +122,7 @@ def _extend(
         updated = kalman.update(alive[matched], found.boxes[segment], settings.filter)
         alive.mean[matched], alive.covariance[matched] = updated.mean, updated.covariance
         unseen[matched] = 0.0
-        is_long = alive.mean[matched][:, kalman.SIZE][:, :2].max(axis=1, initial=0.0) > settings.filter.whole_side
+        is_long = kalman.is_long(updated, settings.filter)
         known = np.where(is_long, np.exp(-dt / settings.count_memory) * count[matched], 0.0)
         count[matched] = np.maximum(found.n_points[segment], known)
         way.update({(track, scan): at for track, at in zip(ids, alive.mean[:, :2], strict=True)})

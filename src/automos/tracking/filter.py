@@ -116,8 +116,12 @@ def unlike_sides(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Ar
     length, width, height = boxes.size.T
     seen = np.stack([c * length + s * width, s * length + c * width, height], axis=1)
     known = beliefs.mean[:, SIZE]
-    is_long = known[:, :2].max(axis=1, keepdims=True, initial=0.0) > settings.whole_side
-    return settings.unlike_share * np.where(is_long, np.abs(known - seen), 0.0)
+    return settings.unlike_share * np.where(is_long(beliefs, settings)[:, None], np.abs(known - seen), 0.0)
+
+
+def is_long(beliefs: Beliefs, settings: FilterSettings) -> npt.NDArray[np.bool_]:
+    """Return (K,) whether the boxes are so long that often only a part of them is seen."""
+    return beliefs.mean[:, SIZE][:, :2].max(axis=1, initial=0.0) > settings.whole_side
 
 
 def along(yaw: Array, sigma: Array) -> Array:
