@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from automos.candidates.ego_body import EgoBody, find_ego_body
 from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
-from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points
+from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points, seen_in
 from automos.candidates.free_space_vote import find_supported, look_through
 from automos.candidates.free_space_weigh import find_open, find_seen_through, sum_votes, weaken_lone, weigh_looks
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -58,6 +58,7 @@ class _Seen:
     objects: npt.NDArray[np.float32]  # (3, K) metres, sensor frame
     image: RangeImage
     motion: npt.NDArray[np.float32]
+    pattern: BeamPattern
 
 
 class FreeSpace:
@@ -144,12 +145,13 @@ class FreeSpace:
         raw = raw_points(frame)
         kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
         kind[self.body.covers(raw)] = EGO_BODY
-        image = make_image(raw, kind, self.pattern, self.pyramid)
+        pattern, is_last = seen_in(frame, raw, self.pattern)
+        image = make_image(raw, np.where(is_last, kind, np.uint8(EGO_BODY)), pattern, self.pyramid)
         height = points[:, 2] - ground.height_at(points)
         knows_motion = frame.sweep_motion is not None and frame.sweep_time is not None
         motion = np.asarray(frame.sweep_motion if knows_motion else np.zeros(6), np.float32)
         objects = np.take(frame.points, np.flatnonzero(kind == OBJECT), axis=0)
-        return _Seen(kind, height, np.ascontiguousarray(objects.T), image, motion)
+        return _Seen(kind, height, np.ascontiguousarray(objects.T), image, motion, pattern)
 
     def _ask(self, index: int, mine: _Seen, others: dict[int, _Seen]) -> Evidence:
         """Return what the scans in `others` say about frame `index`."""
@@ -169,7 +171,7 @@ class FreeSpace:
 
         ids = find_seen_through(votes)
         support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
-        is_supported = find_supported(mine.objects[:, ids], mine.motion, self.pattern, mine.image, *support)
+        is_supported = find_supported(mine.objects[:, ids], mine.motion, mine.pattern, mine.image, *support)
         weaken_lone(votes, ids, is_supported, self.settings.lone_weight)
 
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
@@ -205,7 +207,7 @@ class FreeSpace:
         points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
         codes = np.empty(len(ids), np.uint8)
         ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
-        scan = (other.motion, self.pattern, self.pyramid, other.image)
+        scan = (other.motion, other.pattern, self.pyramid, other.image)
         look_through(points, T, *scan, tolerances, codes, ranges, misses)
         pitch = np.float32(self.pattern.row_height)
         weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, votes)

@@ -64,15 +64,17 @@ def estimate_trajectory(
     diagnostics: dict[str, Any] = {"warnings": []}
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
     with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
-        timing = choose_timing(sequence, settings, poses, clock, pool)
+        choice = choose_timing(sequence, settings, poses, clock, pool)
         if poses is None:
-            poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
-            if timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
+            poses = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+            if choice.timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
                 # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
                 better = choose_timing(sequence, settings, poses, clock, pool)
-                if better != timing:
-                    timing, diagnostics["warnings"] = better, []
-                    poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
+                if better.timing != choice.timing:
+                    choice, diagnostics["warnings"] = better, []
+                    poses = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+    timing = choice.timing
+    diagnostics["timing"] = choice.to_dict()
     if "wall_thickness_m" not in diagnostics:
         links = measure_consistency(sequence, poses, timing, clock, settings)
         diagnostics.update(summarize(links, settings.refinement))

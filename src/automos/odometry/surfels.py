@@ -115,6 +115,8 @@ def _sum_moments(points, times, voxel, near, max_range, size):  # type: ignore[n
         if not (x * x + y * y + z * z < max_range * max_range):
             continue
         key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        if times[i] > 0.0:  # where the sweep ends beside its start, what it saw first and last lies apart
+            key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot] = key

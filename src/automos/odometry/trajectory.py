@@ -70,7 +70,7 @@ class Trajectory:
             np.asarray(arrays["T_world_sensor"]),
             np.asarray(arrays["stamps"]),
             np.asarray(arrays["sweep_motion"]),
-            SweepTiming(**notes["timing"]),
+            SweepTiming.from_dict(notes["timing"]),
             np.asarray(arrays["T_level_world"]),
             notes["diagnostics"],
         )
