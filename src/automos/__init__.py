@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from automos.working_folder import ignore_settings_here
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ _HOME = {
     "Workspace": "workspace",
 }
 __all__ = [*_HOME, "__version__"]
+
+ignore_settings_here()
 
 
 def __getattr__(name: str) -> Any:

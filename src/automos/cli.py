@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +19,7 @@ from automos.cli_look import look_app
 from automos.cli_network import network_app
 from automos.cli_options import Format, Overrides, Preset, Recording, SettingsFile
 from automos.errors import AutomosError
+from automos.working_folder import SAFE_PATH
 
 app = typer.Typer(
     add_completion=False,
@@ -137,6 +139,7 @@ class _Debug:
 
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
+    os.environ.update(SAFE_PATH)  # for every process that is started from here, by whatever library
     try:
         app()
     except AutomosError as error:
