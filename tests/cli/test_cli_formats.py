@@ -26,7 +26,7 @@ def labelled(tmp_path_factory):
 
 
 def test_formats_lists_all_that_is_read_and_written_and_what_each_needs(monkeypatch):
-    monkeypatch.setattr("automos.cli_formats.output", Console(width=200, markup=False))
+    monkeypatch.setattr("automos.cli.formats.output", Console(width=200, markup=False))
     done = run("formats")
     assert done.exit_code == 0, done.output
     words = set(done.output.split())

@@ -13,7 +13,7 @@ from automos.cli import main
 from automos.labels import pack
 from automos.pose_files import write_kitti
 
-HAS_SHIPPED = (Path(__file__).parents[1] / "src" / "automos" / "network" / "lmnet.onnx").exists()
+HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()
 TINY = [
     *("--set", "network.image.height=16", "--set", "network.image.width=64", "--set", "network.image.residuals=2"),
     *("--set", "network.model.channels=4", "--set", "network.training.epochs=1", "--set", "odometry.time=none"),

@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+from automos.cli.consoles import console, output
+from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
 
 label_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 NOT_ALL = 3
 """Exit code of a run that labelled some recordings and not others."""
@@ -110,3 +108,11 @@ def status(
 
     found = read_status(run)
     output.print(found.to_json() if as_json else "\n".join(found.lines()))
+
+
+@label_app.command("settings")
+def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
+    """Print all settings as YAML; the output is a settings file."""
+    from automos.settings import dump_yaml, load_settings, read_overrides
+
+    output.print(dump_yaml(load_settings(preset, settings, read_overrides(set_))), end="")
