@@ -14,7 +14,7 @@ import automos
 SOURCE = Path(__file__).parents[1] / "src" / "automos"
 FILES = sorted(SOURCE.rglob("*.py"))
 
-BASE = {"labels", "scan", "geometry", "settings", "errors", "atomic", "detections"}
+BASE = {"labels", "scan", "geometry", "settings", "errors", "extras", "atomic", "detections"}
 STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
 COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
 MAY_IMPORT = {

@@ -20,9 +20,11 @@ Recording = Annotated[Path, typer.Argument(help="the recording that the results 
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
     from automos.export.listing import format_tables
+    from automos.extras import pip_install
 
     for table in format_tables():
         output.print(table)
+    output.print(f"An extra is installed by  {pip_install('EXTRA')}")
 
 
 @formats_app.command()
