@@ -88,6 +88,9 @@ class RunFiles:
     def __len__(self) -> int:
         return len(self.names)
 
+    def __repr__(self) -> str:
+        return f"<RunFiles {self.folder}: {len(self)} scans of {self.sequence.name!r}>"
+
     def each(self, what: str) -> Iterator[int]:
         """Yield the index of every scan, telling the progress."""
         for index in range(len(self)):
