@@ -124,6 +124,18 @@ class Sequence:
         """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
         return None
 
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return (N, 3) metres that each point of scan `index` itself moves until the next scan, in the sensor frame.
+
+        The sensor's own motion is not in it: 0 for what stands, NaN where nobody knows. None without such truth.
+        """
+        return None
+
+    @property
+    def T_vehicle_sensor(self) -> Pose | None:
+        """(4, 4) where the sensor sits on its vehicle, if the format's own vectors are in the vehicle's frame."""
+        return None
+
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does; cheap (names, sizes, times, not contents)."""
         return f"{type(self).__name__}:{self.name}:{len(self)}"

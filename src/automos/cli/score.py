@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -21,15 +22,19 @@ def evaluate(
     json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
 ) -> None:
     """Score labels against the truth that came with a recording, as SemanticKITTI's moving-object benchmark does."""
+    from automos.atomic import write_text
     from automos.datasets import open_recordings
     from automos.evaluation.report import evaluate_recordings
+    from automos.export.flow import score_flow
 
-    report = evaluate_recordings(predictions, open_recordings(recording, format))
+    recordings = open_recordings(recording, format)
+    report, flow = evaluate_recordings(predictions, recordings), score_flow(predictions, recordings)
     output.print(report.table())
+    if flow is not None:
+        output.print(flow.table())
     if json_file is not None:
-        from automos.atomic import write_text
-
-        write_text(json_file, report.to_json())
+        scores = {**report.to_dict(), **({} if flow is None else {"flow": flow.to_dict()})}
+        write_text(json_file, json.dumps(scores, indent=2, allow_nan=False) + "\n")
 
 
 @score_app.command()

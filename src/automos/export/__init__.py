@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
+    "flow_av2", "opensceneflow",
 )  # fmt: skip
 """Formats that results are written in; each is a module of this package."""
 
@@ -29,6 +30,7 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
+    name = name.replace("-", "_")
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
