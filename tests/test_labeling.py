@@ -58,10 +58,22 @@ def test_the_summary_tells_points_objects_and_place():
         "seconds": {"odometry": 1.0, "labels": 2.0},
         "odometry": {"warnings": ["no ground found."]},
     }
-    text = summary(done, Path("out"))
+    text = summary(done, Path("out"), 5.0, was_there=False)
     assert "log: 10 scans, 1,000 points, 95 moving (9.50 %) on 2 objects, 5 unlabeled" in text
     assert "warning: no ground found." in text
-    assert "3.0 s, 0.300 s per scan; labels in out/predictions" in text
+    assert "5.0 s, 0.500 s per scan; labels in out/predictions" in text
+
+
+def test_the_summary_of_a_run_that_did_nothing_does_not_tell_yesterdays_seconds_as_its_own():
+    done = {
+        "recording": {"name": "log", "scans": 10},
+        "points": {"unlabeled": 0, "static": 900, "moving": 0},
+        "tracks": {"total": 0, "moving": 0},
+        "seconds": {"odometry": 1.0, "labels": 2.0},
+        "odometry": {},
+    }
+    text = summary(done, Path("out"), 0.2, was_there=True)
+    assert text.endswith("nothing to do: labelled before with these settings, in 3.0 s; labels in out/predictions")
 
 
 def test_a_second_run_gives_the_same_files_without_work(recording, tmp_path):

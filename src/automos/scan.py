@@ -6,7 +6,7 @@ range) work on a :class:`Frame`, which says for each of its points which point o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Sequence_
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
 from automos.geometry import transform
 
 Points = npt.NDArray[np.float32]
@@ -61,6 +62,10 @@ class Scan:
     def __len__(self) -> int:
         return len(self.points)
 
+    def __repr__(self) -> str:
+        columns = ["x y z", *(name for name in ("intensity", "time", "ring") if getattr(self, name) is not None)]
+        return f"<Scan {self.name!r}: {len(self)} points, {' '.join(columns)}>"
+
     @cached_property
     def is_valid(self) -> Mask:
         """(N,) bool: finite and further than MIN_RANGE from the sensor."""
@@ -85,6 +90,10 @@ class Sequence:
 
     def __iter__(self) -> Iterator[Scan]:
         return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        place = "" if self.source is None else f" from {self.source}"
+        return f"<{type(self).__name__} {self.name!r}: {len(self)} scans{place}>"
 
     @property
     def address(self) -> Path | None:
@@ -113,6 +122,18 @@ class Sequence:
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
+        return None
+
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return (N, 3) metres that each point of scan `index` itself moves until the next scan, in the sensor frame.
+
+        The sensor's own motion is not in it: 0 for what stands, NaN where nobody knows. None without such truth.
+        """
+        return None
+
+    @property
+    def T_vehicle_sensor(self) -> Pose | None:
+        """(4, 4) where the sensor sits on its vehicle, if the format's own vectors are in the vehicle's frame."""
         return None
 
     def fingerprint(self) -> str:
@@ -175,6 +196,25 @@ class ArraySequence(Sequence):
         if self._stamps is not None:
             digest.update(self._stamps.tobytes())
         return f"{super().fingerprint()}:{digest.hexdigest()}"
+
+
+def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequence:
+    """Return `recording` itself where it is a sequence, else the sequence of these scans or arrays.
+
+    Raises
+    ------
+    InputError : it is a path, one single array of points, or holds what is no scan.
+    """
+    if isinstance(recording, Sequence):
+        return recording
+    if isinstance(recording, str | Path):
+        raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
+    if isinstance(recording, np.ndarray) and recording.ndim == 2:
+        raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
+    try:
+        return ArraySequence(list(recording))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
 
 
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:

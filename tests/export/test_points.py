@@ -201,5 +201,5 @@ def test_an_unknown_format_names_the_nearest_and_a_place_in_the_way_is_told(run,
 @pytest.mark.parametrize(("format", "module"), [("laz", "laspy"), ("parquet", "pyarrow"), ("mcap", "rosbags.rosbag2")])
 def test_a_missing_package_is_told_with_the_command_that_installs_it(run, tmp_path, monkeypatch, format, module):
     monkeypatch.setitem(__import__("sys").modules, module, None)
-    with pytest.raises(MissingExtraError, match=rf"pip install 'automos\[{load_export(format).needs}\]'"):
+    with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{load_export(format).needs}\]'"):
         export(run, format, tmp_path / "out")

@@ -15,7 +15,7 @@ from automos.scale.status import read_status
 
 pytestmark = pytest.mark.slow
 
-ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'automos[scale]'")
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install '.[scale]'")
 
 
 @pytest.fixture

@@ -171,7 +171,9 @@ class FreeSpace:
 
         ids = find_seen_through(votes)
         support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
-        is_supported = find_supported(mine.objects[:, ids], mine.motion, mine.pattern, mine.image, *support)
+        is_supported = find_supported(
+            np.take(mine.objects, ids, axis=1), mine.motion, mine.pattern, mine.image, *support
+        )
         weaken_lone(votes, ids, is_supported, self.settings.lone_weight)
 
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)

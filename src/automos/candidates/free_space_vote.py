@@ -90,11 +90,12 @@ def find_supported(points, motion, pattern, image, tolerance, tolerance_per_metr
     """Return (K,) bool: which of a scan's own `points` (3, K) float32 go on to the rows above or below and sideways.
 
     A twig, a wire or the edge of a slab fits between the rays of other scans; what other rays of the same scan met as
-    well does not. `motion`, `pattern` and `image` are the scan's.
+    well does not. `points` are contiguous; `motion`, `pattern` and `image` are the scan's.
     """
     h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
     buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
-    T = np.eye(4, dtype=np.float32)
+    T = np.zeros((3, 4), np.float32)
+    T[0, 0] = T[1, 1] = T[2, 2] = 1.0
     n_points = points.shape[1]
     is_supported = np.zeros(n_points, np.bool_)
     for start in range(0, n_points, _BLOCK):

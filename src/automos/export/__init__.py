@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
+    "flow_av2", "opensceneflow",
 )  # fmt: skip
 """Formats that results are written in; each is a module of this package."""
 
@@ -29,6 +30,7 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
+    name = name.replace("-", "_")
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
@@ -37,10 +39,10 @@ def load_export(name: str) -> Export:
 
 
 def export_run(
-    folder: Path,
+    folder: str | Path,
     sequences: Sequence[ScanSequence],
     format: str,
-    out: Path | None = None,
+    out: str | Path | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
 ) -> list[Path]:
     """Write the results in `folder` in another format; return the files or folders that were written.
@@ -60,11 +62,12 @@ def export_run(
     """
     from automos.export.run_files import RunFiles
 
-    export = load_export(format)
+    export, folder = load_export(format), Path(folder)
+    target = folder / "export" / format if out is None else Path(out)
     written = []
     for sequence in sequences:
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress)
-        place = _place(out or folder / "export" / format, export, sequence.name, len(sequences))
+        place = _place(target, export, sequence.name, len(sequences))
         if place.is_file() != bool(export.suffix) and place.exists():
             kind = "a folder" if place.is_dir() else "a file"
             raise InputError(f"{place} is {kind}: choose another --out")

@@ -25,7 +25,7 @@ from automos.labels import Label
 from automos.odometry.frames import make_frame
 from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
-from automos.scan import Points, Pose, Scan, Sequence
+from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -88,6 +88,9 @@ class RunFiles:
     def __len__(self) -> int:
         return len(self.names)
 
+    def __repr__(self) -> str:
+        return f"<RunFiles {self.folder}: {len(self)} scans of {self.sequence.name!r}>"
+
     def each(self, what: str) -> Iterator[int]:
         """Yield the index of every scan, telling the progress."""
         for index in range(len(self)):
@@ -144,6 +147,15 @@ class RunFiles:
         points = scan.points.copy()
         points[frame.kept] = frame.points
         return points
+
+    def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) which points of `scan` lie on the ground; none where the run does not tell any more."""
+        is_ground = np.zeros(len(scan), bool)
+        key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
+        if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():
+            kind = Workspace(self.folder).stage("candidates", str(key)).load(self.names[index], "kind")["kind"]
+            is_ground[scan.is_valid] = kind == GROUND
+        return is_ground
 
     def points_upright(self, scan: Scan, index: int) -> Points:
         """Return `points_at_pose` in the scan's upright frame."""

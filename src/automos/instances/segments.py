@@ -18,6 +18,7 @@ import numpy.typing as npt
 from automos.settings import SegmentSettings
 
 _BINS = 64
+_NONE = np.iinfo(np.int64).max
 
 
 def segment_points(
@@ -133,8 +134,10 @@ def _segment(  # type: ignore[no-untyped-def]
             rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
             is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
     # Like stacks join; every thin one remembers the full one that is nearest.
-    parent = np.arange(n_stacks)
-    nearest = np.full((n_stacks, 3), np.iinfo(np.int64).max)  # squared cells, cell, stack
+    parent = np.empty(n_stacks, np.int64)
+    for s in range(n_stacks):
+        parent[s] = s
+    nearest = np.full((n_stacks, 3), _NONE)  # squared cells, cell, stack
     for slot in range(n_cells):
         c = cells[slot]
         u, v = c % n, c // n

@@ -7,6 +7,7 @@ import socket
 from typing import Any
 
 from automos.errors import InputError, MissingExtraError
+from automos.extras import pip_install
 from automos.scale.executors import Executor
 from automos.scale.machine import thread_limits
 from automos.scale.orders import Ended, Order, Report
@@ -29,7 +30,7 @@ class RayCluster(Executor):
         try:
             import ray
         except ImportError:
-            raise MissingExtraError("--ray needs Ray, which is not installed: pip install 'automos[scale]'") from None
+            raise MissingExtraError(f"--ray needs Ray, which is not installed: {pip_install('scale')}") from None
         try:
             if not ray.is_initialized():
                 _probe(address)

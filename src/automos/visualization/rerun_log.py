@@ -14,6 +14,7 @@ import numpy.typing as npt
 from automos.errors import MissingExtraError
 from automos.evaluation.moving import count
 from automos.export.run_files import VERDICTS, RunFiles
+from automos.extras import pip_install
 from automos.geometry import transform
 from automos.labels import Label, to_mos
 from automos.scan import Pose
@@ -45,7 +46,7 @@ def load_rerun() -> Any:
         import rerun
         import rerun.blueprint
     except ImportError:
-        raise MissingExtraError("the viewer needs Rerun: pip install 'automos[view]'") from None
+        raise MissingExtraError(f"the viewer needs Rerun: {pip_install('view')}") from None
     return rerun
 
 

@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Format
+from automos.cli.consoles import console, output
+from automos.cli.options import Format
 
 formats_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Results = Annotated[Path, typer.Argument(help="a results folder of automos label")]
 Recording = Annotated[Path, typer.Argument(help="the recording that the results were made from")]
@@ -22,9 +20,11 @@ Recording = Annotated[Path, typer.Argument(help="the recording that the results 
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
     from automos.export.listing import format_tables
+    from automos.extras import pip_install
 
     for table in format_tables():
         output.print(table)
+    output.print(f"An extra is installed by  {pip_install('EXTRA')}")
 
 
 @formats_app.command()
