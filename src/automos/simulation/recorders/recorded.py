@@ -169,7 +169,7 @@ class Recorded(Sequence):
         if about.order == "time":
             return rows[np.argsort(when[rows], kind="stable")]
         if about.order == "ring" and scan.ring is not None:
-            return rows[np.lexsort([when[rows], scan.ring[rows]])]
+            return rows[np.lexsort((when[rows], scan.ring[rows]))]
         return rows
 
     def _carried(self, index: int, points: npt.NDArray, when: npt.NDArray[np.float64]) -> npt.NDArray:
@@ -250,8 +250,10 @@ def _with_specks(points, truth, share, seed):  # type: ignore[no-untyped-def]
 
 
 def _rows_of(scan: Scan, rows: Rows) -> Scan:
-    columns = {name: getattr(scan, name) for name in ("intensity", "time", "ring")}
-    return Scan(scan.points[rows], **{name: None if c is None else c[rows] for name, c in columns.items()})
+    def column(values: npt.NDArray | None) -> npt.NDArray | None:
+        return None if values is None else values[rows]
+
+    return Scan(scan.points[rows], column(scan.intensity), column(scan.time), column(scan.ring))
 
 
 def _joined(scans: list[Scan]) -> Scan:
