@@ -18,25 +18,19 @@ process. Both depend on the machine: compare tables of one machine.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import os
-import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from conventions import OF_RECORDERS
+from conventions import CASES, OF_DRIVE
 from gate_table import calibration, print_tables
 from rich.console import Console
+from scores import Scores, commit
 from store import stored_world
-from suite import measure
 
-import automos
 from automos import open_sequence
-from automos.atomic import write_text
 from automos.progress import StageProgress
-from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS
 from automos.simulation.recorders import Recorded, TurnsByAzimuth
 
@@ -44,62 +38,6 @@ SEEDS = (100, 101, 102, 103)
 SENSORS = ("HDL-64E", "OS1-128", "VLP-16")
 REAL = ("kitti_0005", "kitti_0027", "room_vlp16", "yard_avia", "handheld_xt32")
 RESULTS = Path(__file__).parent / "results"
-PACKAGE = Path(automos.__file__).parent
-
-
-class Scores:
-    """Scores of this very code, kept one file a recording; what is not there is labelled now."""
-
-    def __init__(self, store: Path, preset: str, workers: int):
-        self._folder = store / "scores" / f"{code_digest()}-{preset}"
-        self._preset, self._workers, self._is_warm = preset, workers, False
-
-    def of(self, name: str, open_recording: Any) -> dict:
-        """Return the row of recording `name`; `open_recording(progress)` gives it if need be."""
-        file = self._folder / f"{name}.json"
-        if not file.exists():
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with StageProgress(Console(stderr=True), name) as progress:
-                sequence = open_recording(progress)
-                run = self._folder / f"run-{os.getpid()}"
-                if not self._is_warm:  # kernels are compiled once; that is not what is measured
-                    measure(_First(sequence, 12), self._preset, run, self._workers, progress)
-                    self._is_warm = True
-                row = measure(sequence, self._preset, run, self._workers, progress)
-            write_text(file, json.dumps(row))
-        return json.loads(file.read_text())
-
-
-class _First(Sequence):
-    """The first scans of a sequence."""
-
-    def __init__(self, inner: Sequence, n: int):
-        self._inner, self._n, self.name = inner, min(n, len(inner)), inner.name
-
-    def __len__(self) -> int:
-        return self._n
-
-    def __getitem__(self, index: int) -> Any:
-        return self._inner[index]
-
-
-def code_digest() -> str:
-    """Return a text that changes with any source file of the package, and with the simulator's worlds."""
-    digest = hashlib.sha256(str(FORMAT).encode())
-    for path in sorted(PACKAGE.rglob("*.py")):
-        digest.update(path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def commit() -> str:
-    """Return the short commit of the package's source, with a + where files differ from it."""
-    found = subprocess.run(
-        ["git", "-C", PACKAGE, "describe", "--always", "--abbrev=7", "--match", "-", "--dirty=+"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return found.stdout.strip() or code_digest()
 
 
 def worlds(arguments: argparse.Namespace, scores: Scores) -> dict[str, dict]:
@@ -130,8 +68,8 @@ def conventions(root: Path, scores: Scores) -> dict[str, dict]:
         return {}
     turns = TurnsByAzimuth(open_sequence(root / "kitti_0005"))
     return {
-        f"convention/{name}": scores.of(f"0005-{name}", lambda _, c=convention: Recorded(turns, c))
-        for name, convention in OF_RECORDERS.items()
+        f"convention/{name}": scores.of(f"0005-{name}", lambda _, n=name: Recorded(turns, CASES[n].convention))
+        for name in OF_DRIVE
     }
 
 
@@ -177,7 +115,7 @@ def main() -> None:
         "preset": arguments.preset,
         "scans": arguments.scans,
         "simulator_format": FORMAT,
-        "calibration": calibration(rows),
+        "calibration": calibration({key: row for key, row in rows.items() if "refused" not in row}),
         "rows": rows,
     }
     before_file = table_file(arguments.against, arguments.name)

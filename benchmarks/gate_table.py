@@ -14,9 +14,14 @@ WORST = 1.0
 Rows = dict[str, dict]
 
 
+def has_movers(row: dict) -> bool:
+    """Whether anything moves there, to anyone's knowledge: IoU has a meaning."""
+    return row["true_points"] + row["missed_points"] > 0
+
+
 def is_still(row: dict) -> bool:
-    """Whether nothing moves there: false points count, IoU has no meaning."""
-    return not row["true_points"] + row["missed_points"]
+    """Whether it is known that nothing moves there: false points count."""
+    return row["points"] > 0 and not has_movers(row)
 
 
 def calibration(rows: Rows) -> dict[str, list[float]]:
@@ -29,8 +34,8 @@ def calibration(rows: Rows) -> dict[str, list[float]]:
 
 def print_tables(table: dict, before: dict | None) -> None:
     """Print worlds, real recordings and conventions, each beside the same cell of the table `before`."""
-    console, rows = Console(width=160), table["rows"]
-    old = {} if before is None else before["rows"]
+    console, rows = Console(width=160), _read(table)
+    old = {} if before is None else _read(before)
     if before is not None:
         console.print(f"{table['name']} against {before['name']} ({before['date']})")
         for what in ("preset", "scans", "simulator_format"):
@@ -44,8 +49,16 @@ def print_tables(table: dict, before: dict | None) -> None:
     rest = {key: row for key, row in rows.items() if not key[0].isdigit()}
     if rest:
         console.print(_recordings(rest, old))
+    for key, row in table["rows"].items():
+        if "refused" in row:
+            console.print(f"{key} was refused: {row['refused']}", style="red", markup=False)
     for line in verdicts(rows, old):
         console.print(line)
+
+
+def _read(table: dict) -> Rows:
+    """Return the rows of what was labelled."""
+    return {key: row for key, row in table["rows"].items() if "refused" not in row}
 
 
 def verdicts(rows: Rows, old: Rows) -> list[str]:
@@ -59,7 +72,7 @@ def verdicts(rows: Rows, old: Rows) -> list[str]:
         a, b = _mean_iou(new, keys), _mean_iou(was, keys)
         if a < b - 0.05:
             said.append(f"mean of {sensor} fell from {b:.1f} to {a:.1f}")
-    for key in (key for key in both if not is_still(new[key])):
+    for key in (key for key in both if has_movers(new[key])):
         change = 100 * (new[key]["iou"] - was[key]["iou"])
         if change < -WORST:
             said.append(f"{key} fell by {-change:.1f} to {100 * new[key]['iou']:.1f}")
@@ -71,7 +84,7 @@ def verdicts(rows: Rows, old: Rows) -> list[str]:
 
 
 def _false_where_still(rows: Rows) -> float:
-    return sum(row["called_moving"] for key, row in rows.items() if is_still(row) and key != "real/kitti_0027")
+    return sum(row["called_moving"] for row in rows.values() if is_still(row))
 
 
 def _seconds_a_scan(rows: Rows) -> float:
@@ -99,7 +112,7 @@ def _sensors(rows: Rows) -> dict[str, list[str]]:
 
 
 def _mean_iou(rows: Rows, keys: list[str]) -> float:
-    ious = [100 * rows[key]["iou"] for key in keys if not is_still(rows[key])]
+    ious = [100 * rows[key]["iou"] for key in keys if has_movers(rows[key])]
     return float(np.mean(ious)) if ious else float("nan")
 
 
@@ -119,7 +132,7 @@ def _cell(rows: Rows, old: Rows) -> str:
     if rows and all(map(is_still, rows.values())):
         change = sum(r["false_points"] - old[key]["false_points"] for key, r in rows.items() if key in old)
         return f"{sum(r['false_points'] for r in rows.values())} false ({change:+d})"
-    moving = [key for key in rows if not is_still(rows[key])]
+    moving = [key for key in rows if has_movers(rows[key])]
     shared = [key for key in moving if key in old]
     change = _mean_iou(rows, shared) - _mean_iou(old, shared) if shared else float("nan")
     return f"{_mean_iou(rows, moving):.1f}" + ("" if np.isnan(change) else f" ({change:+.1f})")
@@ -139,7 +152,7 @@ def _by_sensor(rows: Rows, old: Rows) -> Table:
     table = Table("sensor", *headings, title="worlds by sensor")
     for sensor, keys in _sensors(rows).items():
         here = {key: rows[key] for key in keys}
-        moving = [key for key in keys if not is_still(rows[key])]
+        moving = [key for key in keys if has_movers(rows[key])]
         worst = min(moving, key=lambda key: rows[key]["iou"], default=None)
         falls = {key: 100 * (rows[key]["iou"] - old[key]["iou"]) for key in moving if key in old}
         fell = min(falls, key=lambda key: falls[key], default=None)
@@ -169,7 +182,7 @@ def _recordings(rows: Rows, old: Rows) -> Table:
     table = Table("", "IoU %", "points moving", "% moving", "CPU s a scan", "peak MB", title="recordings")
     for key, row in rows.items():
         was = old.get(key)
-        iou = "" if np.isnan(row["iou"]) or is_still(row) else f"{100 * row['iou']:.1f}"
+        iou = "" if not has_movers(row) else f"{100 * row['iou']:.1f}"
         if was and iou:
             iou += f" ({100 * (row['iou'] - was['iou']):+.1f})"
         moving = f"{row['called_moving']:,}" + (f" ({row['called_moving'] - was['called_moving']:+,})" if was else "")

@@ -13,6 +13,7 @@ import argparse
 import json
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,18 @@ N_BINS = 20
 """Steps of confidence by which points are counted."""
 
 
-def measure(sequence: Sequence, preset: str, run: Path, workers: int, progress: StageProgress) -> dict:
-    """Return points right and wrong, calibration, seconds and memory of one preset on one recording with truth.
+def measure(
+    sequence: Sequence,
+    preset: str,
+    run: Path,
+    workers: int,
+    progress: StageProgress,
+    bodies: Callable[[int], npt.NDArray[np.bool_]] | None = None,
+) -> dict:
+    """Return points right and wrong, calibration, seconds and memory of one preset on one recording.
 
     `run` is a folder for what is kept meanwhile. Seconds are of processors, this process's and its children's.
+    `bodies(i)` tells which points of scan i are on what carries the sensor, where that should be counted.
     """
     settings = load_settings(preset)
     watch, cpu, start = MemoryWatch(), cpu_seconds(), time.perf_counter()
@@ -49,9 +58,14 @@ def measure(sequence: Sequence, preset: str, run: Path, workers: int, progress: 
         seconds = {"cpu_seconds": cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - start}
         watch.finish()
         counts, reliability, moving, total = Counts(), np.zeros((2, N_BINS, 3)), 0, 0
+        body_points = body_moving = 0
         for i in range(len(sequence)):
             labels, truth = result.labels(i), sequence.truth(i)
             moving, total = moving + int(np.count_nonzero(labels == Label.MOVING)), total + len(labels)
+            if bodies is not None:
+                body = bodies(i)
+                body_points += int(np.count_nonzero(body))
+                body_moving += int(np.count_nonzero(labels[body] == Label.MOVING))
             if truth is not None:
                 counts += count(labels, truth)
                 reliability += _reliability(labels, truth, result.confidence(i))
@@ -68,6 +82,8 @@ def measure(sequence: Sequence, preset: str, run: Path, workers: int, progress: 
         "points": found.n_points,
         "called_moving": moving,
         "percent_moving": 100.0 * moving / max(total, 1),
+        "body_points": body_points,
+        "body_moving": body_moving,
         "scans": len(sequence),
         **seconds,
         "peak_mb": max(watch.peak.values()) / 1e6 if watch.peak else None,

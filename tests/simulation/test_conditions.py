@@ -85,7 +85,7 @@ def test_an_operator_walks_at_a_walking_pace_and_moves_arms_and_legs():
 
 
 def test_merged_clouds_are_each_lidars_own_carried_by_its_mount():
-    merged = on(n_lidars=3)._turns
+    merged = on(n_lidars=3).turns
     scan, sensor = merged[4], merged.sensor_of(4)
     assert set(sensor) == {0, 1, 2}
     for k, T in enumerate(merged.T_scan_sensor):

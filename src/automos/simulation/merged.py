@@ -95,6 +95,10 @@ class MergedSequence(Sequence):
         """Return (N,) labels as a simulated sequence does."""
         return np.concatenate([lidar.truth(index) for lidar in self._lidars])
 
+    def own_body(self, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) bool: the points of scan `index` that are on what carries the sensors."""
+        return np.concatenate([lidar.own_body(index) for lidar in self._lidars])
+
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
         return "+".join(lidar.fingerprint() for lidar in self._lidars)

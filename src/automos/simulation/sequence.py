@@ -117,6 +117,11 @@ class SimulatedSequence(Sequence):
         moving = self._moving_now(index)
         return self._labels(index, moving, ~moving)
 
+    def own_body(self, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) bool: the points of scan `index` that are on what carries the sensor."""
+        cast = self._cast(index)
+        return (cast.object == EGO) & cast.scan.is_valid
+
     def boxes(self, index: int) -> Annotations:
         """Return the objects of which scan `index` holds points."""
         cast = self._cast(index)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Literal, get_args, get_type_hints
+from difflib import get_close_matches
+from typing import Any, Literal, get_args, get_type_hints
 
 from automos.errors import InputError
 
@@ -67,9 +69,42 @@ class Convention:
             if not least <= getattr(self, name) <= most:
                 raise InputError(f"{name} is {getattr(self, name)}; it lies between {least:g} and {most:g}.")
 
+    @classmethod
+    def parse(cls, words: Iterable[str]) -> Convention:
+        """Return the convention of words like `turns=1.09` or `renumbered=true`.
+
+        Raises
+        ------
+        InputError
+            A word is no `name=value`, the name is unknown, or the value is none of its kind.
+        """
+        hints, values = get_type_hints(cls), {}
+        for word in words:
+            name, equals, text = word.partition("=")
+            if not equals or name not in hints:
+                near = get_close_matches(name, hints, 1)
+                hint = f" (did you mean {near[0]}?)" if near else ""
+                raise InputError(f"{word!r} is no convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}.")
+            values[name] = _value(name, text, hints[name])
+        return cls(**values)
+
     def __str__(self) -> str:
         changed = (f.name for f in fields(self) if getattr(self, f.name) != f.default)
         return ", ".join(f"{name}={getattr(self, name)}" for name in changed) or "plain"
+
+
+def _value(name: str, text: str, kind: Any) -> Any:
+    """Return `text` as a value of `kind`."""
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise InputError(f"{name} is {text!r}; give true or false.")
+        return text.lower() == "true"
+    if kind not in (int, float):
+        return text
+    try:
+        return kind(text)
+    except ValueError:
+        raise InputError(f"{name} is {text!r}; give a {'whole ' if kind is int else ''}number.") from None
 
 
 _BOUNDS = (

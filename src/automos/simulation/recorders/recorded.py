@@ -65,7 +65,7 @@ class Recorded(Sequence):
     """The sequence `turns` as a recorder of `convention` keeps it; nothing is computed until a scan is asked for."""
 
     def __init__(self, turns: Turns, convention: Convention, seed: int = 0):
-        self._turns, self.convention, self.seed = turns, convention, seed
+        self.turns, self.convention, self.seed = turns, convention, seed
         self.name = turns.name
         n_cuts = int((len(turns) - convention.first_cut) / convention.turns + 1e-9)
         self._cuts = _kept_cuts(n_cuts, convention)
@@ -86,9 +86,9 @@ class Recorded(Sequence):
 
     def clock(self, turns: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return seconds on the recording's clock at `turns` since its start."""
-        middles, stamps = np.arange(len(self._turns)) + 0.5, self._turns.stamps
+        middles, stamps = np.arange(len(self.turns)) + 0.5, self.turns.stamps
         if len(stamps) < 2:
-            return stamps[0] + (np.asarray(turns) - 0.5) * self._turns.period
+            return stamps[0] + (np.asarray(turns) - 0.5) * self.turns.period
         turns = np.asarray(turns, np.float64)
         before, after = np.minimum(turns - 0.5, 0.0), np.maximum(turns - middles[-1], 0.0)
         ends = before * (stamps[1] - stamps[0]) + after * (stamps[-1] - stamps[-2])
@@ -115,14 +115,14 @@ class Recorded(Sequence):
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) true T_world_sensor at the time that the points of each scan are given from, or its middle."""
         try:
-            poses = self._turns.poses_at(self._reference_times())
+            poses = self.turns.poses_at(self._reference_times())
         except ValueError:
             return None
         return inverse(poses[0]) @ poses
 
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
-        inner = getattr(self._turns, "fingerprint", lambda: self.name)()
+        inner = getattr(self.turns, "fingerprint", lambda: self.name)()
         return f"{super().fingerprint()}:{inner}:{self.convention}:{self.seed}"
 
     # ------------------------------------------------------------------------------------------------ inner workings
@@ -138,14 +138,14 @@ class Recorded(Sequence):
         """Return all points measured between the cuts of scan `index`, sweep by sweep, when, and their labels."""
         start, end = self.cuts[index]
         scans, times, truths = [], [], []
-        for sweep in range(int(start), min(int(np.ceil(end - 1e-9)), len(self._turns))):
-            scan = self._turns[sweep]
+        for sweep in range(int(start), min(int(np.ceil(end - 1e-9)), len(self.turns))):
+            scan = self.turns[sweep]
             assert scan.time is not None
-            when = sweep + scan.time.astype(np.float64) / self._turns.period
+            when = sweep + scan.time.astype(np.float64) / self.turns.period
             rows = np.flatnonzero((when >= start) & (when < end))
             scans.append(_rows_of(scan, rows))
             times.append(when[rows])
-            truth = self._turns.truth(sweep)
+            truth = self.turns.truth(sweep)
             truths.append(None if truth is None else truth[rows])
         truth = None if any(t is None for t in truths) else np.concatenate([t for t in truths if t is not None])
         return _joined(scans), np.concatenate(times), truth
@@ -175,7 +175,7 @@ class Recorded(Sequence):
     def _carried(self, index: int, points: npt.NDArray, when: npt.NDArray[np.float64]) -> npt.NDArray:
         """Return the points as seen from where the sensor was at the scan's reference time."""
         firings, at = np.unique(when, return_inverse=True)
-        poses = self._turns.poses_at(np.append(self.clock(firings), self._reference_times()[index]))
+        poses = self.turns.poses_at(np.append(self.clock(firings), self._reference_times()[index]))
         T = inverse(poses[-1]) @ poses[:-1]
         if self.convention.reference_speed != 1.0:
             T = se3_exp(self.convention.reference_speed * se3_log(T))

@@ -12,9 +12,9 @@ from automos.simulation.shapes.materials import Material
 Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
-DROPS_PER_METRE = 0.004
+DROPS_PER_METRE = 0.002
 """Chance that a beam meets a drop of heavy rain that returns, a metre of its way."""
-DROPS_SEEN = 12.0
+DROPS_SEEN = 8.0
 """Metres within which drops return."""
 RAIN_DIMS = 0.6
 """Share of an echo that is left in heavy rain."""
