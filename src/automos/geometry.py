@@ -91,6 +91,25 @@ def se3_log(T: npt.ArrayLike) -> Array:
     return np.concatenate([rho, phi], axis=-1)
 
 
+def adjoint(T: npt.ArrayLike) -> Array:
+    """Return the (6, 6) matrix that carries twists (translation part first) to the frame that `T` (4, 4) maps to."""
+    T = np.asarray(T, np.float64)
+    R = T[:3, :3]
+    return np.block([[R, skew(T[:3, 3]) @ R], [np.zeros((3, 3)), R]])
+
+
+def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]:
+    """Return (...,) bool: which of `T` (..., 4, 4) are rotation and translation only, to `tolerance` per entry."""
+    T = np.asarray(T, np.float64)
+    if T.shape[-2:] != (4, 4):
+        return np.zeros(T.shape[:-2], np.bool_)
+    R = np.where(np.isfinite(T[..., :3, :3]), T[..., :3, :3], 0.0)
+    skewness = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(-1, -2))
+    last_row = np.abs(T[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(axis=-1)
+    is_proper = (skewness <= tolerance) & (np.linalg.det(R) > 0.0) & (last_row <= tolerance)
+    return is_proper & np.isfinite(T).all(axis=(-1, -2))
+
+
 def skew(v: npt.ArrayLike) -> Array:
     """Return the (..., 3, 3) matrices whose product with a vector is the cross product with `v` (..., 3)."""
     v = np.asarray(v, np.float64)

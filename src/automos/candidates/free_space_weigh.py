@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from automos.candidates.free_space_vote import HIT, THROUGH, WEAK
 
@@ -47,6 +48,11 @@ def weigh_looks(codes, ranges, misses, own_ranges, heights, row_height, near_mis
             if codes[j] == WEAK:
                 vote *= weak_weight * min(max((ratio - 0.4) / 0.4, 0.0), 1.0)
             votes[i] = np.int8(ONE * vote + 0.5)
+
+
+def join_votes(votes: npt.NDArray[np.int8], more: npt.NDArray[np.int8]) -> None:
+    """Join to `votes` (K,) of a scan what another of its LiDARs says: any hit stands, else the surer see-through."""
+    np.copyto(votes, np.where((votes < 0) | (more < 0), np.minimum(votes, more), np.maximum(votes, more)))
 
 
 @numba.njit(cache=True, nogil=True)
