@@ -100,14 +100,10 @@ def adjoint(T: npt.ArrayLike) -> Array:
 
 def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]:
     """Return (...,) bool: which of `T` (..., 4, 4) are rotation and translation only, to `tolerance` per entry."""
-    T = np.asarray(T, np.float64)
-    if T.shape[-2:] != (4, 4):
-        return np.zeros(T.shape[:-2], np.bool_)
-    R = np.where(np.isfinite(T[..., :3, :3]), T[..., :3, :3], 0.0)
-    skewness = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(-1, -2))
-    last_row = np.abs(T[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(axis=-1)
-    is_proper = (skewness <= tolerance) & (np.linalg.det(R) > 0.0) & (last_row <= tolerance)
-    return is_proper & np.isfinite(T).all(axis=(-1, -2))
+    is_finite = np.isfinite(T).all(axis=(-1, -2))
+    T = np.where(is_finite[..., None, None], T, 0.0)
+    off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
+    return is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0)
 
 
 def skew(v: npt.ArrayLike) -> Array:

@@ -66,6 +66,7 @@ def summary(run: dict[str, Any], folder: Path) -> str:
         f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled",
+        *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
         f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; "

@@ -126,6 +126,16 @@ class Sequence:
         """(len, 4, 4) T_world_sensor that came with the recording (not used unless asked for), or None."""
         return None
 
+    @property
+    def repeats(self) -> Mask | None:
+        """(len,) bool: scans whose points are, one by one, those of the scan before; None where nobody looked."""
+        return None
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the reader found to be wrong with the recording and what it made of that, in sentences."""
+        return []
+
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
         return None
@@ -171,6 +181,12 @@ class ArraySequence(Sequence):
     def stamps(self) -> npt.NDArray[np.float64] | None:
         """(len,) seconds or None."""
         return self._stamps
+
+    @property
+    def repeats(self) -> Mask:
+        """(len,) bool: scans whose points are those of the one before."""
+        pairs = zip(self._scans[:-1], self._scans[1:], strict=True)
+        return np.array([False, *(len(a) > 0 and np.array_equal(a.points, b.points) for a, b in pairs)][: len(self)])
 
     @property
     def is_compensated(self) -> bool | None:
