@@ -8,8 +8,10 @@ from shapely.geometry import Polygon
 
 from automos.geometry import (
     Boxes,
+    adjoint,
     inverse,
     iou_3d,
+    is_rigid,
     make_transform,
     points_in_boxes,
     rotation_between,
@@ -262,3 +264,18 @@ def test_a_box_shrunk_to_less_than_nothing_holds_nothing():
 @pytest.mark.parametrize(("points", "some"), [(np.zeros((0, 3)), some_boxes(2)), (np.zeros((2, 3)), Boxes.empty())])
 def test_no_points_and_no_boxes_have_no_owner(points, some):
     np.testing.assert_array_equal(points_in_boxes(points, some), np.full(len(points), -1))
+
+
+def test_the_adjoint_carries_a_twist_to_another_frame():
+    T, xi = se3_exp([1.0, -2.0, 0.5, 0.3, 0.2, -0.9]), np.array([0.4, 0.1, -0.2, 0.05, -0.1, 0.3])
+    np.testing.assert_allclose(se3_exp(adjoint(T) @ xi), T @ se3_exp(xi) @ inverse(T), atol=1e-12)
+
+
+def test_only_rotation_and_translation_is_rigid():
+    T = se3_exp([1.0, -2.0, 0.5, 0.3, 0.2, -0.9])
+    scaled, mirrored, unknown, projective = (T.copy() for _ in range(4))
+    scaled[:3, :3] *= 1.1
+    mirrored[:3, 0] *= -1.0
+    unknown[0, 3] = np.nan
+    projective[3, 0] = 0.5
+    np.testing.assert_array_equal(is_rigid(np.stack([T, scaled, mirrored, unknown, projective])), [True, *[False] * 4])

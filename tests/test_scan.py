@@ -103,3 +103,25 @@ def test_a_frames_points_in_the_level_frame_by_hand():
     frame = Frame(np.array([[1, 2, 3]], np.float32), np.array([0]), 1, T_level_sensor, 0.0)
     np.testing.assert_allclose(frame.points_level, [[8, 1, 5]])
     np.testing.assert_array_equal(frame.origin_level, [10, 0, 2])
+
+
+def test_a_point_of_a_merged_cloud_is_a_measurement_by_its_distance_from_its_own_lidar():
+    mounts = np.stack([np.eye(4), make_transform(t=[3.0, 0.0, 0.0])])
+    cloud = np.array([[3, 0, 0], [3, 0, 0], [0, 0, 0], [0, 0, 0]], np.float32)
+    scan = Scan(cloud, sensor=np.array([0, 1, 0, 1], np.uint8), T_scan_sensor=mounts)
+    np.testing.assert_array_equal(scan.is_valid, [True, False, False, True])
+
+
+@pytest.mark.parametrize(
+    ("sensor", "mounts", "why"),
+    [
+        (np.zeros(5, np.uint8), None, "go together"),
+        (None, np.eye(4)[None], "go together"),
+        (np.full(5, 2, np.uint8), np.stack([np.eye(4)] * 2), "names number 2, but T_scan_sensor holds 2"),
+        (np.zeros(5, np.uint8), np.eye(4), r"must be \(K, 4, 4\)"),
+        (np.zeros(4, np.uint8), np.eye(4)[None], r"sensor must be \(5,\)"),
+    ],
+)
+def test_sensors_and_mounts_that_do_not_fit_are_refused(sensor, mounts, why):
+    with pytest.raises(ValueError, match=why):
+        Scan(points(5), sensor=sensor, T_scan_sensor=mounts)

@@ -91,6 +91,25 @@ def se3_log(T: npt.ArrayLike) -> Array:
     return np.concatenate([rho, phi], axis=-1)
 
 
+def adjoint(T: npt.ArrayLike) -> Array:
+    """Return the (..., 6, 6) adjoints of `T` (..., 4, 4): they turn small motions of the source into the target's."""
+    T = np.asarray(T, np.float64)
+    R, t = T[..., :3, :3], T[..., :3, 3]
+    out = np.zeros((*T.shape[:-2], 6, 6))
+    out[..., :3, :3] = out[..., 3:, 3:] = R
+    out[..., :3, 3:] = skew(t) @ R
+    return out
+
+
+def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]:
+    """Return (...,) bool: which of `T` (..., 4, 4) are rotation and translation only, to `tolerance` per entry."""
+    T = np.asarray(T, np.float64)
+    is_finite = np.isfinite(T).all(axis=(-1, -2))
+    T = np.where(is_finite[..., None, None], T, 0.0)
+    off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
+    return np.asarray(is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0))
+
+
 def skew(v: npt.ArrayLike) -> Array:
     """Return the (..., 3, 3) matrices whose product with a vector is the cross product with `v` (..., 3)."""
     v = np.asarray(v, np.float64)

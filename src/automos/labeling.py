@@ -70,6 +70,7 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
         f"{run['recording']['name']}: {scans} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled",
+        *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
         f"{effort}; labels in {folder}/predictions",

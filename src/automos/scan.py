@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import transform
+from automos.geometry import adjoint, inverse, transform
 
 Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
@@ -42,6 +42,9 @@ class Scan:
     ring : (N,) uint16 or None, beam number.
     stamp : seconds, or None where the recording has no clock.
     name : stem of the file it came from; outputs for this scan carry the same name.
+    sensor : (N,) uint8 or None, which of several merged LiDARs measured each point.
+    T_scan_sensor : (K, 4, 4) float64 or None, where each of them sits in the frame of `points`: its rays start there.
+        None: all rays start at the origin.
     """
 
     points: Points
@@ -50,14 +53,23 @@ class Scan:
     ring: npt.NDArray[np.uint16] | None = None
     stamp: float | None = None
     name: str = ""
+    sensor: npt.NDArray[np.uint8] | None = None
+    T_scan_sensor: Pose | None = None
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3:
             raise ValueError(f"points must be (N, 3), got shape {self.points.shape}")
-        for field in ("intensity", "time", "ring"):
+        for field in ("intensity", "time", "ring", "sensor"):
             column = getattr(self, field)
             if column is not None and column.shape != (len(self.points),):
                 raise ValueError(f"{field} must be ({len(self.points)},), got shape {column.shape}")
+        mounts = self.T_scan_sensor
+        if mounts is not None and (mounts.ndim != 3 or mounts.shape[1:] != (4, 4)):
+            raise ValueError(f"T_scan_sensor must be (K, 4, 4), got shape {mounts.shape}")
+        if (self.sensor is None) != (mounts is None):
+            raise ValueError("sensor and T_scan_sensor go together: which sensor measured a point, and where that sits")
+        if self.sensor is not None and mounts is not None and self.sensor.max(initial=0) >= max(len(mounts), 1):
+            raise ValueError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
 
     def __len__(self) -> int:
         return len(self.points)
@@ -69,7 +81,10 @@ class Scan:
     @cached_property
     def is_valid(self) -> Mask:
         """(N,) bool: finite and further than MIN_RANGE from the sensor."""
-        squared = np.einsum("ij,ij->i", self.points, self.points)
+        rays = self.points
+        if self.sensor is not None and self.T_scan_sensor is not None:
+            rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
+        squared = np.einsum("ij,ij->i", rays, rays)
         return np.isfinite(squared) & (squared > MIN_RANGE**2)
 
 
@@ -119,6 +134,16 @@ class Sequence:
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor that came with the recording (not used unless asked for), or None."""
         return None
+
+    @property
+    def repeats(self) -> Mask | None:
+        """(len,) bool: scans whose points are, one by one, those of the scan before; None where nobody looked."""
+        return None
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the reader found to be wrong with the recording and what it made of that, in sentences."""
+        return []
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
@@ -179,6 +204,12 @@ class ArraySequence(Sequence):
         return self._stamps
 
     @property
+    def repeats(self) -> Mask:
+        """(len,) bool: scans whose points are those of the one before."""
+        pairs = zip(self._scans[:-1], self._scans[1:], strict=True)
+        return np.array([False, *(len(a) > 0 and np.array_equal(a.points, b.points) for a, b in pairs)][: len(self)])
+
+    @property
     def is_compensated(self) -> bool | None:
         """As given to the constructor."""
         return self._is_compensated
@@ -189,7 +220,7 @@ class ArraySequence(Sequence):
 
         digest = hashlib.sha256(repr(self._is_compensated).encode())
         for scan in self._scans:
-            for column in (scan.points, scan.time):
+            for column in (scan.points, scan.time, scan.sensor, scan.T_scan_sensor):
                 if column is not None:
                     digest.update(f"{column.dtype}{column.shape}".encode())
                     digest.update(np.ascontiguousarray(column).tobytes())
@@ -241,6 +272,8 @@ class Frame:
     stamp : seconds.
     sweep_time : (M,) float32 in [-0.5, 0.5], when in the sweep each point was measured; None where unknown.
     sweep_motion : (6,) float64, se(3) motion of the sensor over one sweep, expressed in the sensor frame.
+    sensor, T_scan_sensor : (M,) uint8 and (K, 4, 4) float64, as a `Scan` has them: which of several merged LiDARs
+        measured each point, and where that sits; None where all rays start at the origin.
     """
 
     points: Points
@@ -250,6 +283,29 @@ class Frame:
     stamp: float
     sweep_time: npt.NDArray[np.float32] | None = None
     sweep_motion: npt.NDArray[np.float64] | None = None
+    sensor: npt.NDArray[np.uint8] | None = None
+    T_scan_sensor: Pose | None = None
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of LiDARs whose points these are."""
+        return 1 if self.T_scan_sensor is None else len(self.T_scan_sensor)
+
+    def of_sensor(self, k: int) -> tuple[npt.NDArray[np.int64] | slice, Frame]:
+        """Return the rows of the points that LiDAR `k` measured, and the frame of these alone, in its coordinates."""
+        if self.sensor is None or self.T_scan_sensor is None:
+            return slice(None), self
+        rows = np.flatnonzero(self.sensor == k)
+        T_sensor_scan = inverse(self.T_scan_sensor[k])
+        return rows, Frame(
+            points=transform(T_sensor_scan, np.take(self.points, rows, axis=0)),
+            kept=self.kept[rows],
+            n_points=self.n_points,
+            T_level_sensor=self.T_level_sensor @ self.T_scan_sensor[k],
+            stamp=self.stamp,
+            sweep_time=None if self.sweep_time is None else self.sweep_time[rows],
+            sweep_motion=None if self.sweep_motion is None else adjoint(T_sensor_scan) @ self.sweep_motion,
+        )
 
     @cached_property
     def points_level(self) -> Points:

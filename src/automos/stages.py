@@ -88,7 +88,7 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     about = settings.candidates
     space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
-    ray_steps = np.array([space.pattern.row_height, space.pattern.column_width])
+    ray_steps = space.ray_steps
     for i, evidence in space.collect(scans.start, scans.stop):
         yield i, _candidates(1.0 / (1.0 + np.exp(-evidence.net)), evidence.kind, evidence.height, ray_steps)
 

@@ -195,7 +195,6 @@ def test_a_bin_file_that_does_not_fit_the_named_codec_is_told(kitti):
     ("text", "message"),
     [
         ("0\n0.1\n0.2\n", "holds 3 times for 4 scans"),
-        ("0\n0.1\n0.1\n0.2\n", "scan 000002 at 0.100000 s is not after"),
         ("0\n0.1\nnan\n0.2\n", "line 3: the time is no number"),
         ("0\n0.1\nnoon\n0.2\n", "must hold one time in seconds a line"),
         ("0 0\n0.1 1\n0.2 2\n0.3 3\n", "must hold one time in seconds a line"),
@@ -276,3 +275,77 @@ def test_reading_a_real_scan_takes_a_few_milliseconds(recordings):
         assert len(scan) > 100_000
     # The best of twenty: what reading costs, not what else the machine is doing.
     assert min(times) < 0.005
+
+
+# ------------------------------------------------------------------------------------------- order and time of scans
+def renumbered(folder, write_points, columns, unit=1.0, origin=1.6e9):
+    """Write twelve scans, 10 Hz, numbered by the alphabetical order of their names; each point says whose it is."""
+    alphabetical = sorted(range(12), key=str)  # 0, 1, 10, 11, 2, ...
+    for new, old in enumerate(alphabetical):
+        times = (origin + 0.1 * old + np.linspace(0.0, 0.099, 500)) / unit
+        x = np.full(500, old, np.float32)
+        write_points(folder / f"{new}.pcd", {**columns, "x": x, "t": times.astype("f8")})
+    return alphabetical
+
+
+@pytest.mark.parametrize(("unit", "origin"), [(1.0, 1.6e9), (1e-6, 1.6e9), (1e-3, 4000.0)])
+def test_scans_are_in_the_order_of_their_points_times(tmp_path, write_points, columns, unit, origin):
+    alphabetical = renumbered(tmp_path, write_points, columns, unit, origin)
+    sequence = open_sequence(tmp_path)
+    assert [int(scan.points[0, 0]) for scan in sequence] == list(range(12))
+    np.testing.assert_allclose(np.diff(sequence.stamps), 0.1, atol=2e-3)
+    assert sequence.names == [str(alphabetical.index(i)) for i in range(12)]
+    (warning,) = sequence.warnings
+    assert "scan 4 is 0.90 s before the one that comes ahead of it, 3" in warning
+    assert "10 were put in their place" in warning
+
+
+def test_poses_and_labels_go_with_the_scans_they_were_written_for(tmp_path, write_points, columns):
+    alphabetical = renumbered(tmp_path, write_points, columns)
+    write_kitti(tmp_path / "poses.txt", np.stack([make_transform(t=[old, 0, 0]) for old in alphabetical]))
+    (tmp_path / "labels").mkdir()
+    for new, old in enumerate(alphabetical):
+        np.full(500, old, np.uint32).tofile(tmp_path / "labels" / f"{new}.label")
+    sequence = open_sequence(tmp_path)
+    np.testing.assert_allclose(sequence.reference_poses[:, 0, 3], range(12), atol=1e-6)
+    assert [int(sequence.truth(i)[0]) for i in range(12)] == list(range(12))
+
+
+def test_times_after_the_first_point_give_no_stamps(tmp_path, write_points, columns):
+    for i in range(3):
+        write_points(tmp_path / f"{i}.pcd", {**columns, "t": np.linspace(0, 0.1, 500).astype("f4")})
+    assert open_sequence(tmp_path).stamps is None
+    assert open_sequence(tmp_path).warnings == []
+
+
+def test_times_that_repeat_or_are_out_of_order_are_told(kitti):
+    (kitti / "times.txt").write_text("0\n0.1\n0.1\n0.2\n")
+    sequence = open_sequence(kitti)
+    assert (np.diff(sequence.stamps) > 0).all()
+    assert "scans have the time of the one before them (first: 000002)" in sequence.warnings[0]
+    (kitti / "times.txt").write_text("0\n0.2\n0.1\n0.3\n")
+    sequence = open_sequence(kitti)
+    assert sequence.names == ["000000", "000002", "000001", "000003"]
+    np.testing.assert_allclose(sequence.reference_poses[:, 0, 3], [0, 2, 1, 3], atol=1e-9)
+
+
+def test_files_that_are_there_twice_are_recognised(kitti):
+    (kitti / "velodyne" / "000001.bin").write_bytes((kitti / "velodyne" / "000000.bin").read_bytes())
+    np.testing.assert_array_equal(open_sequence(kitti).repeats, [False, True, False, False])
+
+
+@pytest.mark.parametrize(
+    ("times", "why"),
+    [
+        (np.zeros(500), "all the same or NaN"),
+        (np.full(500, np.nan), "all the same or NaN"),
+        (np.linspace(0.1, 0.0, 500), "run backwards within a beam"),
+    ],
+)
+def test_times_of_points_that_cannot_be_are_not_used_and_that_is_said_once(tmp_path, write_points, columns, times, why):
+    for i in range(3):
+        write_points(tmp_path / f"{i}.pcd", {**columns, "t": times.astype("f4")})
+    sequence = open_sequence(tmp_path)
+    assert sequence[1].time is None
+    (warning,) = sequence.warnings
+    assert why in warning

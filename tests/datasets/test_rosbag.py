@@ -120,11 +120,22 @@ def test_headers_without_stamps_give_way_to_the_times_of_recording(tmp_path, cap
     assert "headers have no stamps" in caplog.text
 
 
-@pytest.mark.parametrize("stamps", [[1.0, 3.0, 2.0], [1.0, 1.0, 2.0]])
-def test_stamps_that_repeat_or_run_backwards_are_told(tmp_path, stamps):
-    path = write_bag(tmp_path / "log.mcap", {"/p": number(3, stamps=stamps)})
-    with pytest.raises(InputError, match=r"log.mcap/p: scan 00000[12] at .* is not after the one before it"):
-        open_sequence(path)
+def test_messages_out_of_the_order_of_time_are_put_in_order(tmp_path):
+    stamps = [1.0, 1.1, 1.3, 1.2, 1.4]
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/p": number(5, stamps=stamps)}))
+    assert [int(scan.points[0, 0]) for scan in sequence] == [1, 2, 4, 3, 5]
+    np.testing.assert_allclose(sequence.stamps, [1.0, 1.1, 1.2, 1.3, 1.4])
+    (warning,) = sequence.warnings
+    assert "scan 000003 is 0.10 s before the one that comes ahead of it, 000002" in warning
+
+
+def test_messages_recorded_twice_are_recognised(tmp_path):
+    messages = number(4, stamps=[1.0, 1.1, 1.1, 1.2])
+    messages[2] = (messages[2][0], 1.1, messages[1][2])
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/p": messages}))
+    np.testing.assert_array_equal(sequence.repeats, [False, False, True, False])
+    assert (np.diff(sequence.stamps) > 0).all()
+    assert "1 scans have the time of the one before them (first: 000002)" in sequence.warnings[0]
 
 
 def test_what_cannot_be_read_is_told_in_one_sentence(tmp_path):

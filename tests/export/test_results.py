@@ -133,7 +133,8 @@ def test_the_run_file_tells_counts_times_versions_and_fingerprints(folder):
     run = strictly((folder / RUN_FILE).read_text())
     assert run["points"] == {"unlabeled": 2, "static": 4, "moving": 3}
     assert run["tracks"] == {"total": 2, "moving": 1}
-    assert run["recording"] == {"name": "street", "scans": 3, "input": SEQUENCE.fingerprint(), "source": None}
+    about = {"name": "street", "scans": 3, "input": SEQUENCE.fingerprint(), "source": None, "warnings": []}
+    assert run["recording"] == about
     assert run["seconds"] == {"odometry": 1.235}
     assert run["stages"] == {"odometry": "o", "labels": "k"}
     assert run["odometry"]["warnings"] == ["w"]

@@ -4,6 +4,9 @@ For every point that is neither ground nor ego body, scans from 0.2 to 8 s befor
 there: through (the place was empty, so the point came or went), a hit (the place was still taken), or nothing. Short
 spans tell fast things apart, long ones slow walkers and cars that wait. No single see-through counts for much; what
 all spans say together does. Memory holds the scans that may still be asked, whatever the recording's length.
+
+Rays start where their LiDAR sits. Of merged clouds each LiDAR has a pattern, a view of every scan and a say of its own;
+one scan has one say: a hit by any of its LiDARs stands.
 """
 
 from __future__ import annotations
@@ -16,14 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.ego_body import EgoBody, find_ego_body
-from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
-from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points, seen_in
+from automos.candidates.free_space_view import Lidar, Seen, View, learn_lidars, look
 from automos.candidates.free_space_vote import find_supported, look_through
-from automos.candidates.free_space_weigh import find_open, find_seen_through, sum_votes, weaken_lone, weigh_looks
-from automos.candidates.ground import fit_ground, is_on_ground
+from automos.candidates.free_space_weigh import (
+    find_open,
+    find_seen_through,
+    join_votes,
+    sum_votes,
+    weaken_lone,
+    weigh_looks,
+)
 from automos.geometry import inverse
-from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
+from automos.scan import Frames
 from automos.settings import EgoBodySettings, FreeSpaceSettings, GroundSettings
 
 _PATTERN_SCANS = 5
@@ -49,18 +56,6 @@ class Evidence:
     height: npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What is kept of a frame while others may ask about it."""
-
-    kind: npt.NDArray[np.uint8]
-    height: npt.NDArray[np.float32]
-    objects: npt.NDArray[np.float32]  # (3, K) metres, sensor frame
-    image: RangeImage
-    motion: npt.NDArray[np.float32]
-    pattern: BeamPattern
-
-
 class FreeSpace:
     """Evidence of a whole recording: the sensor's pattern and the ego body are learnt at the start."""
 
@@ -81,12 +76,14 @@ class FreeSpace:
         self.frames, self.stamps = frames, np.asarray(stamps, np.float64)
         self.settings, self.ground = settings, ground
         spread = np.unique(np.linspace(0, len(frames) - 1, _PATTERN_SCANS).astype(int))
-        self.pattern: BeamPattern = learn_pattern([frames[i] for i in spread])
-        self.pyramid: PyramidShape = pyramid_shape(self.pattern)
-        self.body: EgoBody = find_ego_body(frames, self.pattern, ego_body, ground, threads)
-        self._T_sensor_level = inverse(frames.T_level_sensor)
+        self.lidars: list[Lidar] = learn_lidars(frames, [frames[i] for i in spread], ego_body, ground, threads)
         steps = np.floor(self.stamps / settings.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
+
+    @property
+    def ray_steps(self) -> npt.NDArray[np.float64]:
+        """(2,) radians between neighbouring rows and columns of rays, of the sparsest LiDAR."""
+        return np.max([(s.pattern.row_height, s.pattern.column_width) for s in self.lidars], axis=0)
 
     def partners(self, index: int) -> npt.NDArray[np.int64]:
         """Return the scans that are asked about scan `index`, in time order: the nearest to each span.
@@ -117,7 +114,7 @@ class FreeSpace:
         last_use = np.full(len(self.frames), -1)
         for i in todo:
             last_use[[i, *partners[i]]] = i
-        seen: dict[int, Future[_Seen]] = {}
+        seen: dict[int, Future[Seen]] = {}
         asked: deque[tuple[int, Future[Evidence]]] = deque()
         with ThreadPoolExecutor(self.threads) as pool:
             for i in todo:
@@ -136,38 +133,41 @@ class FreeSpace:
                 done, evidence = asked.popleft()
                 yield done, evidence.result()
 
-    def _look(self, index: int) -> _Seen:
+    def _look(self, index: int) -> Seen:
         """Return what frame `index` saw."""
-        frame = self.frames[index]
-        points = frame.points_level
-        ground = fit_ground(points, frame.origin_level, self.ground)
-        is_ground = is_on_ground(points, frame.origin_level, ground, self.ground)
-        raw = raw_points(frame)
-        kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
-        kind[self.body.covers(raw)] = EGO_BODY
-        pattern, is_last = seen_in(frame, raw, self.pattern)
-        image = make_image(raw, np.where(is_last, kind, np.uint8(EGO_BODY)), pattern, self.pyramid)
-        height = points[:, 2] - ground.height_at(points)
-        knows_motion = frame.sweep_motion is not None and frame.sweep_time is not None
-        motion = np.asarray(frame.sweep_motion if knows_motion else np.zeros(6), np.float32)
-        objects = np.take(frame.points, np.flatnonzero(kind == OBJECT), axis=0)
-        return _Seen(kind, height, np.ascontiguousarray(objects.T), image, motion, pattern)
+        return look(self.frames[index], self.lidars, self.ground)
 
-    def _ask(self, index: int, mine: _Seen, others: dict[int, _Seen]) -> Evidence:
+    def _ask(self, index: int, mine: Seen, others: dict[int, Seen]) -> Evidence:
         """Return what the scans in `others` say about frame `index`."""
+        n = len(mine.kind)
+        net, through, hits = np.zeros(n, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+        for view, lidar in zip(mine.views, self.lidars, strict=True):
+            heights = mine.height[view.rows][view.is_object]
+            told = self._ask_about(index, view, lidar, heights, others)
+            net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
+        return Evidence(mine.kind, net, through, hits, mine.height)
+
+    def _ask_about(
+        self,
+        index: int,
+        mine: View,
+        lidar: Lidar,
+        heights: npt.NDArray[np.float32],
+        others: dict[int, Seen],
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+        """Return net, through and hits (K,) of a view's objects, which are `heights` (K,) above the ground."""
         n = mine.objects.shape[1]
         ids = np.arange(n)
         own_ranges = np.linalg.norm(mine.objects, axis=0)
-        heights = mine.height[mine.kind == OBJECT]
         order = sorted(others)
         votes = np.zeros((len(order), n), np.int8)
         first = self._first_asked(index, order)
         for k in np.flatnonzero(first):
-            self._add_votes(index, mine, ids, own_ranges, heights, order[k], others[order[k]], votes[k])
+            self._add_votes(mine, ids, own_ranges, heights, others[order[k]], votes[k])
         # Most points are hit by all who see them: the others need not be asked about those.
         ids = find_open(votes, first, self.settings.sure_hits)
         for k in np.flatnonzero(~first):
-            self._add_votes(index, mine, ids, own_ranges, heights, order[k], others[order[k]], votes[k])
+            self._add_votes(mine, ids, own_ranges, heights, others[order[k]], votes[k])
 
         ids = find_seen_through(votes)
         support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
@@ -178,9 +178,7 @@ class FreeSpace:
 
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
         sum_votes(votes, int(np.searchsorted(order, index)), self.settings.stay_weight, net, through, hits)
-        is_object = mine.kind == OBJECT
-        net, through, hits = (_scatter(values, is_object) for values in (net, through, hits))
-        return Evidence(mine.kind, net, through, hits, mine.height)
+        return net, through, hits
 
     def _first_asked(self, index: int, order: list[int]) -> npt.NDArray[np.bool_]:
         """Return which of the scans `order` are nearest to the spans that are asked first."""
@@ -193,26 +191,28 @@ class FreeSpace:
 
     def _add_votes(
         self,
-        index: int,
-        mine: _Seen,
+        mine: View,
         ids: npt.NDArray[np.int64],
         own_ranges: npt.NDArray,
         heights: npt.NDArray,
-        other_index: int,
-        other: _Seen,
+        other: Seen,
         votes: npt.NDArray[np.int8],
     ) -> None:
-        """Write into `votes` (K,) what scan `other_index` says about the points `ids` of scan `index`."""
+        """Write into `votes` (K,) what another scan says about the points `ids` of a view."""
         s = self.settings
-        T = (self._T_sensor_level[other_index] @ self.frames.T_level_sensor[index])[:3].astype(np.float32)
         tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
         points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
         codes = np.empty(len(ids), np.uint8)
         ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
-        scan = (other.motion, other.pattern, self.pyramid, other.image)
-        look_through(points, T, *scan, tolerances, codes, ranges, misses)
-        pitch = np.float32(self.pattern.row_height)
-        weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, votes)
+        for k, (view, lidar) in enumerate(zip(other.views, self.lidars, strict=True)):
+            T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
+            scan = (view.motion, view.pattern, lidar.pyramid, view.image)
+            look_through(points, T, *scan, tolerances, codes, ranges, misses)
+            said = votes if k == 0 else np.zeros_like(votes)
+            pitch = np.float32(lidar.pattern.row_height)
+            weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, said)
+            if k > 0:
+                join_votes(votes, said)
 
 
 def _scatter(values: npt.NDArray, is_object: npt.NDArray[np.bool_]) -> npt.NDArray:

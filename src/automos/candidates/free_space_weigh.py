@@ -53,6 +53,11 @@ def weigh_looks(codes, ranges, misses, own_ranges, heights, row_height, near_mis
             votes[i] = np.int8(ONE * vote + 0.5)
 
 
+def join_votes(votes: npt.NDArray[np.int8], more: npt.NDArray[np.int8]) -> None:
+    """Join to `votes` (K,) of a scan what another of its LiDARs says: any hit stands, else the surer see-through."""
+    np.copyto(votes, np.where((votes < 0) | (more < 0), np.minimum(votes, more), np.maximum(votes, more)))
+
+
 def find_open(votes: Votes, is_asked: Mask, sure_hits: int) -> npt.NDArray[np.int64]:
     """Return the ids (J,) of the points that those asked do not agree to have hit.
 

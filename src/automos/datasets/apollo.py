@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from automos.datasets.folder import FolderSequence
 from automos.datasets.formats import Format, recordings_at
-from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
@@ -38,19 +37,34 @@ class ApolloSequence(FolderSequence):
         """List the scans of the run in folder `source`."""
         super().__init__(source, _SCANS, "pcd")
 
-    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-        stamps = self._rows[:, 1]
-        require_increasing(stamps, self._names, self.source / _POSES)
-        return stamps
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+        try:
+            return self._rows()[:, 1]
+        except InputError:
+            return None  # labels need no poses, and the points may have times; who asks for the poses is told
 
     @cached_property
     def reference_poses(self) -> Pose:
-        """(len, 4, 4) T_world_sensor."""
-        return sensor_poses(from_quaternions(self._rows[:, 2:5], self._rows[:, 5:]))
+        """(len, 4, 4) T_world_sensor.
 
-    @cached_property
+        Raises
+        ------
+        InputError
+            A scan without a pose, or with one of another time than that of its points.
+        """
+        rows = self._rows()
+        if self._stamps is not None:
+            off = np.abs(rows[:, 1] - self._stamps)
+            if (off > 1.0).any():
+                first = int(np.argmax(off > 1.0))
+                raise InputError(
+                    f"{self.source / _POSES} has the pose of {self._names[first]}.pcd at {rows[first, 1]:.3f} s, but "
+                    f"its points are of {self._stamps[first]:.3f} s; it belongs to another run"
+                )
+        return sensor_poses(from_quaternions(rows[:, 2:5], rows[:, 5:]))
+
     def _rows(self) -> npt.NDArray[np.float64]:
-        """(len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
+        """Return (len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
         table = read_table(self.source / _POSES, 9, "poses")
         row_of = {int(number): row for row, number in enumerate(table[:, 0])}
         missing = next((name for name in self._names if not name.isdecimal() or int(name) not in row_of), None)

@@ -34,7 +34,8 @@ def to_scan(
     columns : each (N,), any numeric type; x, y, z in metres, sensor frame.
     path : the file they came from, for messages.
     name, stamp : the scan's.
-    time_unit : seconds per count of the time column; none: found from the span of this scan's times.
+    time_unit : seconds per count of the time column, 0 where it is not to be used; none: found from the span of this
+        scan's times.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def to_scan(
     return Scan(
         points,
         intensity=None if intensity is None else np.ascontiguousarray(intensity, np.float32),
-        time=_seconds(time_column(columns), time_unit),
+        time=None if time_unit == 0.0 else _seconds(time_column(columns), time_unit),
         ring=_ring(_first(columns, _RING)),
         stamp=stamp,
         name=name,
@@ -74,6 +75,16 @@ def time_column(columns: Columns) -> npt.NDArray | None:
     return next((columns[name] for name in _TIME if name in columns and _span(columns[name]) > 0), None)
 
 
+def has_time_column(columns: Columns) -> bool:
+    """Return whether any column is named as a time, of use or not."""
+    return any(_plain(key) in _TIME for key in columns)
+
+
+def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
+    """Return the (N,) beam of each point, None where there is none."""
+    return _ring(_first({_plain(key): column for key, column in columns.items()}, _RING))
+
+
 def find_time_unit(times: npt.NDArray) -> float:
     """Return the seconds per count (1, 1e-3, 1e-6 or 1e-9) in which `times` (N,) of one sweep last at most MAX_SWEEP.
 
@@ -92,20 +103,30 @@ def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
     return next((columns[name] for name in names if name in columns), None)
 
 
+def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which points have a time: no NaN, and no 0 where the clock began long before the sweep."""
+    is_finite = np.isfinite(times)
+    is_later = is_finite & (times > 0)
+    later = times[is_later]
+    has_zeros = 2 < len(later) < is_finite.sum()
+    return is_later if has_zeros and 0 < later.max() - later.min() < 0.1 * later.min() else is_finite
+
+
 def _span(times: npt.NDArray) -> float:
-    finite = times[np.isfinite(times)]
+    known = times[is_measured(times)]
     # Subtract in the file's own type: nanoseconds since 1970 are beyond float64's whole numbers.
-    return float(finite.max() - finite.min()) if len(finite) else 0.0
+    return float(known.max() - known.min()) if len(known) else 0.0
 
 
 def _seconds(times: npt.NDArray | None, unit: float | None) -> npt.NDArray[np.float32] | None:
-    """Return (N,) seconds after the first point; 0 where the file has no finite time."""
+    """Return (N,) seconds after the first point; where the file has no finite time, those of the points beside it."""
     if times is None:
         return None
-    is_finite = np.isfinite(times)
-    first = times[is_finite].min()
-    after_first = np.where(is_finite, times, first) - first
-    return (after_first * (find_time_unit(times) if unit is None else unit)).astype(np.float32)
+    is_known = is_measured(times)
+    seconds = (times[is_known] - times[is_known].min()) * (find_time_unit(times) if unit is None else unit)
+    if not is_known.all():
+        seconds = np.interp(np.arange(len(times)), np.flatnonzero(is_known), seconds)
+    return seconds.astype(np.float32)
 
 
 def _ring(values: npt.NDArray | None) -> npt.NDArray[np.uint16] | None:

@@ -59,6 +59,23 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
 
 
+def find_repeats(paths: Sequence[Path]) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which of `paths` hold, byte for byte, what the one before them holds."""
+    sizes = [path.stat().st_size for path in paths]
+    is_repeat = np.zeros(len(paths), np.bool_)
+    for i in range(1, len(paths)):
+        if sizes[i] == sizes[i - 1] > 0 and _glimpse(paths[i], sizes[i]) == _glimpse(paths[i - 1], sizes[i]):
+            is_repeat[i] = paths[i].read_bytes() == paths[i - 1].read_bytes()
+    return is_repeat
+
+
+def _glimpse(path: Path, size: int) -> bytes:
+    """Return a few bytes from the middle of a file: nearly always enough to tell two scans apart."""
+    with path.open("rb") as file:
+        file.seek(size // 2)
+        return file.read(4096)
+
+
 def natural_key(name: str) -> tuple[list[str | int], str]:
     """Return a sort key under which numbers in names count as numbers: 1, 2, 10."""
     parts: list[str | int] = [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]

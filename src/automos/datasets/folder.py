@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 
@@ -13,12 +14,15 @@ import numpy.typing as npt
 from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
-from automos.datasets.columns import find_time_unit, time_column, to_scan
-from automos.datasets.files import holds_point_files, list_scans
+from automos.datasets.columns import time_column, to_scan
+from automos.datasets.files import find_repeats, holds_point_files, list_scans
 from automos.datasets.formats import Format
+from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
+from automos.datasets.time_order import put_in_order
 from automos.errors import InputError
+from automos.geometry import inverse
 from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.scan import Pose, Scan, Sequence
+from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +58,12 @@ class FolderSequence(Sequence):
             codec = guess_codec(self._paths) if found == "bin" else found
         self._codec = codec
         self._names = [Path(file).stem for file in self._files]
-        self._stamps = self._read_times(stamps)
+        self._warnings: list[str] = []
+        times = self._read_times(stamps)
+        if stamps is None and self._point_times.is_absolute:
+            times = self._times_of_points()
+        self._order = np.arange(len(self._files))
+        self._stamps = None if times is None else self._put_in_order(times)
         if codec == "pcd":
             _warn_of_viewpoint(self._paths[0])
 
@@ -67,7 +76,8 @@ class FolderSequence(Sequence):
         columns = read_columns(path, self._codec)
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
-        return to_scan(columns, path, self._names[index], stamp, self._time_unit if has_time else None)
+        unit = (self._point_times.unit or 0.0) if has_time else None
+        return to_scan(columns, path, self._names[index], stamp, unit)
 
     @property
     def names(self) -> list[str]:
@@ -76,8 +86,18 @@ class FolderSequence(Sequence):
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds from times.txt, else from the file names, else None."""
+        """(len,) seconds from the points' own times, else times.txt, else the file names, else None."""
         return self._stamps
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with the order of the files and the times of their points."""
+        return [*self._warnings, *self._point_times.warnings]
+
+    @cached_property
+    def repeats(self) -> Mask:
+        """(len,) bool: files that hold what the one before them holds."""
+        return find_repeats(self._paths)
 
     @cached_property
     def T_camera_sensor(self) -> Pose | None:
@@ -91,7 +111,11 @@ class FolderSequence(Sequence):
         path = next((path for path in self._pose_files() if path.exists()), None)
         if path is None:
             return None
-        return read_poses(path, len(self), self._stamps, self.T_camera_sensor, self._names)
+        by_name = np.argsort(self._order)
+        stamps = None if self._stamps is None else self._stamps[by_name]
+        names = [self._names[i] for i in by_name]
+        T = read_poses(path, len(self), stamps, self.T_camera_sensor, names)[self._order]
+        return inverse(T[0]) @ T
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None where there are no labels.
@@ -148,14 +172,26 @@ class FolderSequence(Sequence):
         if not np.isfinite(times).all():
             raise InputError(f"{path}, line {int(np.argmin(np.isfinite(times))) + 1}: the time is no number")
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
-        is_late = np.diff(times) <= 0
-        if is_late.any():
-            late = int(np.argmax(is_late)) + 1
-            raise InputError(
-                f"{path}: scan {self._names[late]} at {times[late]:.6f} s is not after the one before it "
-                f"({times[late - 1]:.6f} s); correct the times, or remove the file to do without a clock"
-            )
         return times
+
+    def _times_of_points(self) -> npt.NDArray[np.float64]:
+        """Return (len,) seconds at which the scans' points begin, on their common clock; NaN where none has a time."""
+        unit = self._point_times.unit
+
+        def start(path: Path) -> float:
+            times = time_column(read_columns(path, self._codec))
+            return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
+
+        with ThreadPoolExecutor() as pool:
+            return np.array(list(pool.map(start, self._paths)))
+
+    def _put_in_order(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+        """Put the files in the order of their `times` (len,); return their stamps in that order."""
+        found = put_in_order(times, self._names, self._folder)
+        self._order, self._warnings = found.order, found.warnings
+        self._files = [self._files[i] for i in found.order]
+        self._names = [self._names[i] for i in found.order]
+        return found.stamps
 
     @cached_property
     def _has_truth(self) -> bool:
@@ -167,11 +203,14 @@ class FolderSequence(Sequence):
         return len(self[index])
 
     @cached_property
-    def _time_unit(self) -> float | None:
-        """Seconds per count of the points' times, found once: a scan of few points may not tell."""
+    def _point_times(self) -> PointTimes:
+        """How the points' times are read, found once: a scan of few points may not tell."""
+        if self._codec in WIDTHS:
+            return PointTimes()
         fullest = max(self._paths, key=lambda path: path.stat().st_size)
-        times = time_column(read_columns(fullest, self._codec))
-        return None if times is None else find_time_unit(times)
+        columns = read_columns(fullest, self._codec)
+        others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
+        return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder)
 
 
 def read_labels(path: Path) -> npt.NDArray[np.uint32]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -17,12 +18,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.columns import Columns, find_time_unit, time_column, to_scan
+from automos.datasets.columns import Columns, time_column, to_scan
 from automos.datasets.formats import Format, import_extra
-from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.listed import digest_of_files
 from automos.datasets.point_cloud2 import read_columns
+from automos.datasets.point_times import PointTimes, judge_times
+from automos.datasets.time_order import put_in_order
 from automos.errors import AutomosError, InputError
-from automos.scan import Scan, Sequence
+from automos.scan import Mask, Scan, Sequence
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +67,7 @@ class RosbagSequence(Sequence):
         self._threads = threading.local()
         with _told(bag):
             self._topic = _choose_topic(self._reader, bag, wanted)
-            self._recorded, headers, self._sizes = self._index()
+            self._recorded, headers, self._sizes, self._digests = self._index()
         self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
         if len(self._recorded) == 0:
             raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
@@ -81,13 +84,24 @@ class RosbagSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         index = range(len(self))[index]
         columns = self._columns(index)
-        unit = self._time_unit if time_column(columns) is not None else None
-        return to_scan(columns, self._where(index), self.names[index], float(self._stamps[index]), unit)
+        unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
+        stamp = None if self._stamps is None else float(self._stamps[index])
+        return to_scan(columns, self._where(index), self.names[index], stamp, unit)
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64]:
+    def stamps(self) -> npt.NDArray[np.float64] | None:
         """(len,) seconds, of the messages' headers; of their recording where the headers have none."""
         return self._stamps
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with the order of the messages and the times of their points."""
+        return [*self._warnings, *self._point_times.warnings]
+
+    @property
+    def repeats(self) -> Mask:
+        """(len,) bool: messages with the points of the one before."""
+        return np.concatenate([[False], self._digests[1:] == self._digests[:-1]])
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
@@ -116,27 +130,30 @@ class RosbagSequence(Sequence):
     def _connections(self) -> list[Any]:
         return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype == _TYPE]
 
-    def _index(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """Return (N,) times of recording (ns), headers' stamps (s) and sizes (bytes) of all messages, in order."""
+    def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
+        """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
         rows = [
-            (recorded, _header_stamp(raw, self._reader.is2), len(raw))
+            (recorded, _header_stamp(raw, self._reader.is2), len(raw), zlib.crc32(raw[len(raw) // 2 :]))
             for _, recorded, raw in self._reader.messages(connections=self._connections())
         ]
-        recorded, headers, sizes = zip(*rows, strict=True) if rows else ((), (), ())
-        return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, np.int64)
+        recorded, headers, sizes, digests = zip(*rows, strict=True) if rows else ((), (), (), ())
+        return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, int), np.array(digests)
 
-    def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         if len(headers) > 1 and headers.min() == headers.max():
             logger.warning(
                 "%s, topic %s: headers have no stamps; the times of recording are taken", self.source, self._topic
             )
             headers = (1e-9 * self._recorded).astype(np.float64)
-        require_increasing(headers, self.names, self._where())
-        return headers
+        found = put_in_order(headers, self.names, self._where())
+        self._warnings, self._messages = found.warnings, found.order
+        self._digests, self._sizes = self._digests[found.order], self._sizes[found.order]
+        return found.stamps
 
     def _columns(self, index: int) -> Columns:
-        recorded = int(self._recorded[index])
-        which = index - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
+        message = int(self._messages[index])
+        recorded = int(self._recorded[message])
+        which = message - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
         with _told(self.source):
             messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
             for k, (_, _, raw) in enumerate(messages):
@@ -145,10 +162,10 @@ class RosbagSequence(Sequence):
         raise InputError(f"{self.source} has changed since it was opened; run the command again")
 
     @cached_property
-    def _time_unit(self) -> float | None:
-        """Seconds per count of the points' times, found once: a scan of few points may not tell."""
-        times = time_column(self._columns(int(np.argmax(self._sizes))))
-        return None if times is None else find_time_unit(times)
+    def _point_times(self) -> PointTimes:
+        """How the points' times are read, found once: a scan of few points may not tell."""
+        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
+        return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
 
     def _where(self, index: int | None = None) -> Path:
         return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")

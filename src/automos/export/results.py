@@ -28,6 +28,7 @@ from automos.geometry import inverse
 from automos.labels import Label, pack
 from automos.pipeline import Result
 from automos.pose_files import write_kitti, write_tum
+from automos.recording_warnings import recording_warnings
 from automos.scan import Sequence
 from automos.settings import Settings, dump_yaml
 from automos.tracking.verdict import Verdict
@@ -86,6 +87,7 @@ def write_results(
             "scans": len(result),
             "input": sequence.fingerprint(),
             "source": None if sequence.address is None else str(sequence.address.absolute()),
+            "warnings": recording_warnings(sequence),
         },
         "points": counts,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},

@@ -30,6 +30,8 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
         stamp=float(trajectory.stamps[index]),
         sweep_time=times,
         sweep_motion=motion,
+        sensor=None if scan.sensor is None else scan.sensor[kept],
+        T_scan_sensor=scan.T_scan_sensor,
     )
 
 

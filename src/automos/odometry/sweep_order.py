@@ -11,10 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.odometry.azimuths import (
+    BACKWARD,
+    N_SECTORS,
+    between_blocks,
+    block_azimuths,
+    follow_gaps,
+    seen_sectors,
+    turns_by_beam,
+    unwrap,
+)
 from automos.scan import Points, Scan, Sequence
 
 N_BLOCKS = 400
@@ -27,14 +36,10 @@ MIN_CONCENTRATION = 0.9
 """Length of the mean direction within a block, at least: 1 where all look the same way, 0 where a file is shuffled."""
 MIN_STEADY = 0.95
 """Share of blocks that must go on in the same direction as all."""
-BACKWARD = 0.03
-"""Turns by which the azimuth steps back where one beam ends and the next begins."""
 FIXED = 0.005
 """Turns by which the start may drift from one scan to the next and still be the same."""
 MIN_GAP = 0.01
 """Turns, narrower gaps are shadows of things."""
-N_SECTORS = 720
-"""Sectors in which a gap is looked for."""
 TURNS = (0.2, 3.0)
 """Turns in a scan, least and most: less may be a sensor that looks one way, more is a file sorted by beam."""
 
@@ -107,7 +112,7 @@ def learn_drifting_gap(sequence: Sequence) -> int:
 
 def gap_edges(points: Points) -> tuple[float, float]:
     """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
-    is_seen = _seen_sectors(np.ascontiguousarray(points))
+    is_seen = seen_sectors(np.ascontiguousarray(points))
     seen = np.flatnonzero(is_seen)
     if len(seen) == 0:
         return 0.0, 0.0
@@ -122,11 +127,11 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     Points that are not valid have the turns of their neighbours.
     """
     if order.by == "beam":
-        return _turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
+        return turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
-    azimuth, _ = _block_azimuths(scan.points, block)
-    turned = _between_blocks(_unwrap(azimuth, order.turn), block, len(scan))
-    _follow_gaps(scan.points, azimuth, order.turn, block, turned)
+    azimuth, _ = block_azimuths(scan.points, block)
+    turned = between_blocks(unwrap(azimuth, order.turn), block, len(scan))
+    follow_gaps(scan.points, azimuth, order.turn, block, turned)
     first = np.flatnonzero(np.isfinite(azimuth))[:1]
     if order.start is None or len(first) == 0:
         return turned
@@ -138,7 +143,7 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 def _read(scan: Scan) -> tuple[str, int, float, float] | None:
     """Return what one scan's order says: by what, which way, azimuth of the first point and turns spanned (turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
-    azimuth, concentration = _block_azimuths(scan.points, block)
+    azimuth, concentration = block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
     if is_known.sum() < 10:
         return None
@@ -146,7 +151,7 @@ def _read(scan: Scan) -> tuple[str, int, float, float] | None:
     steps -= np.round(steps)
     turn = 1 if steps.sum() > 0.0 else -1
     if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > MIN_STEADY:
-        whole = _between_blocks(_unwrap(azimuth, turn), block, len(scan))
+        whole = between_blocks(unwrap(azimuth, turn), block, len(scan))
         if TURNS[0] < whole[-1] < TURNS[1]:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
             return "firing", turn, float(first % 1.0), float(whole[-1])
@@ -167,7 +172,7 @@ def _read_by_beam(scan: Scan) -> tuple[str, int, float, float] | None:
     if n_beams < 4 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
         return None
     start = _start_of_beams(scan.points, turn)
-    turns = _turns_by_beam(scan.points, turn, start)
+    turns = turns_by_beam(scan.points, turn, start)
     ends = np.append(turns[valid[:-1]][is_back], turns[valid[-1]])
     span = float(np.percentile(ends, 90))
     return ("beam", turn, start % 1.0, span) if 1.0 < span < TURNS[1] else None
@@ -186,122 +191,3 @@ def _start_of_beams(points: Points, turn: int) -> float:
     around = np.angle(np.exp(2j * np.pi * starts).mean()) / (2.0 * np.pi)
     off = turn * (starts - around)
     return float(around + turn * np.percentile(off - np.round(off), 10))
-
-
-@numba.njit(cache=True, nogil=True)
-def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
-    """Return the mean azimuth in turns of every `block` points, NaN where none is valid, and how much they agree."""
-    n_blocks = (len(points) + block - 1) // block
-    azimuth, agreement = np.full(n_blocks, np.nan), np.zeros(n_blocks)
-    for b in range(n_blocks):
-        sx, sy, n = 0.0, 0.0, 0
-        for i in range(b * block, min((b + 1) * block, len(points))):
-            x, y = float(points[i, 0]), float(points[i, 1])
-            r = np.sqrt(x * x + y * y)
-            if 0.1 < r < 1e6:  # never true of NaN
-                sx += x / r
-                sy += y / r
-                n += 1
-        if n > 0:
-            azimuth[b] = np.arctan2(sy, sx) / (2.0 * np.pi)
-            agreement[b] = np.sqrt(sx * sx + sy * sy) / n
-    return azimuth, agreement
-
-
-@numba.njit(cache=True, nogil=True)
-def _seen_sectors(points):  # type: ignore[no-untyped-def]
-    is_seen = np.zeros(N_SECTORS, np.bool_)
-    for i in range(len(points)):
-        x, y = float(points[i, 0]), float(points[i, 1])
-        if 0.01 < x * x + y * y < 1e12:  # never true of NaN
-            turn = np.arctan2(y, x) / (2.0 * np.pi) + 0.5
-            is_seen[min(int(turn * N_SECTORS), N_SECTORS - 1)] = True
-    return is_seen
-
-
-@numba.njit(cache=True, nogil=True)
-def _unwrap(azimuth, turn):  # type: ignore[no-untyped-def]
-    """Return how far each block lies behind the first, in turns: a gap is passed in the sensor's own direction."""
-    out = np.full(len(azimuth), np.nan)
-    last, total, is_first = 0.0, 0.0, True
-    for b in range(len(azimuth)):
-        if np.isnan(azimuth[b]):
-            continue
-        if is_first:
-            is_first = False
-        else:
-            step = turn * (azimuth[b] - last)
-            step -= np.floor(
-                step + 0.1
-            )  # a tenth of a turn back is noise of what is near the axis, more is a gap ahead
-            total += step
-        last = azimuth[b]
-        out[b] = total
-    return out
-
-
-@numba.njit(cache=True, nogil=True)
-def _between_blocks(turned, block, n):  # type: ignore[no-untyped-def]
-    """Return (n,) float32 the turns at every point, linear between the middles of blocks, 0 at the first point."""
-    out = np.zeros(n, np.float32)
-    known = np.flatnonzero(~np.isnan(turned))
-    if len(known) < 2:
-        return out
-    k = 0
-    start = 0.0
-    for i in range(n):
-        place = (i - 0.5 * (block - 1)) / block
-        while k < len(known) - 2 and place > known[k + 1]:
-            k += 1
-        a, b = known[k], known[k + 1]
-        value = turned[a] + (turned[b] - turned[a]) * (place - a) / (b - a)
-        if i == 0:
-            start = value
-        out[i] = max(value - start, 0.0)
-    return out
-
-
-@numba.njit(cache=True, nogil=True)
-def _follow_gaps(points, azimuth, turn, block, turned):  # type: ignore[no-untyped-def]
-    """Correct `turned` where a block reaches across a sector without points: there a point's own azimuth tells more."""
-    known = np.flatnonzero(~np.isnan(azimuth))
-    if len(known) < 3:
-        return
-    steps = np.empty(len(known) - 1)
-    for k in range(len(steps)):
-        step = turn * (azimuth[known[k + 1]] - azimuth[known[k]])
-        steps[k] = step - np.floor(step + 0.1)
-    is_torn = np.zeros(len(azimuth), np.bool_)
-    usual = np.median(steps)
-    for k in range(len(steps)):
-        if steps[k] > 2.0 * usual:
-            is_torn[known[k] : known[k + 1] + 1] = True
-    middle = min(known[0] * block + block // 2, len(turned) - 1)
-    start = azimuth[known[0]] - turn * turned[middle]  # azimuth of the first point
-    for i in range(len(points)):
-        x, y = float(points[i, 0]), float(points[i, 1])
-        if is_torn[i // block] and 0.01 < x * x + y * y < 1e12:  # never true of NaN
-            off = turn * (np.arctan2(y, x) / (2.0 * np.pi) - start) - turned[i]
-            turned[i] = max(turned[i] + off - np.round(off), 0.0)
-
-
-@numba.njit(cache=True, nogil=True)
-def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
-    out = np.zeros(len(points), np.float32)
-    total, last, is_new = 0.0, 0.0, True
-    for i in range(len(points)):
-        x, y = float(points[i, 0]), float(points[i, 1])
-        r = np.sqrt(x * x + y * y)
-        if 0.1 < r < 1e6:
-            azimuth = np.arctan2(y, x) / (2.0 * np.pi)
-            step = turn * (azimuth - last)
-            step -= np.round(step)
-            if is_new or step < -0.03:
-                total = turn * (azimuth - start)
-                total -= np.floor(total + 0.1)
-                is_new = False
-            else:
-                total += step
-            last = azimuth
-        out[i] = max(total, 0.0)
-    return out

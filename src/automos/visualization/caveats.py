@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from automos.scan import Pose
 
-GAP = 1.5
-"""Times the usual step of the clock from which scans are missing."""
 TILT = 10.0
 """Degrees between the sensor's z-axis and up from which a sensor is tilted."""
 JUMP = 20.0
@@ -38,9 +36,9 @@ def caveats(
     counts : (3,) points unlabeled, static and moving.
     """
     return [
+        *run.get("recording", {}).get("warnings", []),
         *run.get("odometry", {}).get("warnings", []),
         *_jumps(T_level_sensor, stamps, names),
-        *_gaps(stamps, names),
         *_tilt(T_level_sensor),
         *_points(counts),
         *_unsure(tracks),
@@ -59,22 +57,6 @@ def _jumps(T_level_sensor: Pose, stamps: npt.NDArray, names: list[str]) -> list[
     return [
         f"The poses jump: at scan {names[worst + 1]} the sensor's speed changes by {change[worst]:.0f} m/s within one "
         "scan. Odometry slipped there; label again with poses of your own (--poses)."
-    ]
-
-
-def _gaps(stamps: npt.NDArray, names: list[str]) -> list[str]:
-    steps = np.diff(stamps)
-    if len(steps) < 2:
-        return []
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * usual)
-    if not len(gaps):
-        return []
-    longest = gaps[steps[gaps].argmax()]
-    missing = int(np.round(steps[gaps] / usual - 1.0).sum())
-    return [
-        f"About {missing} scans are missing in {len(gaps)} places; the longest gap is {steps[longest]:.2f} s, after "
-        f"scan {names[longest]}. Labels near gaps rest on less evidence."
     ]
 
 

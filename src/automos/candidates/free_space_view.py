@@ -1,0 +1,108 @@
+"""What each LiDAR saw in one scan: its range image, and the points that may be objects, as seen from where it sits.
+
+A scan of one LiDAR has one view. Merged clouds have one for each LiDAR that a scan names, with rays that start there
+and a pattern of their own; the ground is that of all points together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.ego_body import EgoBody, find_ego_body
+from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
+from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points, seen_in
+from automos.candidates.ground import fit_ground, is_on_ground
+from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames, Mask, Pose
+from automos.settings import EgoBodySettings, GroundSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """What is learnt of one LiDAR: how its rays lie, and what of the vehicle they meet."""
+
+    pattern: BeamPattern
+    pyramid: PyramidShape
+    body: EgoBody
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one LiDAR saw in a scan.
+
+    Attributes
+    ----------
+    rows : which of the frame's points it measured.   is_object : (R,) which of these may be objects.
+    objects : (3, K) float32, metres, these points in the LiDAR's frame at mid-sweep.
+    image : of all its points.   motion : (6,) float32, twist of the LiDAR over the sweep, zeros where unknown.
+    pattern : the LiDAR's, with the times of this scan.
+    """
+
+    rows: npt.NDArray[np.int64] | slice
+    is_object: Mask
+    objects: npt.NDArray[np.float32]
+    image: RangeImage
+    motion: npt.NDArray[np.float32]
+    pattern: BeamPattern
+    T_level_sensor: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What is kept of a frame of M points while others may ask about it: kinds, heights above ground (M,), views."""
+
+    kind: npt.NDArray[np.uint8]
+    height: npt.NDArray[np.float32]
+    views: list[View]
+
+
+class FramesOfLidar:
+    """The frames of one of several LiDARs, each made when asked for."""
+
+    def __init__(self, frames: Frames, lidar: int, T_level_sensor: Pose):
+        """Take all frames, which LiDAR, and the poses (N, 4, 4) of that one."""
+        self._frames, self._lidar, self.T_level_sensor = frames, lidar, T_level_sensor
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self._frames[index].of_sensor(self._lidar)[1]
+
+
+def learn_lidars(
+    frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, ground: GroundSettings, threads: int
+) -> list[Lidar]:
+    """Return what `sample`, a few of `frames`, tells of each LiDAR, in the order of their numbers."""
+    lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
+    for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
+        pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
+        own = FramesOfLidar(frames, k, frames.T_level_sensor @ T_scan_sensor)
+        lidars.append(Lidar(pattern, pyramid_shape(pattern), find_ego_body(own, pattern, ego_body, ground, threads)))
+    return lidars
+
+
+def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
+    """Return what `frame` saw."""
+    points = frame.points_level
+    surface = fit_ground(points, frame.origin_level, ground)
+    is_ground = is_on_ground(points, frame.origin_level, surface, ground)
+    kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
+    height = points[:, 2] - surface.height_at(points)
+    return Seen(kind, height, [_view(*frame.of_sensor(k), kind, lidar) for k, lidar in enumerate(lidars)])
+
+
+def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, kind: npt.NDArray[np.uint8], lidar: Lidar) -> View:
+    """Return what one LiDAR saw: the points `rows` of a frame; the body it finds is written into `kind` (M,)."""
+    raw = raw_points(part)
+    kind_here = np.where(lidar.body.covers(raw), np.uint8(EGO_BODY), kind[rows])
+    kind[rows] = kind_here
+    pattern, is_last = seen_in(part, raw, lidar.pattern)
+    image = make_image(raw, np.where(is_last, kind_here, np.uint8(EGO_BODY)), pattern, lidar.pyramid)
+    knows_motion = part.sweep_motion is not None and part.sweep_time is not None
+    motion = np.asarray(part.sweep_motion if knows_motion else np.zeros(6), np.float32)
+    is_object = kind_here == OBJECT
+    objects = np.take(part.points, np.flatnonzero(is_object), axis=0)
+    return View(rows, is_object, np.ascontiguousarray(objects.T), image, motion, pattern, part.T_level_sensor)

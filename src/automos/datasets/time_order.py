@@ -1,0 +1,83 @@
+"""Scans in the order of time: what their files' order and their clock make of each other.
+
+Copies are renumbered (0, 1, 10, 11, ..., 2), clocks repeat and jump. Files that are out of the order of their times are
+put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+_MIXED = 3
+"""Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
+do more than this often for each time, two runs of the clock overlap."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeOrder:
+    """In which order scans were taken.
+
+    Attributes
+    ----------
+    order : (N,) int64, the scans' numbers in the order of time.
+    stamps : (N,) seconds, strictly increasing, in that order; None where the clock tells nothing.
+    warnings : what was found and done, in sentences.
+    """
+
+    order: npt.NDArray[np.int64]
+    stamps: npt.NDArray[np.float64] | None
+    warnings: list[str]
+
+
+def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> TimeOrder:
+    """Return the order of scans whose times are `stamps` (N,) in seconds; `names` and `where` are for the warnings."""
+    as_given = np.arange(len(stamps))
+    steps = np.diff(stamps)
+    if (steps > 0.0).all():
+        return TimeOrder(as_given, stamps, [])
+    if not np.isfinite(stamps).all() or (steps == 0.0).sum() > 0.5 * len(steps):
+        first = names[int(np.argmin(np.isfinite(stamps)))] if not np.isfinite(stamps).all() else names[1]
+        return TimeOrder(
+            as_given, None, [f"{where}: the clock stands still or has no time (first at scan {first}); it is not used."]
+        )
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.1
+    back = np.flatnonzero(steps < 0.0)
+    if not len(back):
+        return TimeOrder(as_given, _apart(stamps, usual), [_repeated(stamps, names, where)])
+    late = int(back[0]) + 1
+    said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
+    order = np.argsort(stamps, kind="stable")
+    ordered = stamps[order]
+    run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
+    if (np.diff(run) != 0).sum() > _MIXED * len(back):
+        steps = np.where(steps < 0.0, usual, steps)
+        mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
+        return TimeOrder(
+            as_given,
+            _apart(mended, usual),
+            [f"{where}: the clock jumps back at {len(back)} scans ({said}); it is taken to go on evenly there."],
+        )
+    n_moved = int((order != as_given).sum())
+    warnings = [f"{where}: the scans are not in the order of time ({said}); {n_moved} were put in their place."]
+    in_order = [names[i] for i in order]
+    if (np.diff(ordered) == 0.0).any():
+        warnings.append(_repeated(ordered, in_order, where))
+    return TimeOrder(order, _apart(ordered, usual), warnings)
+
+
+def _repeated(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> str:
+    again = np.flatnonzero(np.diff(stamps) == 0.0) + 1
+    return f"{where}: {len(again)} scans have the time of the one before them (first: {names[again[0]]})."
+
+
+def _apart(stamps: npt.NDArray[np.float64], usual: float) -> npt.NDArray[np.float64]:
+    """Return `stamps` (N,), which do not decrease, with those of one time spread to the next, a usual step at most."""
+    values, first, count = np.unique(stamps, return_index=True, return_counts=True)
+    room = np.minimum(np.append(np.diff(values), usual), usual)
+    which = np.repeat(np.arange(len(values)), count)
+    return values[which] + (np.arange(len(stamps)) - first[which]) * (room / count)[which]

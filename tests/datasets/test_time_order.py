@@ -1,0 +1,47 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automos.datasets.time_order import put_in_order
+
+WHERE = Path("log")
+
+
+def names(n):
+    return [f"{i:03d}" for i in range(n)]
+
+
+def test_scans_in_order_are_left_alone():
+    stamps = np.array([0.0, 0.1, 0.35, 0.4])
+    found = put_in_order(stamps, names(4), WHERE)
+    np.testing.assert_array_equal(found.order, range(4))
+    np.testing.assert_array_equal(found.stamps, stamps)
+    assert found.warnings == []
+
+
+def test_scans_out_of_order_are_sorted_and_the_first_is_named():
+    found = put_in_order(np.array([0.0, 0.1, 1.0, 1.1, 0.2, 0.3]), names(6), WHERE)
+    np.testing.assert_array_equal(found.order, [0, 1, 4, 5, 2, 3])
+    assert "scan 004 is 0.90 s before the one that comes ahead of it, 003" in found.warnings[0]
+
+
+def test_a_clock_that_was_set_back_does_not_mix_the_scans():
+    stamps = np.concatenate([0.1 * np.arange(30), 1.43 + 0.1 * np.arange(30)])  # back by 1.5 s after the 30th
+    found = put_in_order(stamps, names(60), WHERE)
+    np.testing.assert_array_equal(found.order, range(60))
+    np.testing.assert_allclose(np.diff(found.stamps), 0.1)
+    assert "jumps back at 1 scans (scan 030 is 1.47 s before" in found.warnings[0]
+
+
+def test_scans_of_one_time_are_set_apart_up_to_the_next():
+    found = put_in_order(np.array([0.0, 0.1, 0.1, 0.2, 0.2]), names(5), WHERE)
+    np.testing.assert_allclose(found.stamps, [0.0, 0.1, 0.15, 0.2, 0.25])
+    assert "2 scans have the time of the one before them (first: 002)" in found.warnings[0]
+
+
+@pytest.mark.parametrize("stamps", [np.zeros(5), np.array([0.0, 0.1, np.nan, 0.3, 0.4])])
+def test_a_clock_that_stands_or_has_no_time_is_none(stamps):
+    found = put_in_order(stamps, names(5), WHERE)
+    assert found.stamps is None
+    assert "is not used" in found.warnings[0]

@@ -1,0 +1,26 @@
+import numpy as np
+
+from automos.recording_warnings import recording_warnings
+from automos.scan import ArraySequence
+
+
+def scans(n):
+    return [np.full((3, 3), i + 1, np.float32) for i in range(n)]
+
+
+def test_a_regular_recording_has_none():
+    assert recording_warnings(ArraySequence(scans(20), stamps=0.1 * np.arange(20))) == []
+
+
+def test_missing_scans_are_counted_and_found():
+    stamps = 0.1 * np.arange(20)
+    stamps[8:] += 0.3  # three scans after the eighth
+    (sentence,) = recording_warnings(ArraySequence(scans(20), stamps=stamps))
+    assert sentence.startswith("About 3 scans are missing in 1 places; the longest gap is 0.40 s, after scan 000007")
+
+
+def test_doubled_scans_are_recognised_by_their_points():
+    doubled = scans(20)
+    doubled[5], doubled[11] = doubled[4], doubled[10]
+    (sentence,) = recording_warnings(ArraySequence(doubled))
+    assert sentence == "2 scans are the one before them once more (first: 000005)."
