@@ -15,7 +15,8 @@ import numpy.typing as npt
 from automos.odometry.clock import USUAL_PERIOD, read_clock
 from automos.odometry.kiss import KissOdometry
 from automos.odometry.motion import SweepTiming
-from automos.odometry.timing import MIN_BEND, choose_timing
+from automos.odometry.moving_windows import MIN_BEND
+from automos.odometry.timing import choose_timing
 from automos.scan import ArraySequence, Pose, Scan
 from automos.settings import OdometrySettings
 

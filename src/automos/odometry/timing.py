@@ -18,37 +18,26 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists, sweep_times
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
+from automos.odometry.moving_windows import Window, moving_windows
 from automos.odometry.refine import refine_poses
-from automos.odometry.register import register_scans
-from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
-from automos.odometry.surfels import Surfels, make_surfels
+from automos.odometry.surfels import Surfels
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
-from automos.odometry.sweeps import rows_in_range
-from automos.scan import ArraySequence, Pose, Scan, Sequence
+from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings, RefineSettings
 
 _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start."""
-NEAR = 15.0
-"""Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
-WINDOWS = 2
-"""Places of the recording where hypotheses are tried."""
-WINDOW_SCANS = 16
-"""Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
-MIN_BEND = 0.3
-"""Metres by which the motion within a sweep must bend it for a place to tell anything."""
+N_LIKELY = 3
+"""Of them, looked at closely."""
 GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
 """By which more for what is seldom true: halved or reversed sweeps."""
-QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3, "start_steps": ()}
-"""Registration of a window's surfels: centimetres are left to what follows."""
 ON_NEIGHBOURS = RefineSettings(
     kernels=(0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600
 )
@@ -77,16 +66,6 @@ class TimingChoice:
         rivals = {name: round(100.0 * float(np.expm1(m - best)), 1) for name, m in self.misfits.items()}
         rivals.pop(str(self.timing), None)
         return {"chosen": str(self.timing), "worse_percent": dict(sorted(rivals.items(), key=lambda item: item[1]))}
-
-
-@dataclass(frozen=True, eq=False)
-class _Window:
-    """Consecutive scans in which the sensor moves: surfels of the points as they came, for each source of times."""
-
-    surfels: dict[str, list[Surfels]]
-    T_world_sensor: Pose
-    gaps: npt.NDArray[np.float64]
-    period: float
 
 
 def choose_timing(
@@ -124,7 +103,7 @@ def choose_timing(
         return TimingChoice(SweepTiming())
     known = {"raw": SweepTiming()}
     known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
-    windows = _moving_windows(sequence, settings, poses, clock, known, pool)
+    windows = moving_windows(sequence, settings, poses, clock, known, pool)
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     timed = [known[source] for source in ("file", "order") if source in known]
     if not windows:  # nothing bends where nothing moves
@@ -136,22 +115,30 @@ def choose_timing(
         best = _best_seam(search, sequence, untimed)
     if best is not None and best.source != "none":
         best = search.best([best], [replace(best, share=0.5 * best.share)])  # every second scan was left out
-    choice = TimingChoice(best or _rear(), search.misfits())
+    choice = TimingChoice(best or _rear(), search.misfits)
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
 
 class _Search:
-    """Asks the windows once for each hypothesis."""
+    """Asks every window once for each hypothesis."""
 
-    def __init__(self, windows: list[_Window], pool: ThreadPoolExecutor | None):
-        self._windows, self._pool = windows, pool
-        self._seen: dict[SweepTiming, float] = {}
-        self._misfit = functools.cache(lambda guess, k: _misfit(windows[k], guess))
+    def __init__(self, windows: list[Window], pool: ThreadPoolExecutor | None):
+        self._windows = windows
+        self._map: Callable = map if pool is None else pool.map
+        self._misfit = functools.cache(lambda guess, k, is_rough: _misfit(windows[k], guess, is_rough))
+        self.misfits: dict[str, float] = {}
 
-    def best(
-        self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None, n_windows: int | None = None
-    ) -> SweepTiming | None:
+    def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
+        ks = range(len(self._windows))
+        asked = [(guess, k, is_rough) for guess in guesses for k in ks]
+        return np.reshape(list(self._map(lambda one: self._misfit(*one), asked)), (-1, len(ks))).mean(axis=1)
+
+    def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
+        """Return the `n` of `guesses` under which the windows fit best as their poses are."""
+        return [guesses[i] for i in np.argsort(self._ask(guesses, is_rough=True), kind="stable")[:n]]
+
+    def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
         """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
 
         What is `seldom` true must be better by more. None where there is no hypothesis.
@@ -159,19 +146,11 @@ class _Search:
         guesses = [*likely, *(seldom or [])]
         if not guesses:
             return None
-        ks = range(len(self._windows) if n_windows is None else min(n_windows, len(self._windows)))
-        asked = [(guess, k) for guess in guesses for k in ks]
-        ask: Callable = map if self._pool is None else self._pool.map
-        found = np.reshape(list(ask(lambda pair: self._misfit(*pair), asked)), (len(guesses), len(ks))).mean(axis=1)
-        if len(ks) == len(self._windows):
-            self._seen.update(zip(guesses, found.tolist(), strict=True))
+        found = self._ask(guesses, is_rough=False)
+        self.misfits.update(zip(map(str, guesses), found.tolist(), strict=True))
         found[1:] += GAIN
         found[len(likely) :] += CLEAR_GAIN
         return guesses[int(np.argmin(found))]
-
-    def misfits(self) -> dict[str, float]:
-        """Return the misfit of every guess that all windows were asked about."""
-        return {str(guess): misfit for guess, misfit in self._seen.items()}
 
 
 def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
@@ -179,9 +158,11 @@ def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) 
     if turn := learn_drifting_gap(sequence):
         return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    rough = search.best(circle, n_windows=1) or circle[0]
-    finer = [replace(rough, seam_deg=((rough.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0) for off in (-45.0, 45.0)]
-    return search.best([*untimed, rough, *finer])
+    found = search.best([*untimed, *search.likeliest(circle, N_LIKELY)])
+    if found is None or found.source == "none":
+        return found
+    around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
+    return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
 
 
 def _rear() -> SweepTiming:
@@ -216,78 +197,16 @@ def _sees_all_round(sequence: Sequence) -> bool:
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
 
 
-def _moving_windows(
-    sequence: Sequence,
-    settings: OdometrySettings,
-    poses: Pose | None,
-    clock: Clock,
-    sources: dict[str, SweepTiming],
-    pool: ThreadPoolExecutor | None,
-) -> list[_Window]:
-    """Return the first of a few places of the recording, its middle first, at which the sensor moves."""
-    length = min(WINDOW_SCANS, len(sequence))
-    if length < WINDOW_SCANS // 2:
-        return []
-    starts = list(dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0)))
-
-    def look(start: int) -> _Window | None:
-        scans = [sequence[i] for i in range(start, start + length)]
-        part = None if poses is None else poses[start : start + length]
-        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings)
-
-    found: list[_Window] = []
-    at = 0
-    while len(found) < WINDOWS and at < len(starts):
-        wanted = starts[at : at + WINDOWS - len(found)]
-        looks = map(look, wanted) if pool is None else pool.map(look, wanted)
-        found += [window for window in looks if window is not None]
-        at += len(wanted)
-    return found
-
-
-def _moving_window(
-    scans: list[Scan],
-    poses: Pose | None,
-    gaps: npt.NDArray[np.float64],
-    sources: dict[str, SweepTiming],
-    clock: Clock,
-    settings: OdometrySettings,
-) -> _Window | None:
-    """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
-    surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
-    raw, T = surfels["raw"], poses
-    if T is None:
-        means = ArraySequence([Scan(s.mean) for s in raw])
-        quick = settings.model_copy(update=QUICK)
-        T = chain(np.eye(4), np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps)][1:]))
-    twists = se3_log(inverse(T[:-1]) @ T[1:])
-    bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
-    if bend.mean() < MIN_BEND:
-        return None
-    if poses is None:
-        rough = Stretch(raw, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, missing_distance(rough, settings.refinement))
-    return _Window(surfels, T, gaps, clock.period)
-
-
-def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
-    """Return the surfels of a scan's points as they came, with the times of `timing`."""
-    rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
-    points = np.take(scan.points, rows, axis=0)
-    about = ON_SUBMAPS
-    times = None if times is None else np.take(times, rows)
-    surfels = make_surfels(points, times, about.surfel, about.near, about.max_range)
-    return surfels[surfels.count >= about.min_points]
-
-
-def _misfit(window: _Window, guess: SweepTiming) -> float:
+def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
     """Return how badly the window fits together once its poses are made anew under the guess."""
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])
     surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
     timed = Stretch(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
     is_fixed = np.zeros(len(timed), bool)
-    return refine_poses(refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0], is_fixed, ON_SUBMAPS)[2].misfit or 0.0
+    if not is_rough:
+        timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
+    return refine_poses(timed, is_fixed, ON_SUBMAPS)[2].misfit or 0.0
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
