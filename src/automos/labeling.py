@@ -70,12 +70,23 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
         f"{run['recording']['name']}: {scans} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled",
+        *timing_line(run),
         *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
         f"{effort}; labels in {folder}/predictions",
     ]
     return "\n".join(lines)
+
+
+def timing_line(run: dict[str, Any]) -> list[str]:
+    """Return in one line how the points of each sweep were timed, and what came next; none where it is not known."""
+    timing = run["odometry"].get("timing")
+    if timing is None:
+        return []
+    rivals = list(timing["worse_percent"].items())
+    behind = f"; next best: {rivals[0][0]}, {rivals[0][1]:.1f} % worse" if rivals else ""
+    return [f"sweep timing: {timing['chosen']}{behind}"]
 
 
 def _refuse_foreign(folder: Path) -> None:

@@ -104,9 +104,10 @@ def choose_timing(
     known = {"raw": SweepTiming()}
     known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
     windows = moving_windows(sequence, settings, poses, clock, known, pool)
+    windows = [window for window in windows if np.isfinite(_misfit(window, SweepTiming(), is_rough=True))]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     timed = [known[source] for source in ("file", "order") if source in known]
-    if not windows:  # nothing bends where nothing moves
+    if not windows:  # nothing bends where nothing moves, or nothing is there to tell
         return TimingChoice([*timed[:1], *untimed, _rear()][0] if "file" in known or not untimed else untimed[0])
     search = _Search(windows, pool)
     backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
@@ -198,7 +199,10 @@ def _sees_all_round(sequence: Sequence) -> bool:
 
 
 def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
-    """Return how badly the window fits together once its poses are made anew under the guess."""
+    """Return how badly the window fits together once its poses are made anew under the guess.
+
+    NaN where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, which takes a third of the time.
+    """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])
     surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
@@ -206,7 +210,8 @@ def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
     is_fixed = np.zeros(len(timed), bool)
     if not is_rough:
         timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
-    return refine_poses(timed, is_fixed, ON_SUBMAPS)[2].misfit or 0.0
+    misfit = refine_poses(timed, is_fixed, ON_SUBMAPS)[2].misfit
+    return np.nan if misfit is None else misfit
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
