@@ -30,11 +30,11 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
-    name = name.replace("-", "_")
-    if name not in EXPORTS:
+    module = name.replace("-", "_")
+    if module not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    declared: Export = importlib.import_module(f"automos.export.{name}").EXPORT
+    declared: Export = importlib.import_module(f"automos.export.{module}").EXPORT
     return declared
 
 

@@ -34,6 +34,10 @@ VERDICTS = ("unknown", "static", "moving")
 """Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
 
 
+MIN_SIDE = 0.02
+"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScanBoxes:
     """The objects of one scan.
@@ -256,7 +260,7 @@ class RunFiles:
             "observed": table[:, 4] > 0,
             "yaw": table[:, 5],
             "center": table[:, 6:9],
-            "size": table[:, 9:12],
+            "size": np.maximum(table[:, 9:12], MIN_SIDE),
             "velocity": table[:, 12:15],
         }
 
