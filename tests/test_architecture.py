@@ -9,7 +9,18 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[1] / "src" / "automos"
 FILES = sorted(SOURCE.rglob("*.py"))
 
-BASE = {"labels", "scan", "geometry", "settings", "errors", "extras", "atomic", "detections", "working_folder"}
+BASE = {
+    "labels",
+    "scan",
+    "array_sequence",
+    "geometry",
+    "settings",
+    "errors",
+    "extras",
+    "atomic",
+    "detections",
+    "working_folder",
+}
 STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
 COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
 MAY_IMPORT = {

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from automos.array_sequence import ArraySequence
 from automos.geometry import make_transform
-from automos.scan import MIN_RANGE, ArraySequence, Frame, Scan
+from automos.scan import MIN_RANGE, Frame, Scan
 
 
 def points(n: int, seed: int = 0) -> np.ndarray:

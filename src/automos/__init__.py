@@ -14,6 +14,7 @@ from automos.working_folder import ignore_settings_here
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from automos.array_sequence import ArraySequence as ArraySequence
     from automos.datasets import open_recordings as open_recordings
     from automos.datasets import open_sequence as open_sequence
     from automos.errors import AutomosError as AutomosError
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from automos.labels import Label as Label
     from automos.pipeline import Result as Result
     from automos.pipeline import label as label
-    from automos.scan import ArraySequence as ArraySequence
     from automos.scan import Scan as Scan
     from automos.scan import Sequence as Sequence
     from automos.settings import load_settings as load_settings
@@ -36,7 +36,7 @@ _HOME = {
     "Label": "labels",
     "open_sequence": "datasets",
     "open_recordings": "datasets",
-    "ArraySequence": "scan",
+    "ArraySequence": "array_sequence",
     "Sequence": "scan",
     "Scan": "scan",
     "load_settings": "settings",

@@ -63,8 +63,8 @@ def is_cold() -> bool:
 
 def compile_all(knows_poses: bool = False) -> None:
     """Label a small recording, so that all that labelling needs is compiled; odometry too, unless it `knows_poses`."""
+    from automos.array_sequence import ArraySequence
     from automos.pipeline import label
-    from automos.scan import ArraySequence
 
     stamps = 0.1 * np.arange(24)
     poses = np.tile(np.eye(4), (len(stamps), 1, 1))

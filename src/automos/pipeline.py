@@ -18,11 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
+from automos.array_sequence import as_sequence
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
 from automos.run import Progress, Run
-from automos.scan import Pose, Sequence, as_sequence
+from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
 from automos.stages import find_candidates, find_segments, follow_and_judge, hear_network, paint
 from automos.tracking.tracks import Tracks

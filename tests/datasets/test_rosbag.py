@@ -174,7 +174,7 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
     with Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=types)
     with pytest.raises(
-        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2; .*/imu \(sensor_msgs/msg/Imu\)"
+        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2 .*; .*/imu \(sensor_msgs/msg/Imu\)"
     ):
         open_sequence(tmp_path / "log")
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from automos.array_sequence import ArraySequence
 from automos.odometry.clock import find_missing, read_clock
-from automos.scan import ArraySequence
 
 POINT = np.ones((1, 3), np.float32)
 

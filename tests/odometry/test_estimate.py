@@ -5,11 +5,12 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
 from worlds import SCAN_GAP
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry import estimate, estimate_trajectory, windows
 from automos.odometry.motion import SweepTiming
 from automos.odometry.timing import TimingChoice
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 N = 20

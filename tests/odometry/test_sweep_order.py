@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from automos.array_sequence import ArraySequence
 from automos.odometry.sweep_order import gap_edges, learn_drifting_gap, learn_order, turns_since_start
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 
 BEAMS = 16
 FIRINGS = 1800  # a turn

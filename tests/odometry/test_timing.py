@@ -3,10 +3,11 @@ import pytest
 from raw_worlds import TOWN, curve, cut_anew, sweep, untimed
 from worlds import SCAN_GAP, drive, record
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 N = 18

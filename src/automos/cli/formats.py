@@ -33,6 +33,7 @@ def export(
     recording: Recording,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
     out: Annotated[Path | None, typer.Option(help="file or folder to write; default: RESULTS/export/FORMAT")] = None,
+    deskewed: Annotated[bool, typer.Option("--deskewed", help="points without the sensor's motion in a sweep")] = False,
     format: Format = None,
 ) -> None:
     """Write labels, boxes and tracks in the format of another tool.
@@ -40,6 +41,8 @@ def export(
     [bold]Examples[/bold]
 
     automos export automos_runs/log my_log/ --to pcd                points with their labels
+
+    automos export automos_runs/log my_log/ --to ply --deskewed     ... each sweep as seen from one place
 
     automos export automos_runs/log my_log/ --to cvat --out task/   boxes to correct in CVAT
 
@@ -50,7 +53,7 @@ def export(
     from automos.progress import StageProgress
 
     with StageProgress(console, to) as progress:
-        for written in export_run(results, open_recordings(recording, format), to, out, progress):
+        for written in export_run(results, open_recordings(recording, format), to, out, progress, deskewed):
             output.print(written)
 
 

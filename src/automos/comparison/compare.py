@@ -72,7 +72,7 @@ class Comparison:
 
     def tables(self) -> list[Table]:
         """Return Table I, and how far the methods agree."""
-        from rich.table import Table
+        from rich.table import Column, Table
 
         table = Table(title=f"{self.recording}: {self.n_scans} scans, {self.poses}")
         table.add_column("method")
@@ -83,11 +83,11 @@ class Comparison:
             ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
             memory = "" if math.isnan(cost.peak_memory) else f"{cost.peak_memory / 1e6:.0f}"
             table.add_row(TITLES[name], *ratios, f"{cost.seconds_per_scan:.2f}", memory)
-        for name, why in self.missing.items():
-            table.add_row(TITLES[name], why)
-        matrix = Table("", *map(str, range(1, len(self.agreement.methods) + 1)), title="agreement: IoU % of what moves")
+        table.caption = "\n".join(f"{TITLES[name]}: {why}" for name, why in self.missing.items()) or None
+        numbers = map(str, range(1, len(self.agreement.methods) + 1))
+        matrix = Table(Column(no_wrap=True), *numbers, title="agreement: IoU % of what moves")
         for k, (name, row) in enumerate(zip(self.agreement.methods, self.agreement.iou, strict=True), start=1):
-            matrix.add_row(f"{k} {TITLES[name]}", *(_percent(value) for value in row))
+            matrix.add_row(f"{k} {TITLES[name]}", *("" if math.isnan(value) else f"{100 * value:.0f}" for value in row))
         return [table, matrix]
 
 

@@ -30,11 +30,11 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
-    name = name.replace("-", "_")
-    if name not in EXPORTS:
+    module = name.replace("-", "_")
+    if module not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    declared: Export = importlib.import_module(f"automos.export.{name}").EXPORT
+    declared: Export = importlib.import_module(f"automos.export.{module}").EXPORT
     return declared
 
 
@@ -44,6 +44,7 @@ def export_run(
     format: str,
     out: str | Path | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    deskewed: bool = False,
 ) -> list[Path]:
     """Write the results in `folder` in another format; return the files or folders that were written.
 
@@ -54,6 +55,7 @@ def export_run(
     format : one of `EXPORTS`.
     out : file or folder to write; for several recordings the folder to write one of each name into, a zip excepted,
         which takes them all. Where not given, `folder / "export" / format`.
+    deskewed : write points as seen from their scan's pose, the sensor's motion during the sweep taken out.
 
     Raises
     ------
@@ -63,10 +65,13 @@ def export_run(
     from automos.export.run_files import RunFiles
 
     export, folder = load_export(format), Path(folder)
+    if deskewed and not export.is_of_points:
+        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
+        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
     target = folder / "export" / format if out is None else Path(out)
     written = []
     for sequence in sequences:
-        run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress)
+        run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
         if place.is_file() != bool(export.suffix) and place.exists():
             kind = "a folder" if place.is_dir() else "a file"

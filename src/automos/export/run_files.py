@@ -34,6 +34,10 @@ VERDICTS = ("unknown", "static", "moving")
 """Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
 
 
+MIN_SIDE = 0.02
+"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScanBoxes:
     """The objects of one scan.
@@ -65,16 +69,18 @@ class RunFiles:
         folder: Path,
         sequence: Sequence,
         progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+        deskewed: bool = False,
     ):
-        """Take a results folder and the recording it was made from.
+        """Take a results folder and the recording it was made from; whether points are exported `deskewed`.
 
         Raises
         ------
         InputError
-            The folder holds no labels, or those of a recording of other scans.
+            The folder holds no labels, or those of a recording of other scans; or it does not tell how to deskew.
         """
         self.folder = folder
         self.sequence = sequence
+        self.deskewed = deskewed
         self.names = sequence.names
         self._progress = progress
         self._predictions = find_predictions(folder, sequence.name, is_only=True)
@@ -84,6 +90,9 @@ class RunFiles:
                 f"{self._predictions} has no {missing[0]}.label: {folder} was made from another recording than "
                 f"{sequence.name}, or not to its end; give the recording it was made from, or label again"
             )
+
+        if deskewed and self._trajectory is None:
+            raise InputError(f"{folder} does not tell how the sensor moved during its sweeps; label again to deskew")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -256,7 +265,7 @@ class RunFiles:
             "observed": table[:, 4] > 0,
             "yaw": table[:, 5],
             "center": table[:, 6:9],
-            "size": table[:, 9:12],
+            "size": np.maximum(table[:, 9:12], MIN_SIDE),
             "velocity": table[:, 12:15],
         }
 

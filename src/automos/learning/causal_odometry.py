@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.array_sequence import ArraySequence
 from automos.odometry.clock import USUAL_PERIOD, read_clock
 from automos.odometry.kiss import KissOdometry
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
 from automos.odometry.timing import choose_timing
-from automos.scan import ArraySequence, Pose, Scan
+from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.array_sequence import ArraySequence
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.motion import SweepTiming, sweep_times
@@ -16,7 +17,7 @@ from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels, make_surfels
 from automos.odometry.sweeps import rows_in_range
-from automos.scan import ArraySequence, Pose, Scan, Sequence
+from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
 NEAR = 15.0
