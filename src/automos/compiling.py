@@ -7,6 +7,7 @@ labels are looked for, their kernels are there. `python -m automos.compiling` co
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.parallel import available_cores
+from automos.working_folder import SAFE_PATH
 
 LINE = "compiling once: this first run takes longer than those that follow"
 
@@ -41,6 +43,7 @@ def compiling_beside(tell: Callable[[str], object], knows_poses: bool) -> Iterat
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        env={**os.environ, **SAFE_PATH},
     )
     try:
         yield

@@ -27,6 +27,9 @@ OBJECT, GROUND, EGO_BODY = 0, 1, 2
 MIN_RANGE = 0.1
 """Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""
 
+MAX_RANGE = 20_000.0
+"""Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -78,12 +81,13 @@ class Scan:
 
     @cached_property
     def is_valid(self) -> Mask:
-        """(N,) bool: finite and further than MIN_RANGE from the sensor."""
-        rays = self.points
-        if self.sensor is not None and self.T_scan_sensor is not None:
-            rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
-        squared = np.einsum("ij,ij->i", rays, rays)
-        return np.isfinite(squared) & (squared > MIN_RANGE**2)
+        """(N,) bool: between MIN_RANGE and MAX_RANGE from the sensor; never where a coordinate is not finite."""
+        with np.errstate(over="ignore", invalid="ignore"):  # an overflow is infinite, and too far
+            rays = self.points
+            if self.sensor is not None and self.T_scan_sensor is not None:
+                rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
+            squared = np.einsum("ij,ij->i", rays, rays)
+        return (squared > MIN_RANGE**2) & (squared < MAX_RANGE**2)
 
 
 class Sequence:

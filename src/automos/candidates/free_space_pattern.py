@@ -77,7 +77,8 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     angle = np.float32(1.5707964) - angle if ay > ax else angle
     angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
     angle = -angle if y < np.float32(0.0) else angle
-    return min(max(angle * np.float32(0.15915494) + np.float32(0.5), np.float32(0.0)), np.float32(0.9999999))
+    turn = angle * np.float32(0.15915494) + np.float32(0.5)
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
 
 
 @numba.njit(cache=True, nogil=True)
@@ -85,7 +86,15 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
     share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
     turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
-    return min(turn, np.float32(0.9999999))
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
+    """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
+    half = np.float32((n_bins - 1) / 2)
+    at = (z / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
+    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
@@ -269,7 +278,8 @@ def _is_last_look(raw, times, latest):  # type: ignore[no-untyped-def]
 def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
     n = len(T)
     for i in range(len(points)):
-        M = T[min(max(int((time[i] + 0.5) * n), 0), n - 1)]
+        step = (time[i] + 0.5) * n
+        M = T[int(min(step, n - 1.0)) if step > 0.0 else 0]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for k in range(3):
             out[i, k] = M[k, 0] * x + M[k, 1] * y + M[k, 2] * z + M[k, 3]

@@ -81,7 +81,7 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: 
     near : metres.
     """
     n = sum(len(part) for part in parts)
-    size = 1 << max(int(np.ceil(np.log2(max(n, 16)))), 4)
+    size = 1 << max(n, 16).bit_length()  # one slot more than there are surfels at least: a search ends at an empty one
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     sums = np.empty((n, 10))
     m = 0
