@@ -82,7 +82,8 @@ CASES: dict[str, Case] = {
     "renumbered, no stamps": _kept(renumbered=True, stamps=False),
     "renumbered, absolute times, no stamps": _kept(renumbered=True, times="absolute", stamps=False),
     "two scans merged": _kept(turns=2.0),
-    "every 2nd scan lost": _kept(leave_out=2),
+    "every 2nd scan kept": _kept(every=2),
+    "every 2nd scan kept, no stamps": _kept(every=2, stamps=False),
     "coordinates in centimetres": _kept(unit=0.01),
     "coordinates rounded to 2 cm": _kept(rounding=0.02),
     "every 4th beam": _kept(beams=4),
@@ -117,7 +118,7 @@ OF_DRIVE = (
 
 ALLOWED, ALLOWED_HALVED = 1.0, 3.0
 """Points of IoU that a convention may cost on average; where half of the scans are merged or lost."""
-HALVED = ("two scans merged", "every 2nd scan lost")
+HALVED = ("two scans merged", "every 2nd scan kept", "every 2nd scan kept, no stamps")
 
 
 class InMemory:

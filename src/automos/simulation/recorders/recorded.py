@@ -225,11 +225,11 @@ def _keep(recorded: Recorded, index: int) -> _Kept:
 
 def _kept_cuts(n_cuts: int, about: Convention) -> Rows:
     """Return the numbers of the cuts that are kept as scans, in the order in which they are kept."""
-    cuts = np.arange(n_cuts)
+    cuts = np.arange(0, n_cuts, about.every)
     if about.leave_out:
-        cuts = cuts[(cuts + 1) % about.leave_out != 0]
+        cuts = cuts[(np.arange(len(cuts)) + 1) % about.leave_out != 0]
     if about.double:
-        cuts = np.repeat(cuts, np.where((cuts + 1) % about.double == 0, 2, 1))
+        cuts = np.repeat(cuts, np.where((np.arange(len(cuts)) + 1) % about.double == 0, 2, 1))
     if about.renumbered:
         cuts = cuts[sorted(range(len(cuts)), key=str)]
     return cuts
