@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -219,6 +219,8 @@ def _keep(recorded: Recorded, index: int) -> _Kept:
         ring=scan.ring,
         stamp=None if stamps is None else float(stamps[index]),
         name=f"{index:06d}",
+        sensor=scan.sensor,
+        T_scan_sensor=scan.T_scan_sensor,
     )
     return _Kept(kept, when, truth)
 
@@ -253,7 +255,8 @@ def _rows_of(scan: Scan, rows: Rows) -> Scan:
     def column(values: npt.NDArray | None) -> npt.NDArray | None:
         return None if values is None else values[rows]
 
-    return Scan(scan.points[rows], column(scan.intensity), column(scan.time), column(scan.ring))
+    columns: dict[str, Any] = {name: column(getattr(scan, name)) for name in _COLUMNS}
+    return Scan(scan.points[rows], T_scan_sensor=scan.T_scan_sensor, **columns)
 
 
 def _joined(scans: list[Scan]) -> Scan:
@@ -261,4 +264,8 @@ def _joined(scans: list[Scan]) -> Scan:
         parts = [getattr(scan, name) for scan in scans]
         return None if any(part is None for part in parts) else np.concatenate(parts)
 
-    return Scan(np.concatenate([s.points for s in scans]), column("intensity"), column("time"), column("ring"))
+    columns: dict[str, Any] = {name: column(name) for name in _COLUMNS}
+    return Scan(np.concatenate([s.points for s in scans]), T_scan_sensor=scans[0].T_scan_sensor, **columns)
+
+
+_COLUMNS = ("intensity", "time", "ring", "sensor")
