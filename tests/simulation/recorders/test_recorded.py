@@ -113,6 +113,12 @@ def test_scans_are_lost_doubled_and_renumbered(about, expected):
     assert (found.stamps is not None) == in_order
 
 
+def test_a_scan_that_is_there_twice_is_the_same_twice():
+    twice = kept(double=2, order="random", specks=0.02)
+    assert np.array_equal(twice[1].points, twice[2].points)
+    assert not np.array_equal(twice[1].points[:100], twice[3].points[:100])
+
+
 @pytest.mark.parametrize(("reference", "at"), [("start", 0.218), ("middle", 0.2725), ("end", 0.327)])
 @pytest.mark.parametrize("speed", [1.0, 0.8])
 def test_compensation_carries_points_to_the_time_asked_for(sweeps, reference, at, speed):
