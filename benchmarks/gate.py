@@ -1,13 +1,14 @@
 """The frozen measure: what a change of the method costs on worlds and recordings that nothing was chosen on.
 
-    python benchmarks/gate.py --store FOLDER [--parts worlds real conventions] [--seeds 100 101 102 103]
+    python benchmarks/gate.py --store FOLDER [--parts worlds tutorial real conventions] [--seeds 100 101 102 103]
                               [--scenarios ...] [--sensors ...] [--scans 60] [--preset default] [--workers 1]
-                              [--against TABLE] [--save] [--name NAME] [--simulate-only]
+                              [--against TABLE] [--save] [--name NAME] [--simulate-only | --scored-only]
 
 Worlds are simulated once into FOLDER (about 12 GB for all 144) and scored without being looked at: for understanding,
-simulate other seeds. Real recordings take part where AUTOMOS_RECORDINGS names a folder that holds `sequences/`; of
-drive 0005, the conventions of recorders, too. Scores are kept by the contents of the installed `automos` package, so a
-second run, or one after an interruption, labels only what is missing.
+simulate other seeds. `tutorial` is the recording of docs/tutorial.md, where a car drives and stops. Real recordings
+take part where AUTOMOS_RECORDINGS names a folder that holds `sequences/`; of drive 0005, the conventions of recorders,
+too. Scores are kept by the contents of the installed `automos` package, so a second run, or one after an interruption,
+labels only what is missing; --scored-only labels nothing and shows what is there.
 
 The result is compared, cell by cell, with a stored table: --against a file of benchmarks/results/ or its stem, else the
 newest there. --save stores this one, as NAME (default: the commit of the package).
@@ -34,8 +35,13 @@ from automos.progress import StageProgress
 from automos.simulation import FORMAT, SCENARIOS
 from automos.simulation.recorders import Recorded, TurnsByAzimuth
 
+NICE = 10
+"""Priority that the gate takes at most, lower being higher."""
 SEEDS = (100, 101, 102, 103)
+PARTS = ("worlds", "tutorial", "real", "conventions")
 SENSORS = ("HDL-64E", "OS1-128", "VLP-16")
+TUTORIAL = ("city", "HDL-64E", 60, 0)
+"""Scenario, sensor, scans and seed of the tutorial's recording."""
 REAL = ("kitti_0005", "kitti_0027", "room_vlp16", "yard_avia", "handheld_xt32")
 RESULTS = Path(__file__).parent / "results"
 
@@ -87,7 +93,7 @@ def table_file(name: str | None, other_than: str) -> Path | None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--store", type=Path, required=True)
-    parser.add_argument("--parts", nargs="+", default=["worlds", "real", "conventions"])
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
     parser.add_argument("--scenarios", nargs="+", choices=SCENARIOS, default=list(SCENARIOS))
     parser.add_argument("--sensors", nargs="+", default=list(SENSORS))
@@ -98,15 +104,20 @@ def main() -> None:
     parser.add_argument("--save", action="store_true")
     parser.add_argument("--name", default=commit())
     parser.add_argument("--simulate-only", action="store_true")
+    parser.add_argument("--scored-only", action="store_true")
     arguments = parser.parse_args()
-    os.nice(10)
-    scores, rows = Scores(arguments.store, arguments.preset, arguments.workers), {}
+    os.nice(max(0, NICE - os.nice(0)))
+    scores, rows = Scores(arguments.store, arguments.preset, arguments.workers, arguments.scored_only), {}
     if "worlds" in arguments.parts:
         rows |= worlds(arguments, scores)
+    if "tutorial" in arguments.parts and not arguments.simulate_only:
+        name = "-".join(map(str, TUTORIAL))
+        rows["tutorial"] = scores.of(name, lambda progress: stored_world(arguments.store, *TUTORIAL, progress))
     root = Path(os.environ.get("AUTOMOS_RECORDINGS", "")) / "sequences"
     if os.environ.get("AUTOMOS_RECORDINGS") and not arguments.simulate_only:
         rows |= real(root, scores) if "real" in arguments.parts else {}
         rows |= conventions(root, scores) if "conventions" in arguments.parts else {}
+    rows = {key: row for key, row in rows.items() if row}
     if not rows:
         return
     table = {

@@ -135,6 +135,8 @@ def _cell(rows: Rows, old: Rows) -> str:
     moving = [key for key in rows if has_movers(rows[key])]
     shared = [key for key in moving if key in old]
     change = _mean_iou(rows, shared) - _mean_iou(old, shared) if shared else float("nan")
+    if not moving:
+        return "-"
     return f"{_mean_iou(rows, moving):.1f}" + ("" if np.isnan(change) else f" ({change:+.1f})")
 
 

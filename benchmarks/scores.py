@@ -24,18 +24,22 @@ PACKAGE = Path(automos.__file__).parent
 
 
 class Scores:
-    """Rows of `suite.measure`, one file a recording, in a folder of this very code."""
+    """Rows of `suite.measure`, one file a recording, in a folder of this very code; new ones unless `scored_only`."""
 
-    def __init__(self, store: Path, preset: str, workers: int):
+    def __init__(self, store: Path, preset: str, workers: int, scored_only: bool = False):
+        self._scored_only = scored_only
         self._folder = store / "scores" / f"{code_digest()}-{preset}"
         self._preset, self._workers, self._is_warm = preset, workers, False
 
     def of(self, name: str, open_recording: Callable[[StageProgress], Sequence], bodies: Any = None) -> dict:
         """Return the row of recording `name`; `open_recording(progress)` gives it if need be.
 
-        A recording that is refused has a row with the reason only. `bodies` as for `suite.measure`.
+        A recording that is refused has a row with the reason only, one without scores that should not be labelled now
+        an empty one. `bodies` as for `suite.measure`.
         """
         file = self._folder / f"{name.replace(' ', '_').replace(',', '')}.json"
+        if not file.exists() and self._scored_only:
+            return {}
         if not file.exists():
             self._folder.mkdir(parents=True, exist_ok=True)
             with StageProgress(Console(stderr=True), name) as progress:

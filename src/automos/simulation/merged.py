@@ -1,11 +1,12 @@
 """Several LiDARs on one vehicle, kept as one cloud a sweep: what many a driver publishes.
 
 Points of all are given in the first one's frame, each LiDAR's raw: as seen from it at the point's own time, carried
-over by how it is mounted. They fire each in its own direction, so a cloud has no seam.
+over by how it is mounted. They fire each in its own direction, so a cloud has no seam. Missing returns are left out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -39,23 +40,21 @@ class MergedSequence(Sequence):
 
     def __getitem__(self, index: int) -> Scan:
         scans = [lidar[index] for lidar in self._lidars]
-        points = []
-        for scan, T in zip(scans, self.T_scan_sensor, strict=True):
-            moved = transform(T, scan.points)
-            moved[~scan.is_valid] = 0.0
-            points.append(moved)
+        rows = [scan.is_valid for scan in scans]
+
+        def together(columns: Iterable[npt.NDArray | None]) -> npt.NDArray:
+            return np.concatenate([c[kept] for c, kept in zip(columns, rows, strict=True) if c is not None])
+
         beams = self.sensor.beams
         return replace(
             scans[0],
-            points=np.concatenate(points),
-            intensity=np.concatenate([s.intensity for s in scans if s.intensity is not None]),
-            time=np.concatenate([s.time for s in scans if s.time is not None]),
-            ring=np.concatenate([s.ring + np.uint16(k * beams) for k, s in enumerate(scans) if s.ring is not None]),
+            points=together(transform(T, s.points) for s, T in zip(scans, self.T_scan_sensor, strict=True)),
+            intensity=together(s.intensity for s in scans),
+            time=together(s.time for s in scans),
+            ring=together(s.ring + np.uint16(k * beams) for k, s in enumerate(scans) if s.ring is not None),
+            sensor=np.repeat(np.arange(len(scans), dtype=np.uint8), [np.count_nonzero(kept) for kept in rows]),
+            T_scan_sensor=self.T_scan_sensor,
         )
-
-    def sensor_of(self, index: int) -> npt.NDArray[np.uint8]:
-        """Return (N,) which LiDAR measured each point of scan `index`."""
-        return np.repeat(np.arange(len(self._lidars), dtype=np.uint8), [len(lidar[index]) for lidar in self._lidars])
 
     @property
     def T_scan_sensor(self) -> Pose:
@@ -93,11 +92,11 @@ class MergedSequence(Sequence):
 
     def truth(self, index: int) -> npt.NDArray[np.uint32]:
         """Return (N,) labels as a simulated sequence does."""
-        return np.concatenate([lidar.truth(index) for lidar in self._lidars])
+        return np.concatenate([lidar.truth(index)[lidar[index].is_valid] for lidar in self._lidars])
 
     def own_body(self, index: int) -> npt.NDArray[np.bool_]:
         """Return (N,) bool: the points of scan `index` that are on what carries the sensors."""
-        return np.concatenate([lidar.own_body(index) for lidar in self._lidars])
+        return np.concatenate([lidar.own_body(index)[lidar[index].is_valid] for lidar in self._lidars])
 
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""

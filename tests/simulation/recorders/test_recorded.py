@@ -97,6 +97,7 @@ def test_points_come_in_the_order_that_was_asked_for():
     ("about", "expected"),
     [
         ({"leave_out": 3}, [0, 1, 3, 4]),
+        ({"every": 2}, [0, 2, 4]),
         ({"double": 2}, [0, 1, 1, 2, 3, 3, 4, 5, 5]),
         ({"turns": 0.5, "renumbered": True}, [0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9]),
     ],
@@ -110,6 +111,12 @@ def test_scans_are_lost_doubled_and_renumbered(about, expected):
     assert np.array_equal(found.truth(2), whole.truth(expected[2]))
     in_order = all(a < b for a, b in pairwise(expected))
     assert (found.stamps is not None) == in_order
+
+
+def test_a_scan_that_is_there_twice_is_the_same_twice():
+    twice = kept(double=2, order="random", specks=0.02)
+    assert np.array_equal(twice[1].points, twice[2].points)
+    assert not np.array_equal(twice[1].points[:100], twice[3].points[:100])
 
 
 @pytest.mark.parametrize(("reference", "at"), [("start", 0.218), ("middle", 0.2725), ("end", 0.327)])
@@ -170,6 +177,19 @@ def test_specks_are_nearer_on_the_same_rays_and_static():
     along = np.einsum("ij,ij->i", whole[2].points[moved], spotted[2].points[moved]) / (a[moved] * b[moved])
     assert along == pytest.approx(1.0, abs=1e-5)
     assert set(spotted.truth(2)[moved]) == {9}
+
+
+def test_conventions_are_read_from_words():
+    assert Convention.parse(["turns=1.09", "order=time", "stamps=false", "double=10"]) == Convention(
+        turns=1.09, order="time", stamps=False, double=10
+    )
+    assert str(Convention.parse(["turns=1.09"])) == "turns=1.09"
+    with pytest.raises(InputError, match=r"'turn=2' is no convention \(did you mean turns\?\); give NAME=VALUE"):
+        Convention.parse(["turn=2"])
+    with pytest.raises(InputError, match=r"double is '2.5'; give a whole number"):
+        Convention.parse(["double=2.5"])
+    with pytest.raises(InputError, match="stamps is 'no'; give true or false"):
+        Convention.parse(["stamps=no"])
 
 
 def test_what_cannot_be_is_refused_by_name():

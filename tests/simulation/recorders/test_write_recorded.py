@@ -8,6 +8,7 @@ import pytest
 from automos import open_sequence
 from automos.errors import InputError
 from automos.simulation import Convention, record, write_recorded
+from automos.simulation.recorders.write import EPOCH
 
 
 def made(**about):
@@ -19,7 +20,10 @@ def test_points_labels_times_and_stamps_are_read_back(tmp_path, times):
     recorded = made(turns=0.92, order="random", times=times)
     found = open_sequence(write_recorded(recorded, tmp_path / "out"))
     assert len(found) == len(recorded)
-    assert found.stamps == pytest.approx(recorded.stamps, abs=1e-6)
+    if times == "absolute":  # the points' clock is the recording's: of each scan's first point, since 1970
+        assert found.stamps - EPOCH == pytest.approx(recorded.stamps - 0.046, abs=2e-4)
+    else:
+        assert found.stamps == pytest.approx(recorded.stamps, abs=1e-6)
     assert found.reference_poses == pytest.approx(recorded.reference_poses, abs=1e-9)
     for k in range(len(found)):
         assert np.array_equal(found[k].points, recorded[k].points)

@@ -30,12 +30,13 @@ class Convention:
         middle or end for all of them, its motion taken out.
     reference_speed : share of its true motion that was taken out.
     lost_packets : share of the packets (twelve firings in a row) that never arrived.
-    leave_out : every so-manieth scan is missing; 0 for none.
-    double : every so-manieth scan is there twice; 0 for none.
+    every : every n-th scan is kept alone, the others never were.
+    leave_out : every n-th scan is missing; 0 for none.
+    double : every n-th scan is there twice; 0 for none.
     renumbered : scans in the alphabetical order of their numbers: 0, 1, 10, 11, ..., 2, 20, ...
     unit : metres per unit of length: 0.01 for centimetres.
     rounding : metres to which coordinates are rounded; 0 for none.
-    beams : every so-manieth beam is kept.
+    beams : every n-th beam is kept.
     field_of_view : degrees about straight ahead that are kept.
     lost_sector : degrees of azimuth that three scans in ten lack.
     specks : share of points that are something in the air instead: dust, snow, insects.
@@ -49,6 +50,7 @@ class Convention:
     reference: Reference = "raw"
     reference_speed: float = 1.0
     lost_packets: float = 0.0
+    every: int = 1
     leave_out: int = 0
     double: int = 0
     renumbered: bool = False
@@ -111,6 +113,7 @@ _BOUNDS = (
     ("turns", 0.05, 20.0),
     ("first_cut", 0.0, 1e6),
     ("lost_packets", 0.0, 1.0),
+    ("every", 1, 10**6),
     ("leave_out", 0, 10**6),
     ("double", 0, 10**6),
     ("unit", 1e-6, 1e3),

@@ -14,18 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
-from automos.labels import Label
 from automos.scan import Pose, Scan, Sequence
 from automos.simulation.recorders.convention import Convention
-
-Rows = npt.NDArray[np.int64]
-
-PACKETS = 150
-"""A turn's."""
-FAULTY_SCANS = 0.3
-"""Share of scans that lack a sector, where some do."""
-SPECK_RANGE = (1.0, 20.0)
-"""Metres from the sensor at which specks fly."""
+from automos.simulation.recorders.keeping import joined, kept_cuts, kept_rows, rows_of, times_in_file, with_specks
 
 
 class Turns(Protocol):
@@ -68,7 +59,7 @@ class Recorded(Sequence):
         self.turns, self.convention, self.seed = turns, convention, seed
         self.name = turns.name
         n_cuts = int((len(turns) - convention.first_cut) / convention.turns + 1e-9)
-        self._cuts = _kept_cuts(n_cuts, convention)
+        self._cuts = kept_cuts(n_cuts, convention)
 
     def __len__(self) -> int:
         return len(self._cuts)
@@ -143,34 +134,12 @@ class Recorded(Sequence):
             assert scan.time is not None
             when = sweep + scan.time.astype(np.float64) / self.turns.period
             rows = np.flatnonzero((when >= start) & (when < end))
-            scans.append(_rows_of(scan, rows))
+            scans.append(rows_of(scan, rows))
             times.append(when[rows])
             truth = self.turns.truth(sweep)
             truths.append(None if truth is None else truth[rows])
         truth = None if any(t is None for t in truths) else np.concatenate([t for t in truths if t is not None])
-        return _joined(scans), np.concatenate(times), truth
-
-    def _rows(self, index: int, scan: Scan, when: npt.NDArray[np.float64]) -> Rows:
-        """Return the rows that are kept, in the order in which they are kept."""
-        about, rng = self.convention, np.random.default_rng([self.seed, int(self._cuts[index]), 21])
-        keep = np.ones(len(scan), bool)
-        if about.lost_packets:
-            packet = ((when - when.min(initial=0.0)) * PACKETS).astype(np.int64)
-            keep &= rng.random(packet.max(initial=0) + 1)[packet] >= about.lost_packets
-        if about.beams > 1 and scan.ring is not None:
-            keep &= scan.ring % about.beams == 0
-        azimuth = np.degrees(np.arctan2(scan.points[:, 1], scan.points[:, 0]))
-        keep &= np.abs(azimuth) <= 0.5 * about.field_of_view
-        if about.lost_sector and rng.random() < FAULTY_SCANS:
-            keep &= (azimuth - rng.uniform(0.0, 360.0)) % 360.0 >= about.lost_sector
-        rows = np.flatnonzero(keep)
-        if about.order == "random":
-            return rng.permutation(rows)
-        if about.order == "time":
-            return rows[np.argsort(when[rows], kind="stable")]
-        if about.order == "ring" and scan.ring is not None:
-            return rows[np.lexsort((when[rows], scan.ring[rows]))]
-        return rows
+        return joined(scans), np.concatenate(times), truth
 
     def _carried(self, index: int, points: npt.NDArray, when: npt.NDArray[np.float64]) -> npt.NDArray:
         """Return the points as seen from where the sensor was at the scan's reference time."""
@@ -182,83 +151,31 @@ class Recorded(Sequence):
         T = T[at]
         return np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]
 
-    def _times(self, index: int, when: npt.NDArray[np.float64]) -> npt.NDArray[np.float32] | None:
-        """Return the times a reader finds in the scan's file; `absolute` ones start at its first point like others."""
-        if self.convention.times == "none" or len(when) == 0:
-            return None
-        seconds = self.clock(when)
-        seconds = seconds - seconds.min()
-        wrong = {
-            "backwards": seconds.max() - seconds,
-            "constant": np.zeros_like(seconds),
-            "nan": np.full_like(seconds, np.nan),
-            "too long": 2.0 * seconds,
-        }
-        return wrong.get(self.convention.times, seconds).astype(np.float32)
-
 
 @lru_cache(maxsize=2)
 def _keep(recorded: Recorded, index: int) -> _Kept:
     about = recorded.convention
     scan, when, truth = recorded._measured(index)
-    rows = recorded._rows(index, scan, when)
-    scan, when, truth = _rows_of(scan, rows), when[rows], None if truth is None else truth[rows]
+    chance = [recorded.seed, int(recorded._cuts[index])]  # a scan that is there twice is the same twice
+    rows = kept_rows(scan, when, about, np.random.default_rng([*chance, 21]))
+    scan, when, truth = rows_of(scan, rows), when[rows], None if truth is None else truth[rows]
     points: npt.NDArray[np.floating] = scan.points
     if about.reference != "raw":
         points = recorded._carried(index, points.astype(np.float64), when)
         points[~scan.is_valid] = scan.points[~scan.is_valid]
     if about.specks:
-        points, truth = _with_specks(points, truth, about.specks, [recorded.seed, index, 22])
+        points, truth = with_specks(points, truth, about.specks, np.random.default_rng([*chance, 22]))
     if about.rounding:
         points = np.round(points / about.rounding) * about.rounding
     stamps = recorded.stamps
     kept = Scan(
         np.ascontiguousarray(points / about.unit, np.float32),
         intensity=scan.intensity,
-        time=recorded._times(index, when),
+        time=times_in_file(recorded.clock(when), about.times),
         ring=scan.ring,
         stamp=None if stamps is None else float(stamps[index]),
         name=f"{index:06d}",
+        sensor=scan.sensor,
+        T_scan_sensor=scan.T_scan_sensor,
     )
     return _Kept(kept, when, truth)
-
-
-def _kept_cuts(n_cuts: int, about: Convention) -> Rows:
-    """Return the numbers of the cuts that are kept as scans, in the order in which they are kept."""
-    cuts = np.arange(n_cuts)
-    if about.leave_out:
-        cuts = cuts[(cuts + 1) % about.leave_out != 0]
-    if about.double:
-        cuts = np.repeat(cuts, np.where((cuts + 1) % about.double == 0, 2, 1))
-    if about.renumbered:
-        cuts = cuts[sorted(range(len(cuts)), key=str)]
-    return cuts
-
-
-def _with_specks(points, truth, share, seed):  # type: ignore[no-untyped-def]
-    """Return points and labels with a share of the points somewhere in the air on their rays, nearer; static."""
-    rng = np.random.default_rng(seed)
-    distance = np.linalg.norm(points, axis=1)
-    rows = np.flatnonzero((rng.random(len(points)) < share) & (distance > SPECK_RANGE[0]))
-    near = rng.uniform(SPECK_RANGE[0], np.minimum(distance[rows], SPECK_RANGE[1]))
-    points = points.copy()
-    points[rows] *= (near / distance[rows])[:, None].astype(points.dtype)
-    if truth is not None:
-        truth = truth.copy()
-        truth[rows] = Label.STATIC
-    return points, truth
-
-
-def _rows_of(scan: Scan, rows: Rows) -> Scan:
-    def column(values: npt.NDArray | None) -> npt.NDArray | None:
-        return None if values is None else values[rows]
-
-    return Scan(scan.points[rows], column(scan.intensity), column(scan.time), column(scan.ring))
-
-
-def _joined(scans: list[Scan]) -> Scan:
-    def column(name: str) -> npt.NDArray | None:
-        parts = [getattr(scan, name) for scan in scans]
-        return None if any(part is None for part in parts) else np.concatenate(parts)
-
-    return Scan(np.concatenate([s.points for s in scans]), column("intensity"), column("time"), column("ring"))
