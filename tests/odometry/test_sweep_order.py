@@ -54,6 +54,18 @@ def test_a_stream_may_be_cut_anywhere(turns, turn):
     np.testing.assert_allclose(turns_since_start(sequence[3], order), times[3], atol=0.01)
 
 
+@pytest.mark.parametrize("share", [0.3, 0.45, 0.6])
+def test_a_sensor_that_looks_one_way_still_turns_once_a_scan(share):
+    def ahead(points, times, beam):
+        seen = np.abs(times - 0.5) < 0.5 * share
+        return points[seen], times[seen] - times[seen][0]
+
+    sequence, times = recording(1.0, arrange=ahead)
+    order = learn_order(sequence)
+    assert order.turns_per_scan == pytest.approx(1.0, abs=0.01)
+    np.testing.assert_allclose(turns_since_start(sequence[3], order), times[3], atol=0.01)
+
+
 def test_points_that_never_returned_leave_no_trace_in_the_times_of_others():
     sequence, times = recording(1.0, arrange=half_lost)
     np.testing.assert_allclose(turns_since_start(sequence[2], learn_order(sequence)), times[2], atol=0.01)

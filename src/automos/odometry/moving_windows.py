@@ -28,7 +28,7 @@ WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
 MIN_BEND = 0.3
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
-QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3, "start_steps": ()}
+QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3}
 """Registration of a window's surfels: centimetres are left to what follows."""
 
 
@@ -88,13 +88,13 @@ def _moving_window(
         steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps)][1:])
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
+    if poses is None:
+        rough = Stretch(raw, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
+        T = lengthen(T, missing_distance(rough, settings.refinement))
     twists = se3_log(inverse(T[:-1]) @ T[1:])
     bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
     if bend.mean() < MIN_BEND:
         return None
-    if poses is None:
-        rough = Stretch(raw, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, missing_distance(rough, settings.refinement))
     return Window(surfels, T, gaps, clock.period)
 
 

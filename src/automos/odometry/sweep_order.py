@@ -86,7 +86,9 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     turns = float(np.median([f[3] for f in found]))
     drift = np.array([turn * (f[4] - f[2]) for f in found])
     # The seam goes on by the turns of a scan less whole ones: of these, as many as bring it next to what a scan spans.
-    per_scan = float(np.median(drift + np.round(turns - drift)))
+    whole = np.round(turns - drift)
+    whole += drift + whole < 0.5 * turns  # a sensor that looks one way still turns once
+    per_scan = float(np.median(drift + whole))
     starts = np.exp(2j * np.pi * np.array([f[2] for f in found]))
     is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
     return PointOrder(by, turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)

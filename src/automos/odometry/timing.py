@@ -42,7 +42,9 @@ ON_NEIGHBOURS = RefineSettings(
     kernels=(0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600
 )
 """Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
-ON_SUBMAPS = RefineSettings(kernels=(0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=1200)
+ON_SUBMAPS = RefineSettings(
+    kernels=(0.2, 0.2), noise=0.05, submap_every=0.2, submap_length=0.5, max_distance=40.0, max_surfels=800
+)
 """Each scan on what was seen half a second to two apart: wide enough not to overlook what does not fit."""
 
 
@@ -111,7 +113,7 @@ def choose_timing(
         return TimingChoice([*timed[:1], *untimed, _rear()][0] if "file" in known or not untimed else untimed[0])
     search = _Search(windows, pool)
     backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
-    best = search.best([*timed, *untimed] if "file" in known else [*untimed, *timed], backwards)
+    best = search.best([*timed, *untimed], backwards)
     if is_round and (best is None or best.source == "none"):
         best = _best_seam(search, sequence, untimed)
     if best is not None and best.source != "none":
@@ -148,7 +150,8 @@ class _Search:
         if not guesses:
             return None
         found = self._ask(guesses, is_rough=False)
-        self.misfits.update(zip(map(str, guesses), found.tolist(), strict=True))
+        finite = zip(map(str, guesses), found.tolist(), np.isfinite(found), strict=True)
+        self.misfits.update((guess, misfit) for guess, misfit, is_finite in finite if is_finite)
         found[1:] += GAIN
         found[len(likely) :] += CLEAR_GAIN
         return guesses[int(np.argmin(found))]
@@ -201,7 +204,7 @@ def _sees_all_round(sequence: Sequence) -> bool:
 def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
     """Return how badly the window fits together once its poses are made anew under the guess.
 
-    NaN where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, which takes a third of the time.
+    Infinite where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, which takes a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])
@@ -210,8 +213,9 @@ def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
     is_fixed = np.zeros(len(timed), bool)
     if not is_rough:
         timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
-    misfit = refine_poses(timed, is_fixed, ON_SUBMAPS)[2].misfit
-    return np.nan if misfit is None else misfit
+    links = refine_poses(timed, is_fixed, ON_SUBMAPS)[2]
+    # Of each link, not of all together: where hypotheses differ little, only like compared with like tells.
+    return float(np.log(links.thickness / links.share).mean()) if len(links.share) else np.inf
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
