@@ -90,8 +90,8 @@ class Comparison:
         columns = (Column(f"{k + 1}", justify="right") for k in range(len(names)))
         matrix = Table(Column(no_wrap=True), *columns, title="agreement: IoU % of what moves", box=SIMPLE_HEAD)
         for k, (name, row) in enumerate(zip(names, self.agreement.iou, strict=True)):
-            ratios = ("" if i == k or math.isnan(iou) else f"{100 * iou:.0f}" for i, iou in enumerate(row))
-            matrix.add_row(f"{k + 1} {name}", *ratios)
+            cells = ("" if i == k or math.isnan(iou) else f"{100 * iou:.0f}" for i, iou in enumerate(row))
+            matrix.add_row(f"{k + 1} {name}", *cells)
         return [table, matrix]
 
 
