@@ -1,14 +1,12 @@
 """What surrounds the package says of it what is so: citation, container, metadata."""
 
 import re
+import tomllib
 from pathlib import Path
 
-import pytest
 import yaml
 
 import automos
-
-tomllib = pytest.importorskip("tomllib", reason="Python 3.10 has no reader of TOML")
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

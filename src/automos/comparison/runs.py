@@ -121,7 +121,7 @@ class MethodRuns:
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
-        found = json.loads(file.read_text())
+        found = json.loads(file.read_text(encoding="utf-8"))
         return Cost(found["seconds_per_scan"], found["peak_memory"]) if found["key"] == key else None
     except (OSError, ValueError, KeyError):
         return None

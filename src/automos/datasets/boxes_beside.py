@@ -41,7 +41,7 @@ def motion_beside(
 
 def _read(path: Path) -> tuple[npt.NDArray[np.int64], Boxes, Pose]:
     try:
-        document = json.loads(path.read_text())
+        document = json.loads(path.read_text(encoding="utf-8"))
         rows = document["boxes"]
         columns = [np.array([row[key] for row in rows], np.float64) for key in ("center", "size", "yaw")]
         ids = np.array([row["id"] for row in rows], np.int64)

@@ -72,7 +72,9 @@ class Report:
         from rich.box import SIMPLE_HEAD
         from rich.table import Table
 
-        table = Table(title="Moving points, counted as SemanticKITTI does, in %", box=SIMPLE_HEAD, padding=(0, 1))
+        table = Table(
+            title="Moving points, counted as SemanticKITTI does, in %", box=SIMPLE_HEAD, padding=0, show_edge=False
+        )
         table.add_column("", no_wrap=True)
         for heading in ("IoU", "precision", "recall", "TD", "FD", "FS", "objects"):
             table.add_column(heading, justify="right", no_wrap=True)

@@ -130,7 +130,7 @@ def _read_datumaro(path: Path) -> dict[str, Any] | None:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 return json.loads(archive.read(ANNOTATIONS)) if ANNOTATIONS in archive.namelist() else None
-        document = json.loads(path.read_text())
+        document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
     return document if isinstance(document, dict) and "items" in document else None
