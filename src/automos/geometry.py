@@ -100,7 +100,7 @@ def adjoint(T: npt.ArrayLike) -> Array:
 
 def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]:
     """Return (...,) bool: which of `T` (..., 4, 4) are rotation and translation only, to `tolerance` per entry."""
-    is_finite = np.isfinite(T).all(axis=(-1, -2))
+    is_finite = np.asarray(np.isfinite(T).all(axis=(-1, -2)))
     T = np.where(is_finite[..., None, None], T, 0.0)
     off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
     return is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0)

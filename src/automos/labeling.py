@@ -62,10 +62,11 @@ def summary(run: dict[str, Any], folder: Path) -> str:
     points, tracks = run["points"], run["tracks"]
     total = max(sum(points.values()), 1)
     seconds = sum(run["seconds"].values())
+    riding = run.get("points_riding_along", 0)
     lines = [
         f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
-        f"{points['unlabeled']:,} unlabeled",
+        f"{points['unlabeled']:,} unlabeled" + (f" ({riding:,} on what rides along with the sensor)" if riding else ""),
         *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
