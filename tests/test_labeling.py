@@ -54,12 +54,13 @@ def test_the_summary_tells_points_objects_and_place():
     done = {
         "recording": {"name": "log", "scans": 10},
         "points": {"unlabeled": 5, "static": 900, "moving": 95},
+        "points_riding_along": 4,
         "tracks": {"total": 7, "moving": 2},
         "seconds": {"odometry": 1.0, "labels": 2.0},
         "odometry": {"warnings": ["no ground found."]},
     }
     text = summary(done, Path("out"), 5.0, was_there=False)
-    assert "log: 10 scans, 1,000 points, 95 moving (9.50 %) on 2 objects, 5 unlabeled" in text
+    assert "log: 10 scans, 1,000 points, 95 moving (9.50 %) on 2 objects, 5 unlabeled (4 on what rides along" in text
     assert "warning: no ground found." in text
     assert "5.0 s, 0.500 s per scan; labels in out/predictions" in text
 

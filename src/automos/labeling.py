@@ -66,10 +66,11 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
         effort = f"nothing to do: labelled before with these settings, in {sum(run['seconds'].values()):.1f} s"
     else:
         effort = f"{seconds:.1f} s, {seconds / max(scans, 1):.3f} s per scan"
+    riding = run.get("points_riding_along", 0)
     lines = [
         f"{run['recording']['name']}: {scans} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
-        f"{points['unlabeled']:,} unlabeled",
+        f"{points['unlabeled']:,} unlabeled" + (f" ({riding:,} on what rides along with the sensor)" if riding else ""),
         *timing_line(run),
         *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),

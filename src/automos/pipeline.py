@@ -179,6 +179,10 @@ class Result:
         """Return (N,) int32: the moving track each point of scan `index` belongs to, -1 for none."""
         return self.stage.load(self.names[index])["track"]
 
+    def n_body(self, index: int) -> int:
+        """Return how many points of scan `index` are of what rides along with the sensor; their label is 0."""
+        return int(self.stage.load(self.names[index], "n_body")["n_body"])
+
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (N,) float32 in [0, 1]: how sure each point's label is, 0 for points that were not looked at."""
         return self.stage.load(self.names[index])["confidence"].astype(np.float32) / np.float32(255.0)

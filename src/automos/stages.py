@@ -5,7 +5,8 @@ Every method of a stage leaves the same arrays, so that methods can be combined 
     candidates   score (M,) uint8: 255 has moved, 0 has stayed, 128 unknown;  kind (M,) uint8;  height (M,) metres
     instances    ids (M,) int32, -1 for none;  boxes and counts of every segment (`Detections`)
     tracking     tracks and verdicts
-    labels       label (N,), track (N,) and confidence (N,) uint8, one per point of the user's scan
+    labels       label (N,), track (N,) and confidence (N,) uint8, one per point of the user's scan;  n_body, how many
+                 of them ride along with the sensor
 """
 
 from __future__ import annotations
@@ -193,6 +194,7 @@ def paint(
         confidence = point_confidence(track, verdicts.confidence, about["score"], about["kind"])
         label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
         per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
-        return {**per_point, "confidence": frame.scatter(confidence)}
+        n_body = np.array(np.count_nonzero(about["kind"] == EGO_BODY))
+        return {**per_point, "confidence": frame.scatter(confidence), "n_body": n_body}
 
     return zip(missing, map_in_order(paint_scan, missing, workers, threads=True), strict=True)

@@ -1,9 +1,14 @@
 import numpy as np
+import pytest
 from free_space_worlds import HEIGHT, REACH, ListFrames, spin
-from worlds import Block, cast
+from scipy.spatial.transform import Rotation
+from worlds import Block, cast, van
 
 from automos.candidates.ego_body import find_ego_body
 from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.ground import segment_ground
+from automos.geometry import inverse, make_transform
+from automos.scan import Frame
 from automos.settings import EgoBodySettings, GroundSettings
 
 BONNET = Block((1.6, 0.0, HEIGHT - 0.8), (1.0, 1.4, 0.3))  # beside a sensor at x = 0
@@ -11,7 +16,7 @@ HOUSES = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in ra
 
 
 def body_points(frames, pattern, truth):
-    body = find_ego_body(frames, pattern, EgoBodySettings(), GroundSettings())
+    body = find_ego_body(frames, pattern, EgoBodySettings())
     found = np.concatenate([body.covers(frames[i].points) for i in range(len(frames))])
     return found, np.concatenate(truth)
 
@@ -57,3 +62,149 @@ def test_a_sensor_that_stands_still_finds_no_body():
     frames, truth = recording(speed=0.0)
     found, _ = body_points(frames, learn_pattern([frames[0]]), truth)
     assert not found.any()
+
+
+# ----------------------------------------------------------------------- what rides along, and what only keeps company
+WORLD, OWN, TRAFFIC, GROUND = range(4)
+STREET = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in range(-4, 16) for side in (-12.0, 13.0))
+PARKED = tuple(van(9.0 * k, -6.5) for k in range(-3, 14))
+HARBOUR = tuple(Block((12.0 * k, side, 1.0), (9.0 + k % 3, 4.0, 5.0)) for k in range(-4, 10) for side in (-22.0, 24.0))
+QUIET_WATER = 0.01
+"""Share of rays that return from it."""
+
+
+def ride(n_scans, speed, turn, height, sway_deg=0.0):
+    """Poses of a ride at `speed` m/s, `turn(t)` rad/s, rolling and pitching by up to `sway_deg`."""
+    t = 0.1 * np.arange(n_scans)
+    yaw = np.cumsum([0.1 * turn(x) for x in t])
+    x, y = 0.1 * speed * np.cumsum(np.cos(yaw)), 0.1 * speed * np.cumsum(np.sin(yaw))
+    sway = np.radians(sway_deg)
+    angles = np.column_stack([yaw, 0.6 * sway * np.cos(1.7 * t), sway * np.sin(2.0 * t)])
+    R = Rotation.from_euler("zyx", angles).as_matrix()
+    return np.stack([make_transform(R[i], [x[i], y[i], height]) for i in range(n_scans)])
+
+
+def scan_along(T_level_sensor, world, traffic, own, elevations_deg, n_beams, is_water=False):
+    """Frames of a ride, and what each point lies on; `own(i)` gives the vehicle's parts: blocks, T_sensor_part."""
+    rng = np.random.default_rng(0)
+    azimuth = 2.0 * np.pi * (np.arange(360) + 0.5) / 360
+    e, a = (g.ravel() for g in np.meshgrid(np.radians(np.linspace(*elevations_deg, n_beams)), azimuth))
+    rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
+    frames, truth = [], []
+    for i, T in enumerate(T_level_sensor):
+        distance, hit = cast((*world, *traffic), T[:3, 3], rays @ T[:3, :3].T, 0.1 * i)
+        kind = np.where(hit < 0, GROUND, np.where(hit < len(world), WORLD, TRAFFIC))
+        if is_water:
+            distance = np.where((hit < 0) & (rng.random(len(rays)) > QUIET_WATER), np.inf, distance)
+        for block, T_sensor_part in own(i):
+            near = meet(block, inverse(T_sensor_part), rays)
+            kind = np.where(near < distance, OWN, kind)
+            distance = np.minimum(distance, near)
+        seen = distance < REACH
+        points = ((distance + rng.normal(0.0, 0.02, len(rays)))[seen, None] * rays[seen]).astype(np.float32)
+        frames.append(Frame(points, np.arange(len(points)), len(points), T, 0.1 * i))
+        truth.append(kind[seen])
+    return ListFrames(frames), truth
+
+
+def meet(block, T_part_sensor, rays):
+    """Ranges (R,) at which rays from the sensor meet a block of its vehicle, infinite where they do not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        d = rays @ T_part_sensor[:3, :3].T
+        o, half = T_part_sensor[:3, 3] - np.array(block.center), 0.5 * np.array(block.size)
+        low = np.minimum((-half - o) / d, (half - o) / d).max(axis=1)
+        high = np.maximum((-half - o) / d, (half - o) / d).min(axis=1)
+    return np.where((low <= high) & (low > 0.15), low, np.inf)
+
+
+def boat():
+    hull = (
+        Block((2.5, 0.0, -1.6), (9.0, 2.6, 0.4)),
+        Block((-3.2, 0.0, -0.9), (2.0, 1.9, 1.6)),
+        Block((2.5, 1.3, -1.2), (9.0, 0.08, 0.5)),
+        Block((2.5, -1.3, -1.2), (9.0, 0.08, 0.5)),
+    )
+    ferry = Block((30.0, -6.0, 1.0), (8.0, 2.5, 2.5), velocity=(-2.5, 0.0, 0.0))
+    T = ride(60, 4.0, lambda t: 0.12 * np.sin(0.5 * t), 2.6, sway_deg=2.5)
+    return scan_along(T, HARBOUR, (ferry,), lambda i: [(part, np.eye(4)) for part in hull], (-33, 12), 64, True)
+
+
+def articulated():
+    """A lorry in a bend, its trailer cutting the corner, and an oncoming car."""
+    T = ride(90, 8.0, lambda t: 0.5 * np.sin(2 * np.pi * (t - 2.5) / 2.2) if 2.5 < t < 4.7 else 0.0, 3.2, sway_deg=0.6)
+    yaw, bend = np.arctan2(T[:, 1, 0], T[:, 0, 0]), np.zeros(90)
+    for i in range(1, 90):
+        bend[i] = bend[i - 1] + yaw[i] - yaw[i - 1] - 0.1 * 8.0 / 7.0 * np.sin(bend[i - 1])
+    assert np.degrees(np.abs(bend).max()) > 10.0
+    roof, trailer = Block((0.6, 0.0, -0.35), (1.6, 2.4, 0.3)), Block((-4.5, 0.0, 0.0), (11.0, 2.5, 3.6))
+
+    def own(i):
+        hitch = make_transform(Rotation.from_euler("z", -bend[i]).as_matrix(), [-2.8, 0.0, -1.0])
+        return [(roof, np.eye(4)), (trailer, hitch)]
+
+    oncoming = Block((20.0, 3.4, 1.0), (4.4, 1.8, 1.6), velocity=(-6.0, 0.0, 0.0))
+    return scan_along(T, (*STREET, *PARKED), (oncoming,), own, (-25, 10), 40)
+
+
+def convoy():
+    """A car among a lorry beside it, one that follows and one that leads, all at nearly its speed for six seconds."""
+    bonnet, roof = Block((1.6, 0.0, -0.9), (1.0, 1.5, 0.3)), Block((0.0, 0.0, -0.35), (1.6, 1.2, 0.1))
+    company = (
+        Block((0.0, 3.2, 1.6), (12.0, 2.5, 3.2), velocity=(8.03, 0.03, 0.0)),
+        Block((9.0, 0.0, 0.75), (4.4, 1.8, 1.5), velocity=(8.03, 0.0, 0.0)),
+        Block((-8.0, 0.3, 0.75), (4.4, 1.8, 1.5), velocity=(8.05, 0.0, 0.0)),
+    )
+    own = [(bonnet, np.eye(4)), (roof, np.eye(4))]
+    return scan_along(
+        ride(60, 8.0, lambda t: 0.0, 1.8, sway_deg=0.3), (*STREET, *PARKED), company, lambda i: own, (-24, 6), 40
+    )
+
+
+def backpack():
+    """An operator under the sensor, who sways and steps, with a companion at his side."""
+
+    def own(i):
+        sway = [0.06 * np.sin(0.9 * i), 0.05 * np.cos(1.1 * i), 0.15 * np.sin(0.9 * i)]
+        shift = [0.03 * np.sin(0.5 * i), 0.03 * np.sin(0.9 * i), 0.02 * np.cos(0.7 * i)]
+        torso = make_transform(Rotation.from_euler("xyz", sway).as_matrix(), shift)
+        step = 0.35 * np.sin(0.9 * i)
+        return [
+            (Block((0.22, 0.0, -0.25), (0.2, 0.17, 0.25)), torso),
+            (Block((0.15, 0.0, -0.6), (0.25, 0.5, 0.5)), torso),
+            (Block((0.15 + step, 0.12, -1.4), (0.2, 0.15, 0.9)), np.eye(4)),
+            (Block((0.15 - step, -0.12, -1.4), (0.2, 0.15, 0.9)), np.eye(4)),
+        ]
+
+    walls = tuple(Block((6.0 * k, side, 2.0), (4.0 + k % 2, 1.0, 4.0)) for k in range(-4, 8) for side in (-7.0, 6.0))
+    companion = Block((2.0, 1.4, 0.9), (0.4, 0.5, 1.75), velocity=(1.25, 0.02, 0.0))
+    T = ride(60, 1.3, lambda t: 0.3 * np.sin(0.4 * t), 2.0, sway_deg=3.0)
+    return scan_along(T, walls, (companion,), own, (-55, 10), 32)
+
+
+def covered(frames, truth):
+    """Return which points are body in every sixth scan of a ride, and what they lie on."""
+    body = find_ego_body(frames, learn_pattern([frames[i] for i in (0, 15, 30, 45, 59)]), EgoBodySettings())
+    found = []
+    for i in range(0, len(frames), 6):
+        points, origin = frames[i].points_level, frames[i].origin_level
+        found.append(body.covers(frames[i].points, segment_ground(points, origin, GroundSettings())))
+    return np.concatenate(found), np.concatenate(truth[::6])
+
+
+@pytest.mark.parametrize("make", [boat, articulated, convoy, backpack])
+def test_what_rides_along_is_body_and_nothing_else_is(make):
+    found, truth = covered(*make())
+    assert found[truth == OWN].mean() > 0.995
+    assert (truth == TRAFFIC).sum() > 100
+    for other in (WORLD, TRAFFIC, GROUND):
+        assert not found[truth == other].any()
+
+
+def test_the_floor_under_a_low_sensor_is_not_its_body():
+    legs = [Block((0.25, side, -0.4), (0.08, 0.08, 0.5)) for side in (-0.25, 0.25)]
+    own = [(Block((-0.3, 0.0, -0.15), (0.9, 0.3, 0.12)), np.eye(4)), *((leg, np.eye(4)) for leg in legs)]
+    walls = tuple(Block((6.0 * k, side, 2.0), (4.0 + k % 2, 1.0, 4.0)) for k in range(-4, 8) for side in (-7.0, 6.0))
+    T = ride(60, 1.0, lambda t: 0.3 * np.sin(0.4 * t), 0.7, sway_deg=3.0)
+    found, truth = covered(*scan_along(T, walls, (), lambda i: own, (-50, 20), 32))
+    assert found[truth == OWN].mean() > 0.9
+    assert found[truth == GROUND].mean() < 0.001

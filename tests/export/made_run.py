@@ -59,7 +59,9 @@ def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_moti
     sequence = ArraySequence(scans or make_scans(), STAMPS, name)
     stage = Workspace(folder).stage("labels", "key")
     for scan, label, ids in zip(sequence.names, LABELS, INSTANCES, strict=True):
-        stage.save(scan, {"label": np.array(label, np.uint8), "track": np.array(ids, np.int32) - 1})
+        stage.save(
+            scan, {"label": np.array(label, np.uint8), "track": np.array(ids, np.int32) - 1, "n_body": np.array(1)}
+        )
     trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, sweep_motion, timing, T_LEVEL_WORLD, {})
     Workspace(folder).stage("odometry", "first").save("all", trajectory.to_arrays())
     keys = sorted(CENTERS)

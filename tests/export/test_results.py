@@ -45,7 +45,9 @@ def make_result(key: str = "k", labels=LABELS) -> Result:
     """Return two tracks: 0, static, seen in the first scan; 1, moving, seen in the first and third."""
     stage = Workspace().stage("labels", key)
     for name, label, track in zip(SEQUENCE.names, labels, TRACK_OF, strict=True):
-        stage.save(name, {"label": np.array(label, np.uint8), "track": np.array(track, np.int32)})
+        stage.save(
+            name, {"label": np.array(label, np.uint8), "track": np.array(track, np.int32), "n_body": np.array(1)}
+        )
     T_level_world = make_transform(t=[0.0, 0.0, 1.8])
     trajectory = Trajectory(POSES, SEQUENCE.stamps, np.zeros((3, 6)), SweepTiming(), T_level_world, {"warnings": ["w"]})
     tracks = Tracks(
@@ -132,6 +134,7 @@ def test_a_run_without_tracks_tells_so(tmp_path):
 def test_the_run_file_tells_counts_times_versions_and_fingerprints(folder):
     run = strictly((folder / RUN_FILE).read_text())
     assert run["points"] == {"unlabeled": 2, "static": 4, "moving": 3}
+    assert run["points_riding_along"] == 3
     assert run["tracks"] == {"total": 2, "moving": 1}
     about = {"name": "street", "scans": 3, "input": SEQUENCE.fingerprint(), "source": None, "warnings": []}
     assert run["recording"] == about

@@ -1,10 +1,12 @@
-"""The vehicle's own body: what stays put in the sensor's frame while the world goes by.
+"""The vehicle's own body: what stays in the sensor's frame while the world goes by.
 
 A ray that meets the body meets it in every scan at the same range. So may a ray that meets an even road, a vehicle that
-keeps its distance, or the long side of one that drives along; but ground does not count, nor what stands behind ground
-(under the body's parts is more body), and a thing's edges must stay put as well, from the first third of the recording
-to the last, and its ranges nearly to the sensor's noise: nobody drives that straight beside another. Where the sensor
-stands still nothing can be told, and nothing goes wrong: what never moves is static.
+keeps its distance, or the long side of one that drives along. But the road is also there when it is looked at from
+elsewhere, before and after, and a body is not: what stays in the sensor's frame and in the world is the world.
+And nobody drives beside another to the sensor's noise: a thing's edges and ranges must be in the last third of the
+recording where they were in the first. What nearly always returns from within arm's reach (legs, an operator)
+rides along, however it moves. What hangs together with the body in a scan (a trailer in a bend) belongs to it. Where
+the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
 """
 
 from __future__ import annotations
@@ -17,12 +19,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from automos.candidates.free_space_pattern import BeamPattern, raw_points, sine_bin, turn_of
-from automos.candidates.ground import segment_ground
-from automos.scan import Frames, Mask, Points
-from automos.settings import EgoBodySettings, GroundSettings
+from automos.candidates.free_space_image import make_image, pyramid_shape
+from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, sine_bin, turn_of
+from automos.candidates.free_space_vote import EDGE, HIT, look_through
+from automos.geometry import inverse
+from automos.scan import Frame, Frames, Mask, Points
+from automos.settings import EgoBodySettings
 
-_SECTORS = 90
+_LOOKS = 16
+"""Scans that are asked whether the world is where a body may be."""
+_ASKED = 20_000
+"""Points of a scan, at most, about which they are asked."""
+_VOXEL = 0.3
+"""Metres: points in neighbouring voxels hang together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,43 +42,57 @@ class EgoBody:
     ----------
     reach : (H, W) float32, metres, on the pattern's grid; 0 where the body is not in the way.
     pattern : the grid.
+    attached_share : of what hangs together within the body's reach, how much must be on the body for all to be.
     """
 
     reach: npt.NDArray[np.float32]
     pattern: BeamPattern
+    attached_share: float = 1.0
 
-    def covers(self, points: Points) -> Mask:
-        """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body."""
-        is_body = np.zeros(len(points), np.bool_)
-        if self.reach.any():
-            _within_reach(points, self.pattern.row_of_sine, self.reach, is_body)
+    def covers(self, points: Points, is_ground: Mask | None = None) -> Mask:
+        """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or hang on it.
+
+        Ground, (M,) bool, is what nothing hangs together by.
+        """
+        cell = np.full(len(points), -1, np.int64)
+        _cells_within(points, self.pattern.row_of_sine, self.reach, cell)
+        is_body = cell >= 0
+        if is_body.any():
+            is_ground = np.zeros_like(is_body) if is_ground is None else is_ground
+            _attach(points, is_body, is_ground, float(self.reach.max()), self.attached_share)
         return is_body
 
 
-def find_ego_body(
-    frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, ground: GroundSettings, threads: int = 2
-) -> EgoBody:
+def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> EgoBody:
     """Return the body that a handful of `frames`, spread over the recording, show."""
-    reach = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
+    shape = (pattern.n_rows, pattern.n_columns)
+    nobody = EgoBody(np.zeros(shape, np.float32), pattern)
     sample = _scans_apart(frames, settings)
-    if len(sample) < settings.min_scans:
-        return EgoBody(reach, pattern)
-
-    def look(index: int) -> npt.NDArray[np.float32]:
-        frame, image = frames[index], np.zeros_like(reach)
-        raw, up = raw_points(frame), frame.T_level_sensor[2, :3]
-        on_ground = segment_ground(frame.points_level, frame.origin_level, ground)
-        ground_from = np.full(_SECTORS, np.float32(settings.max_range))
-        _nearest_ground(raw, up, on_ground, ground_from)
-        _nearest_ranges(raw, up, ground_from, on_ground, pattern, image)
-        return image
-
+    origins = frames.T_level_sensor[sample, :3, 3]
+    # Nearer than half the way, all of the world is looked at from elsewhere at some time.
+    max_range = min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(origins, axis=0))))
+    if len(sample) < settings.min_scans or max_range < settings.near_reach:
+        return nobody
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(look, sample)))
-    thirds = np.zeros((3, *reach.shape), np.float32)
-    for third, part in zip(thirds, np.array_split(ranges, 3), strict=True):
-        _find_constant(part, settings.tolerance, settings.min_share, third)
-    return EgoBody(_grow(np.where(_stays_put(thirds, settings), thirds.max(axis=0), 0.0)), pattern)
+        ranges = np.stack(list(pool.map(lambda i: _look(frames[i], pattern, max_range), sample)))
+    ends, near = np.zeros((2, 2, *shape), np.float32)
+    for k, part in enumerate(np.array_split(ranges, 3)[::2]):
+        _find_constant(part, settings.tolerance, settings.min_share, ends[k])
+        _find_near(part, settings.near_reach, settings.min_share, near[k])
+    near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
+    asked = [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
+    is_world = _is_in_world([frames[i] for i in asked], pattern, np.maximum(ends.max(axis=0), near), settings)
+    ends[:, is_world], near[is_world] = 0.0, 0.0
+    reach = np.maximum(np.where(_stays_put(ends, pattern, settings), ends.max(axis=0), 0.0), near)
+    reach = np.where(is_world, 0.0, _grow(reach)).astype(np.float32)
+    return EgoBody(reach, pattern, settings.attached_share)
+
+
+def _look(frame: Frame, pattern: BeamPattern, max_range: float) -> npt.NDArray[np.float32]:
+    """Return (H, W) the nearest range of each cell, infinite beyond `max_range`, 0 without return."""
+    image = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
+    _nearest_ranges(raw_points(frame), np.float32(max_range), pattern.row_of_sine, image)
+    return image
 
 
 def _scans_apart(frames: Frames, settings: EgoBodySettings) -> list[int]:
@@ -79,25 +102,78 @@ def _scans_apart(frames: Frames, settings: EgoBodySettings) -> list[int]:
     for i in np.unique(np.linspace(0, len(frames) - 1, 2 * settings.max_scans).astype(int)):
         if not sample or np.linalg.norm(origins[i] - origins[sample[-1]]) > settings.min_distance:
             sample.append(int(i))
-    return sample[: settings.max_scans]
+    return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, settings.max_scans).astype(int))]
 
 
-def _stays_put(thirds: npt.NDArray[np.float32], settings: EgoBodySettings) -> npt.NDArray[np.bool_]:
-    """Return (H, W) bool: connected parts that are in the same place in all `thirds` (3, H, W; 0 where not there)."""
-    around = np.ones((3, 3), bool)
-    is_there = thirds > 0.0
-    parts, n_parts = ndimage.label(is_there.any(axis=0), around)
+def _stays_put(ends: npt.NDArray[np.float32], pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
+    """Return (H, W) bool: connected parts that are in the same place in both `ends` (2, H, W; 0 where not there)."""
+    is_there = ends > 0.0
+    v, u = np.nonzero(is_there.any(axis=0))
+    is_part = np.zeros(is_there.shape[1:], np.bool_)
+    if len(v) == 0:
+        return is_part
+    part, n_parts = _parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
     # A cell to each side is allowed for: edges are hit and missed by turns.
-    is_in_all = np.all([ndimage.binary_dilation(third, around) for third in is_there], axis=0)
-    overlap = ndimage.mean(is_in_all, parts, np.arange(n_parts + 1))
-    overlap[0] = 0.0
-    drift = np.where(is_there.all(axis=0), np.ptp(thirds, axis=0), np.nan)
-    is_steady = np.zeros(n_parts + 1, np.bool_)
-    for part, window in enumerate(ndimage.find_objects(parts), 1):
-        of_part = drift[window][parts[window] == part]
+    in_both = np.all([ndimage.binary_dilation(end, np.ones((3, 3), bool)) for end in is_there], axis=0)[v, u]
+    size = np.bincount(part, minlength=n_parts)
+    overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)
+    drift = np.where(is_there[:, v, u].all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
+    is_body = (overlap >= settings.min_overlap) & (size >= settings.min_cells)
+    for k in np.flatnonzero(is_body):
+        of_part = drift[part == k]
         of_part = of_part[np.isfinite(of_part)]
-        is_steady[part] = len(of_part) > 0 and np.median(of_part) <= settings.max_drift
-    return is_steady[parts] & (overlap[parts] >= settings.min_overlap)
+        is_body[k] = len(of_part) > 0 and np.median(of_part) <= settings.max_drift
+    is_part[v, u] = is_body[part]
+    return is_part
+
+
+def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
+    """Return (M,) which part each of `points` (M, 3), at least one, belongs to, and one more than the last of them."""
+    voxels = np.floor(points / _VOXEL).astype(np.int64)
+    voxels -= voxels.min(axis=0)
+    grid = np.zeros(voxels.max(axis=0) + 1, np.bool_)
+    grid[tuple(voxels.T)] = True
+    parts, n_parts = ndimage.label(grid, np.ones((3, 3, 3), bool))
+    return parts[tuple(voxels.T)], n_parts + 1
+
+
+def _is_in_world(
+    frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[np.float32], settings: EgoBodySettings
+) -> Mask:
+    """Return (H, W) bool: cells at whose points other `frames`, from elsewhere, hit something again."""
+    pyramid, n_cells = pyramid_shape(pattern), reach.size
+    raws = [raw_points(frame) for frame in frames]
+    images = [make_image(raw, np.zeros(len(raw), np.uint8), pattern, pyramid) for raw in raws]
+    tolerances = tuple(np.float32(x) for x in (0.2, 0.005, settings.world_distance, 0.01, 0.2))
+    hits, told = np.zeros((2, n_cells))
+    for frame, raw in zip(frames, raws, strict=True):
+        cell = np.full(len(raw), -1, np.int64)
+        _cells_within(raw, pattern.row_of_sine, reach, cell)
+        rows = np.flatnonzero(cell >= 0)
+        rows = rows[:: max(len(rows) // _ASKED, 1)]
+        points = np.ascontiguousarray(np.take(frame.points, rows, axis=0).T)
+        codes, (ranges, misses) = np.empty(len(rows), np.uint8), np.empty((2, len(rows)), np.float32)
+        for other, image in zip(frames, images, strict=True):
+            T = inverse(other.T_level_sensor) @ frame.T_level_sensor
+            if np.linalg.norm(T[:3, 3]) < settings.min_distance:
+                continue
+            motion = np.zeros(6) if other.sweep_motion is None or other.sweep_time is None else other.sweep_motion
+            scan = (np.asarray(motion, np.float32), pattern, pyramid, image)
+            look_through(points, T[:3].astype(np.float32), *scan, tolerances, codes, ranges, misses)
+            is_far = ranges > float(reach.max()) + settings.beyond
+            hits += np.bincount(cell[rows], is_far & (codes == HIT), n_cells)
+            told += np.bincount(cell[rows], is_far & (codes >= EDGE), n_cells)
+    return ((hits > settings.world_share * told) & (hits > 0)).reshape(reach.shape)
+
+
+def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float, share: float) -> None:
+    """Mark in `is_body` (M,) the points near the sensor that hang together with enough of what is marked."""
+    near = np.flatnonzero((np.einsum("ij,ij->i", points, points) < reach**2) & (is_body | ~is_ground))
+    if share >= 1.0 or len(near) == 0:
+        return
+    part, n_parts = _parts_of(points[near])
+    total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
+    is_body[near] |= (on_body >= share * total)[part]
 
 
 def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
@@ -116,32 +192,12 @@ def _cell(x, y, z, row_of_sine, h, w):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _level_distance(x, y, z, up):  # type: ignore[no-untyped-def]
-    """Horizontal distance from the sensor, whichever way it is mounted."""
-    height = up[0] * x + up[1] * y + up[2] * z
-    return np.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
-
-
-@numba.njit(cache=True, nogil=True)
-def _nearest_ground(points, up, is_ground, ground_from):  # type: ignore[no-untyped-def]
-    """Lower `ground_from` to the nearest ground in each sector of azimuth."""
-    for i in range(len(points)):
-        if is_ground[i]:
-            x, y, z = points[i, 0], points[i, 1], points[i, 2]
-            j = int(turn_of(x, y) * np.float32(len(ground_from)))
-            ground_from[j] = min(ground_from[j], _level_distance(x, y, z, up))
-
-
-@numba.njit(cache=True, nogil=True)
-def _nearest_ranges(points, up, ground_from, is_ground, pattern, image):  # type: ignore[no-untyped-def]
-    """Nearest range per cell, infinite for what cannot be body, 0 without return."""
+def _nearest_ranges(points, max_range, row_of_sine, image):  # type: ignore[no-untyped-def]
     h, w = image.shape
     for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        r, v, u = _cell(x, y, z, pattern.row_of_sine, h, w)
+        r, v, u = _cell(points[i, 0], points[i, 1], points[i, 2], row_of_sine, h, w)
         if v >= 0:
-            if is_ground[i] or _level_distance(x, y, z, up) >= ground_from[u * len(ground_from) // w]:
-                r = np.float32(np.inf)
+            r = r if r < max_range else np.float32(np.inf)
             if image[v, u] == 0.0 or r < image[v, u]:
                 image[v, u] = r
 
@@ -174,12 +230,23 @@ def _find_constant(ranges, tolerance, min_share, reach):  # type: ignore[no-unty
                 reach[v, u] = median + tolerance
 
 
+def _find_near(
+    ranges: npt.NDArray[np.float32], near_reach: float, min_share: float, reach: npt.NDArray[np.float32]
+) -> None:
+    """Set `reach` where most scans return from within `near_reach`, whatever the range."""
+    is_near = (ranges > 0.0) & (ranges < near_reach)
+    farthest = np.where(is_near, ranges, np.float32(0.0)).max(axis=0)
+    reach[:] = np.where(is_near.mean(axis=0) >= min_share, farthest + np.float32(0.1), np.float32(0.0))
+
+
 @numba.njit(cache=True, nogil=True)
-def _within_reach(points, row_of_sine, reach, is_body):  # type: ignore[no-untyped-def]
+def _cells_within(points, row_of_sine, reach, cell):  # type: ignore[no-untyped-def]
+    """Write the cell (row times columns plus column) of each point nearer than its cell's reach."""
     h, w = reach.shape
     farthest = reach.max()
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         if x * x + y * y + z * z < farthest * farthest:
             r, v, u = _cell(x, y, z, row_of_sine, h, w)
-            is_body[i] = v >= 0 and r < reach[v, u]
+            if v >= 0 and r < reach[v, u]:
+                cell[i] = v * w + u

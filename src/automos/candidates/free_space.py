@@ -76,7 +76,7 @@ class FreeSpace:
         self.frames, self.stamps = frames, np.asarray(stamps, np.float64)
         self.settings, self.ground = settings, ground
         spread = np.unique(np.linspace(0, len(frames) - 1, _PATTERN_SCANS).astype(int))
-        self.lidars: list[Lidar] = learn_lidars(frames, [frames[i] for i in spread], ego_body, ground, threads)
+        self.lidars: list[Lidar] = learn_lidars(frames, [frames[i] for i in spread], ego_body, threads)
         steps = np.floor(self.stamps / settings.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
 

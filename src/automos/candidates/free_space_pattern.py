@@ -63,6 +63,16 @@ def raw_points(frame: Frame) -> Points:
     return out
 
 
+def directions(pattern: BeamPattern, rows: npt.NDArray, columns: npt.NDArray) -> npt.NDArray[np.float64]:
+    """Return the (M, 3) unit vectors through the middles of cells (`rows`, `columns`), sensor frame."""
+    known = (pattern.row_of_sine > -1.0) & (pattern.row_of_sine < pattern.n_rows + 1.0)
+    sines = np.linspace(-1.0, 1.0, len(known))[known]
+    sine = np.interp(rows + 0.5, pattern.row_of_sine[known], sines)
+    azimuth = 2.0 * np.pi * (columns + 0.5) / pattern.n_columns - np.pi
+    cosine = np.sqrt(1.0 - sine**2)
+    return np.column_stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), sine])
+
+
 @numba.njit(cache=True, nogil=True)
 def turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return the azimuth of (x, y) as a share of the full turn, in [0, 1): 0 at -pi. Exact to 1e-5 of a radian."""

@@ -72,15 +72,13 @@ class FramesOfLidar:
         return self._frames[index].of_sensor(self._lidar)[1]
 
 
-def learn_lidars(
-    frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, ground: GroundSettings, threads: int
-) -> list[Lidar]:
+def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
     """Return what `sample`, a few of `frames`, tells of each LiDAR, in the order of their numbers."""
     lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
     for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
         pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
         own = FramesOfLidar(frames, k, frames.T_level_sensor @ T_scan_sensor)
-        lidars.append(Lidar(pattern, pyramid_shape(pattern), find_ego_body(own, pattern, ego_body, ground, threads)))
+        lidars.append(Lidar(pattern, pyramid_shape(pattern), find_ego_body(own, pattern, ego_body, threads)))
     return lidars
 
 
@@ -97,7 +95,7 @@ def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
 def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, kind: npt.NDArray[np.uint8], lidar: Lidar) -> View:
     """Return what one LiDAR saw: the points `rows` of a frame; the body it finds is written into `kind` (M,)."""
     raw = raw_points(part)
-    kind_here = np.where(lidar.body.covers(raw), np.uint8(EGO_BODY), kind[rows])
+    kind_here = np.where(lidar.body.covers(raw, kind[rows] == GROUND), np.uint8(EGO_BODY), kind[rows])
     kind[rows] = kind_here
     pattern, is_last = seen_in(part, raw, lidar.pattern)
     image = make_image(raw, np.where(is_last, kind_here, np.uint8(EGO_BODY)), pattern, lidar.pyramid)

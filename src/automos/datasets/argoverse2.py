@@ -1,11 +1,13 @@
 """Argoverse 2 Sensor logs: sensors/lidar/*.feather, calibration, ego poses, boxes, and per-point flow where it is.
 
 The files hold both 32-beam sensors' points in the vehicle's frame, carried to one time. The points are brought back to
-the frame of the upper sensor, from which they were seen: rays start there, not on the rear axle.
+the frame of the upper sensor; which of the two each was seen from is told by its laser: rays start there, not on the
+rear axle.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from automos.datasets.box_truth import DrawnBoxes, judge_boxes, motion_with_boxe
 from automos.datasets.columns import to_scan
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
+from automos.datasets.mounts import checked_mount
 from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
 from automos.errors import InputError
 from automos.geometry import Boxes, inverse, points_in_boxes, transform
@@ -27,7 +30,9 @@ _CALIBRATION = Path("calibration") / "egovehicle_SE3_sensor.feather"
 _POSES = "city_SE3_egovehicle.feather"
 _BOXES = "annotations.feather"
 _FLOW = "flow_labels.feather"
-_SENSOR = "up_lidar"
+_SENSORS = ("up_lidar", "down_lidar")
+_LASERS = 32
+"""Of each of the two."""
 
 Table = dict[str, npt.NDArray]
 
@@ -50,8 +55,8 @@ class Argoverse2Sequence(ListedSequence):
         index = range(len(self))[index]
         path = self._files[index]
         scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
-        points = transform(inverse(self._T_ego_sensor), scan.points)
-        return Scan(points, scan.intensity, scan.time, scan.ring, scan.stamp, scan.name)
+        moved = replace(scan, points=transform(inverse(self._T_ego_sensor), scan.points))
+        return moved if self._T_ego_sensors is None or scan.ring is None else self._say_from_where(moved, scan.ring)
 
     @property
     def is_compensated(self) -> bool:
@@ -97,16 +102,45 @@ class Argoverse2Sequence(ListedSequence):
         return self._T_ego_sensor
 
     # ------------------------------------------------------------------------------------------------------- tables
-    @cached_property
+    @property
     def _T_ego_sensor(self) -> Pose:
-        path = self.source / _CALIBRATION
-        table = _read(path)
-        rows = np.flatnonzero(table["sensor_name"] == _SENSOR)
+        return self._calibrated(_SENSORS[0])
+
+    def _calibrated(self, sensor: str) -> Pose:
+        path, table = self.source / _CALIBRATION, self._calibration
+        rows = np.flatnonzero(table["sensor_name"] == sensor)
         if len(rows) != 1:
-            raise InputError(
-                f"{path} must name the sensor {_SENSOR!r} once; it names {', '.join(table['sensor_name'])}"
-            )
-        return _transforms(table)[rows[0]]
+            raise InputError(f"{path} must name the sensor {sensor!r} once; it names {', '.join(table['sensor_name'])}")
+        return checked_mount(_transforms(table)[rows[0]], sensor, path)
+
+    @cached_property
+    def _calibration(self) -> Table:
+        return _read(self.source / _CALIBRATION)
+
+    @cached_property
+    def _T_ego_sensors(self) -> Pose | None:
+        """(2, 4, 4) of the sensors of lasers 0 to 31 and 32 to 63; None where the log has but one.
+
+        Which half is whose is told by the first sweep: seen from its own sensor, a laser has one elevation.
+        """
+        if _SENSORS[1] not in self._calibration["sensor_name"]:
+            return None
+        T = np.stack([self._calibrated(sensor) for sensor in _SENSORS])
+        table = _read(self._files[0])
+        points = np.column_stack([table[axis] for axis in "xyz"]).astype(np.float64)
+        spread = np.zeros((2, 2))
+        for k, of_sensor in enumerate(transform(inverse(T_ego_sensor), points) for T_ego_sensor in T):
+            sine = of_sensor[:, 2] / np.maximum(np.linalg.norm(of_sensor, axis=1), 1e-6)
+            for half in range(2):
+                lasers = [sine[table["laser_number"] == half * _LASERS + laser] for laser in range(_LASERS)]
+                spread[k, half] = np.median([np.abs(s - np.median(s)).mean() for s in lasers if len(s) > 20] or [0.0])
+        is_swapped = np.trace(spread) > np.trace(spread[::-1])
+        return T[::-1] if is_swapped else T
+
+    def _say_from_where(self, scan: Scan, laser: npt.NDArray[np.uint16]) -> Scan:
+        assert self._T_ego_sensors is not None
+        sensor = (laser >= _LASERS).astype(np.uint8)
+        return replace(scan, sensor=sensor, T_scan_sensor=inverse(self._T_ego_sensor) @ self._T_ego_sensors)
 
     @cached_property
     def _T_city_ego(self) -> Pose:

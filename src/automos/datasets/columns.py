@@ -18,6 +18,7 @@ Columns = dict[str, npt.NDArray]
 
 _INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission")
 _TIME = ("t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp")
+_SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
 
 MAX_SWEEP = 2.0
@@ -83,6 +84,12 @@ def has_time_column(columns: Columns) -> bool:
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
     """Return the (N,) beam of each point, None where there is none."""
     return _ring(_first({_plain(key): column for key, column in columns.items()}, _RING))
+
+
+def sensor_column(columns: Columns) -> npt.NDArray[np.int64] | None:
+    """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
+    values = _ring(_first({_plain(key): column for key, column in columns.items()}, _SENSOR))
+    return None if values is None else values.astype(np.int64)
 
 
 def find_time_unit(times: npt.NDArray) -> float:

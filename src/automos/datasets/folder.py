@@ -1,4 +1,4 @@
-"""A plain folder of point files, and what may lie beside them: times.txt, poses.txt, calib.txt, labels/."""
+"""A plain folder of point files, and what may lie beside: times.txt, poses.txt, calib.txt, mounts.yaml, labels/."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ import numpy.typing as npt
 from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
-from automos.datasets.columns import time_column, to_scan
+from automos.datasets.columns import sensor_column, time_column, to_scan
 from automos.datasets.files import find_repeats, holds_point_files, list_scans
 from automos.datasets.formats import Format
+from automos.datasets.mounts import FILE as MOUNTS
+from automos.datasets.mounts import read_mounts
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
 from automos.datasets.time_order import put_in_order
 from automos.errors import InputError
@@ -58,6 +60,7 @@ class FolderSequence(Sequence):
             codec = guess_codec(self._paths) if found == "bin" else found
         self._codec = codec
         self._names = [Path(file).stem for file in self._files]
+        self._mounts = read_mounts(self.source)
         self._warnings: list[str] = []
         times = self._read_times(stamps)
         if stamps is None and self._point_times.is_absolute:
@@ -77,7 +80,8 @@ class FolderSequence(Sequence):
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
         unit = (self._point_times.unit or 0.0) if has_time else None
-        return to_scan(columns, path, self._names[index], stamp, unit)
+        scan = to_scan(columns, path, self._names[index], stamp, unit)
+        return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
 
     @property
     def names(self) -> list[str]:
@@ -151,6 +155,8 @@ class FolderSequence(Sequence):
             digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
         if self._stamps is not None:
             digest.update(self._stamps.tobytes())
+        if self._mounts is not None:
+            digest.update((self.source / MOUNTS).read_bytes())
         return f"{super().fingerprint()}:{digest.hexdigest()}"
 
     # -------------------------------------------------------------------------------------------- files beside

@@ -61,9 +61,10 @@ def write_results(
     for place in (folder, predictions, *([confidences] if output.confidence else [])):
         place.mkdir(parents=True, exist_ok=True)
         remove_parts(place)
-    counts = dict.fromkeys((name.name.lower() for name in Label), 0)
+    counts, n_body = dict.fromkeys((name.name.lower() for name in Label), 0), 0
     for i, name in enumerate(result.names):
         labels = result.labels(i)
+        n_body += result.n_body(i)
         for label in Label:
             counts[label.name.lower()] += int((labels == label).sum())
         instances = result.track_ids(i) + 1 if output.track_ids else None
@@ -90,6 +91,7 @@ def write_results(
             "warnings": recording_warnings(sequence),
         },
         "points": counts,
+        "points_riding_along": n_body,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
         "odometry": _without_nan(trajectory.diagnostics),

@@ -204,7 +204,7 @@ def _sees_all_round(sequence: Sequence) -> bool:
 def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
     """Return how badly the window fits together once its poses are made anew under the guess.
 
-    Infinite where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, which takes a third of the time.
+    Infinite where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, in a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])

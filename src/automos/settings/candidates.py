@@ -31,16 +31,26 @@ class GroundSettings(Group):
 class EgoBodySettings(Group):
     """The vehicle's own body: what keeps its range in the sensor's frame while the sensor moves."""
 
-    max_range: float = Field(8.0, gt=0, description="m, how far the body may reach from the sensor")
+    max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
+    near_reach: float = Field(1.2, gt=0, description="m, what nearly always returns from nearer than this rides along")
     max_scans: int = Field(40, ge=2, description="scans looked at, spread over the recording")
     min_scans: int = Field(9, ge=3, description="with fewer scans apart from each other nothing is called body")
-    min_distance: float = Field(1.0, gt=0, description="m, how far apart the sensor must be in scans looked at")
+    min_distance: float = Field(0.5, gt=0, description="m, how far apart the sensor must be in scans looked at")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
     min_overlap: float = Field(
-        0.8, gt=0, le=1, description="share of a part that must stay put all along the recording"
+        0.8, gt=0, le=1, description="share of a part at the ends of the recording that must be there at both"
     )
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
-    max_drift: float = Field(0.025, gt=0, description="m, of a part's range from one third of the recording to another")
+    max_drift: float = Field(
+        0.025, gt=0, description="m, of a part's range from the first third of the recording to the last"
+    )
+    beyond: float = Field(0.5, gt=0, description="m beyond the body's reach from which what is seen shows the world")
+    world_distance: float = Field(0.25, gt=0, description="m between a place and what is seen there from elsewhere")
+    world_share: float = Field(0.05, gt=0, lt=1, description="share of hits among such looks that make it the world's")
+    min_cells: int = Field(4, ge=1, description="neighbouring rays that a part of the body must be met by")
+    attached_share: float = Field(
+        0.15, gt=0, le=1, description="of what hangs together that must be body for all of it to be; 1: nothing hangs"
+    )
 
 
 class ErasorSettings(Group):
