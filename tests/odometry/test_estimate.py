@@ -9,6 +9,7 @@ from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry import estimate, estimate_trajectory, windows
 from automos.odometry.motion import SweepTiming
+from automos.odometry.speed import OFFSETS, SpeedSearch
 from automos.odometry.timing import TimingChoice
 from automos.scan import Scan
 from automos.settings import OdometrySettings
@@ -55,10 +56,10 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
     def too_short_at_first(stretch, settings, pool=None):
         missing = np.zeros((len(stretch) - 1, 3))
         missing[3, 0] = 1e-3 * (len(chosen) == 1)
-        return missing
+        return SpeedSearch(missing, np.zeros(len(OFFSETS)))
 
     monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
-    monkeypatch.setattr(windows, "missing_distance", too_short_at_first)
+    monkeypatch.setattr(windows, "search_speed", too_short_at_first)
     raw = sequence_of([untimed(s) for s in scans])
     trajectory = estimate_trajectory(raw, OdometrySettings(start_steps=()))
     assert [choice.timing.source for choice in chosen] == ["none", "order"]

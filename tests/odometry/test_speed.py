@@ -4,7 +4,16 @@ from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import record, van
 
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import _expected_share, _prior, _score_distances, _stands, lengthen, missing_distance
+from automos.odometry.speed import (
+    OFFSETS,
+    _expected_share,
+    _prior,
+    _score_distances,
+    _stands,
+    lengthen,
+    missing_distance,
+    rival_speed,
+)
 from automos.odometry.stretch import Stretch
 from automos.odometry.submap import make_submap
 from automos.odometry.sweeps import surfels_of
@@ -107,3 +116,13 @@ def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():
 def test_from_nearly_the_same_place_more_is_found_again():
     share = _expected_share(np.array([0.0, SETTINGS.near_view, -SETTINGS.near_view, 100.0]), SETTINGS)
     np.testing.assert_allclose(share, SETTINGS.near_share * np.array([1.0, np.exp(-1), np.exp(-1), 0.0]), atol=1e-9)
+
+
+def test_what_is_overhead_tells_whether_the_poses_follow_the_world():
+    stands_right, follows_traffic = np.zeros(len(OFFSETS)), np.zeros(len(OFFSETS))
+    stands_right[np.abs(OFFSETS) < 0.2] = 30.0
+    follows_traffic[np.abs(OFFSETS - 22.0) < 0.2] = 30.0
+    assert rival_speed(stands_right)[:2] == (30.0, 0.0)
+    here, there, faster = rival_speed(follows_traffic)
+    assert (here, there) == (0.0, 30.0)
+    assert faster == pytest.approx(22.0, abs=0.2)

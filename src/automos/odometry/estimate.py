@@ -20,7 +20,7 @@ from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
 from automos.odometry.motion import SweepTiming, step_twists
 from automos.odometry.register import register_scans
-from automos.odometry.speed import chain
+from automos.odometry.speed import chain, rival_speed
 from automos.odometry.sweeps import surfels_of, usable_points
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
@@ -31,6 +31,9 @@ from automos.settings import OdometrySettings
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
+
+CLEARLY_MORE = 5.0
+"""Surfels overhead by which another speed must explain more to put the present one in doubt."""
 
 
 def estimate_trajectory(
@@ -145,6 +148,13 @@ def _register(
     diagnostics.update(summarize(after, settings.refinement))
     diagnostics["before_refinement"] = summarize(before, settings.refinement)
     diagnostics["lengthened_m"] = refinement.lengthened
+    diagnostics["refound_overhead"], diagnostics["refound_at_rival"], faster = rival_speed(refinement.refound)
+    if diagnostics["refound_at_rival"] > diagnostics["refound_overhead"] + CLEARLY_MORE:
+        diagnostics["warnings"].append(
+            "the speed is in doubt: what is higher than any vehicle is found again if the sensor is "
+            f"{abs(faster):.0f} m/s {'faster' if faster > 0.0 else 'slower'} than found. The poses may follow traffic "
+            "rather than the world, and labels are not to be trusted: give your own poses (--poses)."
+        )
     return poses, clock
 
 

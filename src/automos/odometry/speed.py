@@ -13,6 +13,7 @@ found counts for as much less. The path of speeds over time with the greatest su
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -28,27 +29,61 @@ from automos.settings import RefineSettings
 
 Array = npt.NDArray[np.float64]
 
+OFFSETS = np.arange(-40.0, 40.01, 0.125)
+"""m/s by which the sensor might be faster than its poses say."""
+SAME_SPEED, OTHER_SPEED = 0.3, 1.5
+"""m/s up to which a speed is the present one, and from which it is another."""
 NEAR_STEPS = 2
 """Steps of speed that are still the same speed."""
 
 
-def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> Array:
-    """Return the (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says.
+@dataclass(frozen=True, eq=False)
+class SpeedSearch:
+    """What the surfaces that face along the way say of the speed.
 
-    Zero wherever no other speed explains clearly more than the present one.
+    Attributes
+    ----------
+    missing : (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says; zero wherever no
+        other speed explains clearly more than the present one.
+    refound : (K,) how much of them that is higher than any vehicle is found again, were the sensor faster all along by
+        `OFFSETS` m/s.
     """
+
+    missing: Array
+    refound: Array
+
+
+def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> Array:
+    """Return the (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says."""
+    return search_speed(stretch, settings, pool).missing
+
+
+def search_speed(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
+    """Return by how much steps are too short, and how much each other speed would explain."""
     steps = inverse(stretch.T_world_sensor[:-1]) @ stretch.T_world_sensor[1:]
+    best, best_gain, refound = np.zeros((len(steps), 3)), 0.0, np.zeros(len(OFFSETS))
     if len(steps) == 0:
-        return np.zeros((0, 3))
+        return SpeedSearch(best, refound)
     surfels = without_body(stretch.surfels, settings)
-    best, best_gain = np.zeros((len(steps), 3)), 0.0
     known = _direction(steps, settings)
     # A registration that wrongly stands still has none: then either axis of the sensor, usually the vehicle's, may do.
     for forward in np.eye(3)[:2] if known is None else [known]:
-        growth, gain = _growth_along(forward, stretch, surfels, settings, pool, is_guess=known is None)
+        growth, gain, found = _growth_along(forward, stretch, surfels, settings, pool, is_guess=known is None)
+        refound += found
         if gain > best_gain:
             best, best_gain = growth[:, None] * forward, gain
-    return best
+    return SpeedSearch(best, refound)
+
+
+def rival_speed(refound: Array) -> tuple[float, float, float]:
+    """Return how much is found again at the present speed, at the best other one, and by how much that is faster, m/s.
+
+    What is asked is higher than any vehicle, so it cannot be traffic: where another speed explains more of it, the
+    poses follow something else than the world.
+    """
+    is_other = np.abs(OFFSETS) >= OTHER_SPEED
+    best = int(np.argmax(np.where(is_other, refound, -1.0)))
+    return float(refound[np.abs(OFFSETS) <= SAME_SPEED].max()), float(refound[best]), float(OFFSETS[best])
 
 
 def _growth_along(
@@ -58,8 +93,10 @@ def _growth_along(
     settings: RefineSettings,
     pool: ThreadPoolExecutor | None,
     is_guess: bool,
-) -> tuple[Array, float]:
+) -> tuple[Array, float, Array]:
     """Return the (N - 1,) metres by which steps are too short along `forward` (3,), and how much more these explain.
+
+    And what every other speed explains, as `SpeedSearch.refound`.
 
     A direction that `is_guess` must not be found by those who pass a vehicle that stands: little may be where it was.
     """
@@ -92,6 +129,10 @@ def _growth_along(
     scores = np.array([each[0] for each in scored])
     ends = starts + max(lags)
     present = _signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
+    refound = sum(
+        np.interp(now + OFFSETS, speeds, each[1][1], left=0.0, right=0.0)
+        for now, each in zip(present, scored, strict=True)
+    )
     # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
     is_slower = speeds * np.sign(present)[:, None] < settings.min_speed_ratio * np.abs(present)[:, None]
     scores[is_slower & (np.abs(present) > settings.min_clear_speed)[:, None]] -= 1.0
@@ -99,21 +140,21 @@ def _growth_along(
     rows = np.arange(len(starts))
     nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
     if is_guess:
-        refound = np.mean([each[1][:, at] for each, at in zip(scored, nearest, strict=True)], axis=0)
-        if _stands(refound, np.mean([each[2] for each in scored], axis=0), settings):
-            return nothing, 0.0
+        again = np.mean([each[1][:, at] for each, at in zip(scored, nearest, strict=True)], axis=0)
+        if _stands(again, np.mean([each[2] for each in scored], axis=0), settings):
+            return nothing, 0.0, refound
     prior = 0.0 if is_guess else _prior(speeds, present, settings)  # a mistaken standstill has nothing ahead
     path = _best_path(scores + prior, speeds, middle, settings)
     gain = scores[rows, path] - scores[rows, nearest]
     is_better = gain > settings.speed_gain
     is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (scores[rows, nearest] > settings.speed_gain)
     if not is_better.any():
-        return nothing, 0.0
+        return nothing, 0.0, refound
     change = np.where(is_better, speeds[path] - present, 0.0)
     is_told = is_better | is_right  # where nothing tells, the error is taken to be that of the places around
     change = np.interp(middle, middle[is_told], change[is_told])
     growth = np.interp(0.5 * (clock[1:] + clock[:-1]), middle, change) * np.diff(clock)
-    return growth, float(gain[is_better].sum())
+    return growth, float(gain[is_better].sum()), refound
 
 
 def _stands(refound: Array, whole: Array, settings: RefineSettings) -> bool:

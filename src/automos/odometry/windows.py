@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from automos.odometry.links import Consistency
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import lengthen, missing_distance
+from automos.odometry.speed import OFFSETS, lengthen, search_speed
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
@@ -38,6 +38,8 @@ class RollingRefinement:
         self._after: list[Consistency] = []
         self.lengthened = 0.0
         """Metres by which steps were too short, all together."""
+        self.refound = np.zeros(len(OFFSETS))
+        """How much of what faces along the way is found again at other speeds, see `SpeedSearch`."""
 
     def add(
         self, surfels: Surfels | Future[Surfels], twist: npt.NDArray[np.float64], T_last_this: Pose, gap: float
@@ -66,13 +68,15 @@ class RollingRefinement:
         stretch = Stretch(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
         is_fixed = np.arange(len(poses)) < self._n_known // 2
         for _ in range(self._settings.speed_rounds):
-            missing = missing_distance(stretch, self._settings, self._pool)
+            search = search_speed(stretch, self._settings, self._pool)
+            missing = search.missing
             missing[: max(self._n_known - 1, 0)] = 0.0
             if not missing.any():
                 break
             self.lengthened += float(np.linalg.norm(missing, axis=1).sum())
             stretch = stretch.moved(lengthen(stretch.T_world_sensor, missing))
             stretch = refine_poses(stretch, is_fixed, self._settings, self._pool)[0]
+        self.refound += search.refound
         stretch, before, after = refine_poses(stretch, is_fixed, self._settings, self._pool)
         self._before.append(before)
         self._after.append(after)
