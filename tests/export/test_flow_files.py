@@ -43,7 +43,8 @@ def test_argoverse_reads_a_row_per_point_of_every_sweep_but_the_last(run, tmp_pa
 
 def test_argoverses_own_evaluation_reads_it_and_finds_the_same_error(run, tmp_path):
     evaluation = pytest.importorskip(
-        "av2.evaluation.scene_flow.eval", reason="Argoverse's own programs are not installed: pip install av2"
+        "av2.evaluation.scene_flow.eval",
+        reason="Argoverse's own programs are not installed: pip install '.[dev-readers]'",
     )
     import pandas
 

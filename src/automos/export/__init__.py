@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
-    "flow_av2", "opensceneflow",
+    "flow-av2", "opensceneflow",
 )  # fmt: skip
-"""Formats that results are written in; each is a module of this package."""
+"""Formats that results are written in; each is a module of this package, a dash there an underscore."""
 
 
 def load_export(name: str) -> Export:
@@ -30,11 +30,10 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
-    module = name.replace("-", "_")
-    if module not in EXPORTS:
+    if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    declared: Export = importlib.import_module(f"automos.export.{module}").EXPORT
+    declared: Export = importlib.import_module(f"automos.export.{name.replace('-', '_')}").EXPORT
     return declared
 
 
