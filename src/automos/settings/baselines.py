@@ -168,7 +168,7 @@ class HmmMosSettings(Group):
     sure: float = Field(0.99, gt=0.5, lt=1, description="probability from which on a state is believed")
     reach: int = Field(2, ge=0, description="voxels around, 2: 5 x 5 x 5, over which changes are summed")
     window: int = Field(3, ge=1, description="scans, likewise")
-    min_sum: float = Field(3.0, ge=0, description="changes that make motion, at least; Otsu may ask for more")
+    min_sum: float = Field(3.0, ge=0, description="changes a scan that make motion, at least; Otsu may ask for more")
 
 
 class BaselinesSettings(Group):
