@@ -54,3 +54,26 @@ def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:
     ids : (M,) voxel of each point, -1 for none (never moving).   is_moving : (V,) bool.
     """
     return np.append(is_moving, False)[ids]  # id -1 reads the False at the end
+
+
+def spare_near_kept(points: npt.NDArray, is_moving: Mask, kept: KeptMap | None) -> Mask:
+    """Return (M,) bool: `is_moving` (M,) without those of `points` (M, 3) that lie near what a map keeps.
+
+    The usual way to read labels of scans from a cleaned map. It forgives a surface that was cut at a voxel's border.
+    """
+    if kept is None or not is_moving.any():
+        return is_moving
+    away, _ = kept.tree.query(points[is_moving], distance_upper_bound=kept.radius)
+    out = is_moving.copy()
+    out[is_moving] = ~np.isfinite(away)
+    return out
+
+
+class KeptMap:
+    """What a cleaned map keeps, and how near to it (metres) points stay."""
+
+    def __init__(self, points: npt.NDArray, radius: float):
+        """Take the map's points (V, 3), level frame."""
+        from scipy.spatial import cKDTree
+
+        self.tree, self.radius = cKDTree(points, balanced_tree=False, compact_nodes=False), radius

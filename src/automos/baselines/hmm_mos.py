@@ -84,7 +84,7 @@ class _Voxels:
         scores[standing] = self._median_around(standing, scores, k)
         self._recent.append(scores)
         total = np.sum([part[standing] for part in self._recent], axis=0)
-        moving = standing[total >= max(otsu_threshold(total), about.min_sum)]
+        moving = standing[total >= max(otsu_threshold(total), about.min_sum * about.window)]
         is_moving = np.zeros(n + 1, bool)
         is_moving[np.unique(self._grid.neighbours(moving, self._indices, 1))] = True
         return is_moving[:-1] & (self._hit == k)

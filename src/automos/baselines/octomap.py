@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, add_points, cut_batches, labels_of_voxels
+from automos.baselines.batches import Batch, KeptMap, add_points, cut_batches, labels_of_voxels, spare_near_kept
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import find_ground
 from automos.geometry import transform
@@ -25,16 +25,19 @@ from automos.settings import OctomapSettings
 def find_moving(frames: Frames, settings: OctomapSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel is free."""
     for batch in cut_batches(frames, settings.batch, start):
-        ids_of, is_free = _map_batch(frames, batch, settings)
+        ids_of, is_free, centres = _map_batch(frames, batch, settings)
+        is_kept = ~is_free
+        kept = KeptMap(centres[is_kept], settings.kept_within) if settings.kept_within and is_kept.any() else None
         for k in batch.own:
             ids = ids_of[k - batch.frames[0]]
-            yield k, _ask_neighbours(frames[k], ids, labels_of_voxels(ids, is_free), settings.neighbours)
+            is_moving = spare_near_kept(frames[k].points_level, labels_of_voxels(ids, is_free), kept)
+            yield k, _ask_neighbours(frames[k], ids, is_moving, settings.neighbours)
 
 
 def _map_batch(
     frames: Frames, batch: Batch, settings: OctomapSettings
-) -> tuple[list[npt.NDArray[np.int32]], npt.NDArray[np.bool_]]:
-    """Return of each frame which voxel every point fell into, -1 for none, and (V,) which voxels are free."""
+) -> tuple[list[npt.NDArray[np.int32]], npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Return each frame's points' voxels, -1 for none, (V,) which voxels are free, and their centres (V, 3)."""
     grid = BrickGrid(
         settings.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], settings.max_range
     )
@@ -60,7 +63,8 @@ def _map_batch(
         grid.pass_rays(frame.origin_level, _shortened(frame, settings.max_range), k, passed)
         hit[ids[ids >= 0]] = k
         _update(log_odds, passed, hit, k, *model)
-    return ids_of, (log_odds < 0.0) & ~is_pinned
+    centres = grid.low + (grid.indices() + 0.5) * settings.voxel
+    return ids_of, (log_odds < 0.0) & ~is_pinned, centres
 
 
 def _shortened(frame: Frame, max_range: float) -> npt.NDArray[np.float32]:

@@ -15,7 +15,15 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, add_points, cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import (
+    Batch,
+    KeptMap,
+    add_points,
+    cut_batches,
+    is_within,
+    labels_of_voxels,
+    spare_near_kept,
+)
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
 from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse
@@ -29,8 +37,16 @@ def find_moving(frames: Frames, settings: RemovertSettings, start: int = 0) -> I
     for batch in cut_batches(frames, settings.batch, start):
         mean, ids_of = _aggregate(frames, batch, settings)
         is_removed = clean_map(mean, frames, batch.frames[:: settings.every], settings)
+        kept = (
+            KeptMap(mean[~is_removed], settings.kept_within) if settings.kept_within and not is_removed.all() else None
+        )
         for k in batch.own:
-            yield k, labels_of_voxels(ids_of[k - batch.frames[0]], is_removed)
+            yield (
+                k,
+                spare_near_kept(
+                    frames[k].points_level, labels_of_voxels(ids_of[k - batch.frames[0]], is_removed), kept
+                ),
+            )
 
 
 def _aggregate(

@@ -35,6 +35,7 @@ class OctomapSettings(Group):
     max_ground: float = Field(0.63, description="m above the ground under the sensor, what is higher is no ground")
     ground_share: float = Field(0.5, ge=0, le=1, description="of the height images that must call a point ground")
     neighbours: int = Field(5, ge=1, description="nearest known points that decide on an unknown one")
+    kept_within: float = Field(0.1, ge=0, description="m, what is so near to what the map keeps stays; 0: by voxel")
 
 
 class RemovertSettings(Group):
@@ -43,11 +44,12 @@ class RemovertSettings(Group):
     batch: BatchSettings = BatchSettings(scans=150)
     voxel: float = Field(0.05, gt=0, description="m, of the map")
     max_range: float = Field(80.0, gt=0, description="m, points used")
-    remove: tuple[float, ...] = Field((2.5, 2.0, 1.5), min_length=1, description="pixels per degree, one pass each")
+    remove: tuple[float, ...] = Field((2.5, 2.2, 2.0), min_length=1, description="pixels per degree, one pass each")
     revert: tuple[float, ...] = Field((1.0, 0.9, 0.8, 0.7), description="pixels per degree, one pass each; none: off")
-    every: int = Field(5, ge=1, description="every how many scans the map is compared with")
+    every: int = Field(1, ge=1, description="every how many scans the map is compared with")
     max_elevation_deg: float = Field(25.0, gt=0, le=90, description="deg above and below the sensor that is looked at")
     difference: float = Field(0.05, gt=0, description="of the range, by which the map must be nearer than the scan")
+    kept_within: float = Field(0.1, ge=0, description="m, what is so near to what the map keeps stays; 0: by voxel")
 
 
 class YoonSettings(Group):
@@ -166,7 +168,7 @@ class HmmMosSettings(Group):
     sure: float = Field(0.99, gt=0.5, lt=1, description="probability from which on a state is believed")
     reach: int = Field(2, ge=0, description="voxels around, 2: 5 x 5 x 5, over which changes are summed")
     window: int = Field(3, ge=1, description="scans, likewise")
-    min_sum: float = Field(3.0, ge=0, description="changes that make motion, at least; Otsu may ask for more")
+    min_sum: float = Field(3.0, ge=0, description="changes a scan that make motion, at least; Otsu may ask for more")
 
 
 class BaselinesSettings(Group):
