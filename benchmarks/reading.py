@@ -21,11 +21,11 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import open_sequence
+from automos.array_sequence import ArraySequence
 from automos.errors import MissingExtraError
 from automos.export import load_export
 from automos.export.point_columns import packed_rows, scan_columns
 from automos.export.run_files import RunFiles
-from automos.scan import ArraySequence
 from automos.simulation import simulate
 
 TARGET_MS = 10.0

@@ -69,7 +69,7 @@ def measure(sequence: Sequence, preset: str, workers: int) -> dict:
         watch.stage = stage
 
     with tempfile.TemporaryDirectory() as folder:
-        cpu, start = _cpu_seconds(), time.perf_counter()
+        cpu, start = cpu_seconds(), time.perf_counter()
         result = label(
             sequence, load_settings(preset), workspace=Workspace(Path(folder)), workers=workers, progress=follow
         )
@@ -81,7 +81,7 @@ def measure(sequence: Sequence, preset: str, workers: int) -> dict:
         "recording": sequence.name,
         "scans": n,
         "seconds_per_scan": {k: v / n for k, v in result.seconds.items()} | {"all": wall / n},
-        "cpu_seconds_per_scan": (_cpu_seconds() - cpu) / n,
+        "cpu_seconds_per_scan": (cpu_seconds() - cpu) / n,
         "peak_mb": {k: v / 1e6 for k, v in watch.peak.items()} | {"all": max(watch.peak.values()) / 1e6},
         "moving_points": moving,
     }
@@ -91,7 +91,8 @@ def _megabytes(peak: float | None) -> str:
     return "        –" if peak is None else f"{peak:6.0f} MB"  # over before memory was looked at
 
 
-def _cpu_seconds() -> float:
+def cpu_seconds() -> float:
+    """Return the processor seconds of this process and its children so far."""
     me = psutil.Process()
     return sum(sum(p.cpu_times()[:2]) for p in [me, *me.children(recursive=True)])
 

@@ -12,42 +12,112 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
+from speed import MemoryWatch, cpu_seconds
 
 from automos import Workspace, label, load_settings, open_sequence
 from automos.atomic import write_text
 from automos.evaluation.moving import Counts, count
+from automos.labels import Label, to_mos
 from automos.pipeline import stage_keys
 from automos.progress import StageProgress
+from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
 STATIC_WORLDS = ("country",)
 """Scenarios in which nothing moves: the share of false points counts, IoU has no meaning."""
+N_BINS = 20
+"""Steps of confidence by which points are counted."""
+
+
+def measure(
+    sequence: Sequence,
+    preset: str,
+    run: Path,
+    workers: int,
+    progress: StageProgress,
+    bodies: Callable[[int], npt.NDArray[np.bool_]] | None = None,
+) -> dict:
+    """Return points right and wrong, calibration, seconds and memory of one preset on one recording.
+
+    `run` is a folder for what is kept meanwhile. Seconds are of processors, this process's and its children's.
+    `bodies(i)` tells which points of scan i are on what carries the sensor, where that should be counted.
+    """
+    settings = load_settings(preset)
+    watch, cpu, start = MemoryWatch(), cpu_seconds(), time.perf_counter()
+    watch.start()
+    try:
+        result = label(sequence, settings, workspace=Workspace(run), workers=workers, progress=progress)
+        seconds = {"cpu_seconds": cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - start}
+        watch.finish()
+        counts, reliability, moving, total = Counts(), np.zeros((2, N_BINS, 3)), 0, 0
+        body_points = body_moving = 0
+        for i in range(len(sequence)):
+            labels, truth = result.labels(i), sequence.truth(i)
+            moving, total = moving + int(np.count_nonzero(labels == Label.MOVING)), total + len(labels)
+            if bodies is not None:
+                body = bodies(i)
+                body_points += int(np.count_nonzero(body))
+                body_moving += int(np.count_nonzero(labels[body] == Label.MOVING))
+            if truth is not None:
+                counts += count(labels, truth)
+                reliability += _reliability(labels, truth, result.confidence(i))
+    finally:
+        shutil.rmtree(run, ignore_errors=True)
+    found = counts.scores
+    return {
+        "iou": found.iou,
+        "precision": found.precision,
+        "recall": found.recall,
+        "true_points": found.true_dynamic,
+        "false_points": found.false_dynamic,
+        "missed_points": found.false_static,
+        "points": found.n_points,
+        "called_moving": moving,
+        "percent_moving": 100.0 * moving / max(total, 1),
+        "body_points": body_points,
+        "body_moving": body_moving,
+        "scans": len(sequence),
+        **seconds,
+        "peak_mb": max(watch.peak.values()) / 1e6 if watch.peak else None,
+        "reliability": reliability.round(3).tolist(),
+    }
+
+
+def _reliability(labels: npt.NDArray, truth: npt.NDArray, confidence: npt.NDArray) -> npt.NDArray[np.float64]:
+    """Return (2, N_BINS, 3): of points called static and moving, by confidence: how many, confidence's sum, right."""
+    true = to_mos(truth)
+    out = np.zeros((2, N_BINS, 3))
+    for k, kind in enumerate((Label.STATIC, Label.MOVING)):
+        rows = (labels == kind) & ((true == Label.STATIC) | (true == Label.MOVING))
+        bins = np.minimum((confidence[rows] * N_BINS).astype(int), N_BINS - 1)
+        for j, weight in enumerate((None, confidence[rows], true[rows] == kind)):
+            out[k, :, j] = np.bincount(bins, weight, N_BINS)
+    return out
+
+
+def calibration_error(reliability: npt.ArrayLike) -> float:
+    """Return the expected calibration error of (N_BINS, 3) points, confidence's sum and points right, nan of none."""
+    n, confidence, right = np.asarray(reliability).T
+    return float(np.abs(confidence - right).sum() / n.sum()) if n.sum() else float("nan")
 
 
 def score(recording: Path, preset: str, cache: Path, progress: StageProgress) -> dict:
-    """Return IoU, precision and recall of one preset on one recording."""
+    """Return what `measure` does, kept for the same recording and settings."""
     sequence, settings = open_sequence(recording), load_settings(preset)
     key = stage_keys(sequence, settings)["labels"]
     result_file = cache / "scores" / f"{recording.name}-{preset}-{key}.json"
     if not result_file.exists():
-        run = cache / "runs" / result_file.stem
-        result = label(sequence, settings, workspace=Workspace(run), progress=progress)
-        counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
-        found = counts.scores
-        row = {
-            "iou": found.iou,
-            "precision": found.precision,
-            "recall": found.recall,
-            "false_points": found.false_dynamic,
-            "points": found.n_points,
-        }
+        row = measure(sequence, preset, cache / "runs" / result_file.stem, 0, progress)
         result_file.parent.mkdir(exist_ok=True)
         write_text(result_file, json.dumps(row))
-        shutil.rmtree(run)
     return json.loads(result_file.read_text())
 
 

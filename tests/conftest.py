@@ -43,8 +43,7 @@ def recordings() -> Path:
 
 def _unpack_once(packed: Path) -> Path:
     """Unpack behind a file lock, so that parallel workers and later sessions share one copy."""
-    import fcntl
-
+    fcntl = pytest.importorskip("fcntl", reason="recordings are unpacked under a lock that this system has not")
     root = Path(tempfile.gettempdir()) / f"automos-recordings-{os.getuid()}"
     root.mkdir(exist_ok=True)
     with open(root / "lock", "w") as lock:

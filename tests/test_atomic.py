@@ -1,5 +1,7 @@
 import errno
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -83,3 +85,11 @@ def test_halves_of_files_that_a_killed_process_left_are_removed_and_nothing_else
     temporary.write_text("half")  # as SIGKILL leaves it
     remove_parts(file.parent)
     assert [path.name for path in file.parent.iterdir()] == ["a.txt"]
+
+
+def test_texts_are_utf_8_whatever_the_system_speaks(tmp_path):
+    text = "Überfahrt · 3 m/s ❚❚"
+    code = f"from automos.atomic import write_text; from pathlib import Path; write_text(Path('a.txt'), {text!a})"
+    plain = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "utf-8"}
+    subprocess.run([sys.executable, "-X", "utf8=0", "-c", code], cwd=tmp_path, env=plain, check=True)
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +55,7 @@ def test_it_draws_and_reports_without_a_network_or_torch(tmp_path):
 @pytest.mark.slow
 def test_its_first_run_fits_into_a_minute(tmp_path):
     """In processor time, everything compiled anew; neighbours on the machine cannot spoil it much."""
+    resource = pytest.importorskip("resource", reason="Windows does not tell the processor time of ended processes")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert _run(tmp_path / "demo", NUMBA_CACHE_DIR=str(tmp_path / "cache"), OMP_NUM_THREADS="1") > 0.9
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

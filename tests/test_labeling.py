@@ -59,10 +59,22 @@ def test_the_summary_tells_points_objects_and_place():
         "seconds": {"odometry": 1.0, "labels": 2.0},
         "odometry": {"warnings": ["no ground found."]},
     }
-    text = summary(done, Path("out"))
+    text = summary(done, Path("out"), 5.0, was_there=False)
     assert "log: 10 scans, 1,000 points, 95 moving (9.50 %) on 2 objects, 5 unlabeled (4 on what rides along" in text
     assert "warning: no ground found." in text
-    assert "3.0 s, 0.300 s per scan; labels in out/predictions" in text
+    assert "5.0 s, 0.500 s per scan; labels in out/predictions" in text
+
+
+def test_the_summary_of_a_run_that_did_nothing_does_not_tell_yesterdays_seconds_as_its_own():
+    done = {
+        "recording": {"name": "log", "scans": 10},
+        "points": {"unlabeled": 0, "static": 900, "moving": 0},
+        "tracks": {"total": 0, "moving": 0},
+        "seconds": {"odometry": 1.0, "labels": 2.0},
+        "odometry": {},
+    }
+    text = summary(done, Path("out"), 0.2, was_there=True)
+    assert text.endswith("nothing to do: labelled before with these settings, in 3.0 s; labels in out/predictions")
 
 
 def test_a_second_run_gives_the_same_files_without_work(recording, tmp_path):
@@ -109,6 +121,7 @@ main()
 
 
 # one file of the odometry, twelve of the candidates, twelve of the instances, one of the tracks, twelve of the labels
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no signal that ends a process at once")
 @pytest.mark.parametrize(("n_saved", "stage"), [(5, "candidates"), (20, "instances"), (30, "labels")])
 def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, tmp_path, n_saved, stage):
     run(recording, tmp_path / "straight")
@@ -165,7 +178,7 @@ def test_a_folder_for_labels_that_is_a_file_is_told_before_the_work(recording, t
     assert not (tmp_path / "out" / "stages").exists()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root and Windows may write anywhere")
 def test_a_place_that_may_not_be_written_is_told(recording, tmp_path):
     (tmp_path / "out").mkdir(mode=0o500)
     with pytest.raises(InputError, match="choose another --out"):

@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from worlds import World, iou_of_moving, lane, street
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.labels import Label
 from automos.pipeline import Result, label, stage_keys
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.settings import LabelsSettings, Settings, load_settings
 from automos.tracking.verdict import Verdict
 from automos.workspace import Workspace

@@ -1,7 +1,7 @@
 import numpy as np
 
+from automos.array_sequence import ArraySequence
 from automos.recording_warnings import recording_warnings
-from automos.scan import ArraySequence
 
 
 def scans(n):

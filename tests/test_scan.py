@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from automos.array_sequence import ArraySequence
 from automos.geometry import make_transform
-from automos.scan import MIN_RANGE, ArraySequence, Frame, Scan
+from automos.scan import MIN_RANGE, Frame, Scan
 
 
 def points(n: int, seed: int = 0) -> np.ndarray:
@@ -125,3 +126,8 @@ def test_a_point_of_a_merged_cloud_is_a_measurement_by_its_distance_from_its_own
 def test_sensors_and_mounts_that_do_not_fit_are_refused(sensor, mounts, why):
     with pytest.raises(ValueError, match=why):
         Scan(points(5), sensor=sensor, T_scan_sensor=mounts)
+
+
+def test_what_no_sensor_sees_is_not_valid():
+    far = [[1e4, 0.0, 0.0], [3e4, 0.0, 0.0], [6e18, 1.0, 1.0], [0.0, -3e38, 0.0], [1.0, np.inf, 0.0]]
+    assert Scan(np.array(far, np.float32)).is_valid.tolist() == [True, False, False, False, False]

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from automos.array_sequence import ArraySequence
 from automos.atomic import write_text
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
 from automos.odometry.frames import SequenceFrames
 from automos.pipeline import Result, label
-from automos.scan import ArraySequence, Scan, Sequence
+from automos.scan import Scan, Sequence
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate
 from automos.tracking.verdict import Verdict

@@ -32,6 +32,12 @@ def _transform(T, points, out):  # type: ignore[no-untyped-def]
             out[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
 
 
+@numba.njit(cache=True, nogil=True)
+def whole_below(x):  # type: ignore[no-untyped-def]
+    """Return the whole number below `x` as int64, 0 for what none of them can hold; for kernels that name cells."""
+    return np.int64(np.floor(x)) if abs(x) < 1e15 else np.int64(0)
+
+
 def inverse(T: npt.ArrayLike) -> Array:
     """Return the inverse of rigid transforms `T` (..., 4, 4)."""
     T = np.asarray(T, np.float64)
@@ -92,18 +98,22 @@ def se3_log(T: npt.ArrayLike) -> Array:
 
 
 def adjoint(T: npt.ArrayLike) -> Array:
-    """Return the (6, 6) matrix that carries twists (translation part first) to the frame that `T` (4, 4) maps to."""
+    """Return the (..., 6, 6) adjoints of `T` (..., 4, 4): they turn small motions of the source into the target's."""
     T = np.asarray(T, np.float64)
-    R = T[:3, :3]
-    return np.block([[R, skew(T[:3, 3]) @ R], [np.zeros((3, 3)), R]])
+    R, t = T[..., :3, :3], T[..., :3, 3]
+    out = np.zeros((*T.shape[:-2], 6, 6))
+    out[..., :3, :3] = out[..., 3:, 3:] = R
+    out[..., :3, 3:] = skew(t) @ R
+    return out
 
 
 def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]:
     """Return (...,) bool: which of `T` (..., 4, 4) are rotation and translation only, to `tolerance` per entry."""
-    is_finite = np.asarray(np.isfinite(T).all(axis=(-1, -2)))
+    T = np.asarray(T, np.float64)
+    is_finite = np.isfinite(T).all(axis=(-1, -2))
     T = np.where(is_finite[..., None, None], T, 0.0)
     off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
-    return is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0)
+    return np.asarray(is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0))
 
 
 def skew(v: npt.ArrayLike) -> Array:

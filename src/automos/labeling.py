@@ -57,23 +57,37 @@ def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | N
     return read_poses(pose_file, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
 
 
-def summary(run: dict[str, Any], folder: Path) -> str:
-    """Return what was done in a few lines for a terminal."""
+def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) -> str:
+    """Return in a few lines what a run found, and whether it did so now, in `seconds`, or all `was_there` before."""
     points, tracks = run["points"], run["tracks"]
     total = max(sum(points.values()), 1)
-    seconds = sum(run["seconds"].values())
+    scans = run["recording"]["scans"]
+    if was_there:
+        effort = f"nothing to do: labelled before with these settings, in {sum(run['seconds'].values()):.1f} s"
+    else:
+        effort = f"{seconds:.1f} s, {seconds / max(scans, 1):.3f} s per scan"
     riding = run.get("points_riding_along", 0)
     lines = [
-        f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, "
+        f"{run['recording']['name']}: {scans} scans, {total:,} points, "
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled" + (f" ({riding:,} on what rides along with the sensor)" if riding else ""),
+        *timing_line(run),
         *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
-        f"{seconds:.1f} s, {seconds / max(run['recording']['scans'], 1):.3f} s per scan; "
-        f"labels in {folder}/predictions",
+        f"{effort}; labels in {folder}/predictions",
     ]
     return "\n".join(lines)
+
+
+def timing_line(run: dict[str, Any]) -> list[str]:
+    """Return in one line how the points of each sweep were timed, and what came next; none where it is not known."""
+    timing = run["odometry"].get("timing")
+    if timing is None:
+        return []
+    rivals = list(timing["worse_percent"].items())
+    behind = f"; next best: {rivals[0][0]}, {rivals[0][1]:.1f} % worse" if rivals else ""
+    return [f"sweep timing: {timing['chosen']}{behind}"]
 
 
 def _refuse_foreign(folder: Path) -> None:

@@ -14,6 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from typing import TypeVar
 
+from automos.working_folder import starting_processes
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -48,7 +50,8 @@ def map_in_order(
     from joblib import Parallel, delayed, parallel_config
 
     # max_nbytes: scans go through pipes; joblib would write those over a megabyte to temporary files.
-    with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1), Parallel(max_nbytes=None) as pool:
+    loky = parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1)
+    with starting_processes(), loky, Parallel(max_nbytes=None) as pool:
         while ahead := list(islice(items, chunk * workers)):
             yield from pool(delayed(function)(item) for item in ahead)
 

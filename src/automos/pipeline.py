@@ -10,7 +10,7 @@ same settings, is not run again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
+from automos.array_sequence import as_sequence
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
@@ -26,12 +27,12 @@ from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
 from automos.stages import find_candidates, find_segments, follow_and_judge, hear_network, paint
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdicts
+from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
 
 
 def label(
-    sequence: Sequence,
+    recording: Sequence | Iterable[npt.ArrayLike],
     settings: Settings | None = None,
     *,
     poses: Pose | None = None,
@@ -39,23 +40,24 @@ def label(
     workers: int = 0,
     progress: Progress | None = None,
 ) -> Result:
-    """Label every point of every scan of `sequence` as moving or static.
+    """Label every point of every scan of `recording` as moving or static.
 
     Parameters
     ----------
-    sequence : the recording, `automos.open_sequence(path)` or `automos.ArraySequence(arrays)`.
+    recording : `automos.open_sequence(path)`, or a list of arrays as `automos.ArraySequence` takes them, which also
+        takes the scans' times.
     settings : `automos.load_settings("paper")` and the like; the default preset where not given.
     poses : (N, 4, 4) T_world_sensor; estimated from the scans where not given.
     workspace : where results are kept and found again; in memory where not given.
     workers : processes; 0 takes one per core. The labels do not depend on it.
-    progress : called with a stage's name, the scans done and their total.
+    progress : called as `progress(stage, done, total)` after every scan of every stage; `print` will do.
 
     Raises
     ------
     InputError : the recording or the poses cannot be used; the message says why and what to do.
     """
     workspace = workspace or Workspace()
-    steps = Steps(sequence, settings or load_settings("default"), poses, workspace, workers, progress)
+    steps = Steps(as_sequence(recording), settings or load_settings("default"), poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
     return Result(steps.trajectory, *steps.followed, steps.run.names, steps.run.seconds, steps.run.keys, labels)
@@ -164,6 +166,10 @@ class Result:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __repr__(self) -> str:
+        n_moving = int((self.verdicts.verdict == Verdict.MOVING).sum())
+        return f"<Result: {len(self)} scans, {n_moving} of {len(self.verdicts.verdict)} objects move>"
 
     def labels(self, index: int) -> npt.NDArray[np.uint8]:
         """Return (N,) uint8 of `Label`, one per point of scan `index`, in the scan's order."""

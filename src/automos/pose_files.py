@@ -83,7 +83,7 @@ def read_calib(path: str | Path) -> Pose:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(f"{path} does not exist; check the path") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -7,7 +7,6 @@ range) work on a :class:`Frame`, which says for each of its points which point o
 from __future__ import annotations
 
 from collections.abc import Iterator
-from collections.abc import Sequence as Sequence_
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +26,9 @@ OBJECT, GROUND, EGO_BODY = 0, 1, 2
 
 MIN_RANGE = 0.1
 """Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""
+
+MAX_RANGE = 20_000.0
+"""Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +75,25 @@ class Scan:
     def __len__(self) -> int:
         return len(self.points)
 
+    def __repr__(self) -> str:
+        columns = ["x y z", *(name for name in ("intensity", "time", "ring") if getattr(self, name) is not None)]
+        return f"<Scan {self.name!r}: {len(self)} points, {' '.join(columns)}>"
+
     @cached_property
     def is_valid(self) -> Mask:
-        """(N,) bool: finite and further than MIN_RANGE from the sensor."""
-        rays = self.points
-        if self.sensor is not None and self.T_scan_sensor is not None:
-            rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
-        squared = np.einsum("ij,ij->i", rays, rays)
-        return np.isfinite(squared) & (squared > MIN_RANGE**2)
+        """(N,) bool: between MIN_RANGE and MAX_RANGE from the sensor; never where a coordinate is not finite."""
+        with np.errstate(over="ignore", invalid="ignore"):  # an overflow is infinite, and too far
+            rays = self.points
+            if self.sensor is not None and self.T_scan_sensor is not None:
+                rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
+            squared = np.einsum("ij,ij->i", rays, rays)
+        return (squared > MIN_RANGE**2) & (squared < MAX_RANGE**2)
 
 
 class Sequence:
     """Scans in time order. Readers derive from it and fill in what their format has.
 
-    A sequence must be cheap to create and to pickle: it holds paths, not points (:class:`ArraySequence` excepted).
+    A sequence must be cheap to create and to pickle: it holds paths, not points (`ArraySequence` excepted).
     """
 
     name: str = "sequence"
@@ -100,6 +107,10 @@ class Sequence:
 
     def __iter__(self) -> Iterator[Scan]:
         return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        place = "" if self.source is None else f" from {self.source}"
+        return f"<{type(self).__name__} {self.name!r}: {len(self)} scans{place}>"
 
     @property
     def address(self) -> Path | None:
@@ -140,80 +151,21 @@ class Sequence:
         """Return the (N,) uint32 SemanticKITTI labels of scan `index` that came with the recording, or None."""
         return None
 
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return (N, 3) metres that each point of scan `index` itself moves until the next scan, in the sensor frame.
+
+        The sensor's own motion is not in it: 0 for what stands, NaN where nobody knows. None without such truth.
+        """
+        return None
+
+    @property
+    def T_vehicle_sensor(self) -> Pose | None:
+        """(4, 4) where the sensor sits on its vehicle, if the format's own vectors are in the vehicle's frame."""
+        return None
+
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does; cheap (names, sizes, times, not contents)."""
         return f"{type(self).__name__}:{self.name}:{len(self)}"
-
-
-class ArraySequence(Sequence):
-    """A sequence held in memory, from scans or plain arrays."""
-
-    def __init__(
-        self,
-        scans: Sequence_[Scan | npt.ArrayLike],
-        stamps: npt.ArrayLike | None = None,
-        name: str = "memory",
-        is_compensated: bool | None = None,
-    ):
-        """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
-        self.name = name
-        self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
-        if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
-            stamps = np.array([s.stamp for s in self._scans], np.float64)
-        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
-        self._is_compensated = is_compensated
-        if self._stamps is not None and self._stamps.shape != (len(self._scans),):
-            raise ValueError(f"stamps must be ({len(self._scans)},), got shape {self._stamps.shape}")
-
-    def __len__(self) -> int:
-        return len(self._scans)
-
-    def __getitem__(self, index: int) -> Scan:
-        return self._scans[index]
-
-    @property
-    def names(self) -> list[str]:
-        """The scans' own names where each has another, else their numbers."""
-        names = [scan.name for scan in self._scans]
-        return names if all(names) and len(set(names)) == len(names) else super().names
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds or None."""
-        return self._stamps
-
-    @property
-    def repeats(self) -> Mask:
-        """(len,) bool: scans whose points are those of the one before."""
-        pairs = zip(self._scans[:-1], self._scans[1:], strict=True)
-        return np.array([False, *(len(a) > 0 and np.array_equal(a.points, b.points) for a, b in pairs)][: len(self)])
-
-    @property
-    def is_compensated(self) -> bool | None:
-        """As given to the constructor."""
-        return self._is_compensated
-
-    def fingerprint(self) -> str:
-        """Return a text that changes when any point, time or stamp does."""
-        import hashlib
-
-        digest = hashlib.sha256(repr(self._is_compensated).encode())
-        for scan in self._scans:
-            for column in (scan.points, scan.time, scan.sensor, scan.T_scan_sensor):
-                if column is not None:
-                    digest.update(f"{column.dtype}{column.shape}".encode())
-                    digest.update(np.ascontiguousarray(column).tobytes())
-        if self._stamps is not None:
-            digest.update(self._stamps.tobytes())
-        return f"{super().fingerprint()}:{digest.hexdigest()}"
-
-
-def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
-    array = np.asarray(array, np.float32)
-    if array.ndim != 2 or array.shape[1] not in (3, 4):
-        raise ValueError(f"scan {index} must be (N, 3) or (N, 4), got shape {array.shape}")
-    intensity = np.ascontiguousarray(array[:, 3]) if array.shape[1] == 4 else None
-    return Scan(np.ascontiguousarray(array[:, :3]), intensity, name=f"{index:06d}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,10 +97,13 @@ class _FolderStage(Stage):
 class Workspace:
     """Where a run keeps its results: in `root`, or in memory where there is none."""
 
-    def __init__(self, root: Path | None = None):
+    def __init__(self, root: str | Path | None = None):
         """Take the results folder; it is made when first written to."""
-        self.root = root
+        self.root = None if root is None else Path(root)
         self._in_memory: dict[str, Stage] = {}
+
+    def __repr__(self) -> str:
+        return f"<Workspace {'in memory' if self.root is None else self.root}>"
 
     def stage(self, name: str, key: str) -> Stage:
         """Return the stage `name` as made under fingerprint `key`."""

@@ -1,24 +1,26 @@
 """Methods side by side on a tiny world: scored, kept, drawn, and going on without what is missing."""
 
+import io
 import json
 import sys
 
 import numpy as np
 import pytest
 from recorded import write_recording
+from rich.console import Console
 from typer.testing import CliRunner
 from worlds import lane
 
 from automos import open_sequence
 from automos.cli import app
 from automos.comparison import runs as runs_module
-from automos.comparison.agreement import measure_agreement
-from automos.comparison.compare import compare, write_comparison
+from automos.comparison.agreement import Agreement, measure_agreement
+from automos.comparison.compare import Comparison, compare, write_comparison
 from automos.comparison.labelers import TITLES, choose_methods
 from automos.comparison.memory import PeakMemory
-from automos.comparison.runs import MethodRuns
+from automos.comparison.runs import Cost, MethodRuns
 from automos.errors import InputError
-from automos.evaluation.moving import Counts, count
+from automos.evaluation.moving import Counts, Scores, count
 
 METHODS = ["yoon", "m_detector"]
 
@@ -82,9 +84,9 @@ def test_a_missing_library_is_named_and_the_others_go_on(recording, world, tmp_p
     monkeypatch.setitem(sys.modules, "dufomap", None)
     comparison = compare(make_runs(recording, tmp_path, world), ["dufomap", "yoon"])
     assert list(comparison.costs) == ["yoon"]
-    assert "automos[dufomap]" in comparison.missing["dufomap"]
-    assert any("automos[dufomap]" in str(cell) for column in comparison.tables()[0].columns for cell in column.cells)
-    with pytest.raises(InputError, match=r"no method could be run.*automos\[dufomap\]"):
+    assert "[dufomap]'" in comparison.missing["dufomap"]
+    assert "[dufomap]" in str(comparison.tables()[0].caption)
+    with pytest.raises(InputError, match=r"no method could be run.*\[dufomap\]"):
         compare(make_runs(recording, tmp_path, world), ["dufomap"])
 
 
@@ -109,6 +111,24 @@ def test_the_pipeline_is_given_the_same_poses(recording, world, tmp_path, in_thi
     monkeypatch.setattr("automos.pipeline.estimate_trajectory", no_odometry)
     assert runs.cost("default").seconds_per_scan > 0.0
     assert not (tmp_path / "default" / "scratch").exists()
+
+
+def test_tables_of_all_methods_have_whole_words_in_80_columns():
+    everyone = list(TITLES)
+    iou = np.full((len(everyone), len(everyone)), 0.99)
+    costs = {name: Cost(1234.5, 12e9) for name in everyone}
+    scores = {name: Scores(1, 0, 0, 1, 0) for name in everyone}
+    missing = {"dufomap": "pip install '.[dufomap]'"}
+    comparison = Comparison("log", 9999, "own poses", scores, costs, missing, Agreement(tuple(everyone), iou))
+    console = Console(width=80, record=True, file=io.StringIO())
+    for table in comparison.tables():
+        console.print(table)
+    text = console.export_text()
+    assert "…" not in text
+    for name in everyone:  # in the one table and in the other, in one piece
+        assert sum(TITLES[name] in line for line in text.splitlines()) >= 2
+    assert "precision" in text
+    assert "DUFOMap: pip install '.[dufomap]'" in text
 
 
 def test_an_unknown_method_lists_the_known_ones():

@@ -174,7 +174,7 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
     with Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=types)
     with pytest.raises(
-        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2; .*/imu \(sensor_msgs/msg/Imu\)"
+        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2 .*; .*/imu \(sensor_msgs/msg/Imu\)"
     ):
         open_sequence(tmp_path / "log")
 
@@ -182,5 +182,5 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
 def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log.mcap", {"/p": number(1)})
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'automos\[ros\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '.*\[ros\]'"):
         open_sequence(path)

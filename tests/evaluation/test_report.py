@@ -7,7 +7,8 @@ from rich.console import Console
 
 from automos.datasets import open_recordings, open_sequence
 from automos.errors import InputError
-from automos.evaluation.report import evaluate_folder, evaluate_recordings
+from automos.evaluation.moving import RANGES, Counts
+from automos.evaluation.report import Report, Result, evaluate_folder, evaluate_recordings
 from automos.labels import Label, to_mos
 
 
@@ -88,6 +89,18 @@ def test_the_table_shows_percent_points_and_objects(drive, tmp_path):
     line = next(line for line in text.splitlines() if "all points" in line)
     assert " ".join(line.replace("│", " ").split()) == "all points 50.0 66.7 66.7 2 1 1 1 of 1"
     assert all(name in text for name in ("0-15 m", "15-30 m", "30-50 m", "50+ m"))
+
+
+def test_the_table_of_a_long_recording_has_whole_words_in_80_columns():
+    confusion = np.zeros((len(RANGES), 3, 3), np.int64)
+    confusion[0, 1:, 1:] = [[400_000_000, 1_234_567], [12_345_678, 123_456_789]]
+    report = Report({"drive": Result(Counts(confusion, 4541))})
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(report.table())
+    text = console.export_text()
+    assert "…" not in text
+    assert all(word in text.split() for word in ("IoU", "precision", "recall", "TD", "FD", "FS", "objects"))
+    assert sum("all points" in line for line in text.splitlines()) == 1
 
 
 def test_a_missing_prediction_is_an_error_and_shifts_nothing(drive, tmp_path):

@@ -108,6 +108,37 @@ def test_what_nobody_changed_comes_back_as_it_was(run, scene, tmp_path):
     assert again.tracks_file == run.tracks_file
 
 
+def flatten(folder, width):
+    """Make every box of a results folder `width` metres thin."""
+    told = json.loads((folder / "tracks.json").read_text())
+    for track in told["tracks"]:
+        for box in track["boxes"]:
+            box["size"][1] = width
+    (folder / "tracks.json").write_text(json.dumps(told))
+
+
+@pytest.mark.parametrize("width", [None, 0.003], ids=["as found", "flat"])
+def test_cvats_own_library_gives_back_what_it_was_given(root, tmp_path, width):
+    datumaro = pytest.importorskip("datumaro", reason="CVAT's library is not installed: pip install '.[dev-readers]'")
+    shutil.copytree(root / "run", tmp_path / "run")
+    if width is not None:
+        flatten(tmp_path / "run", width)
+    run = RunFiles(tmp_path / "run", open_sequence(root / "lane"))
+    export_run(run.folder, [run.sequence], "cvat", tmp_path / "task")
+    read = datumaro.Dataset.import_from(str(tmp_path / "task"), "datumaro")
+    read.export(str(tmp_path / "back"), "datumaro", save_media=False)
+    merged = merge(run, tmp_path / "back", tmp_path / "out")
+    assert dict(merged.boxes) == {"unchanged": sum(len(run.boxes_upright(i)) for i in range(len(run)))}
+    assert (dict(merged.points), merged.scans) == ({}, 0)
+
+
+def test_boxes_that_a_tool_made_flat_are_taken(run, root, tmp_path):
+    scene = Scene("sustech", root, tmp_path)
+    wide = next(box for boxes in scene.scans for box in boxes if box["psr"]["scale"]["y"] > 0.1)
+    wide["psr"]["scale"]["y"] = 0.0
+    assert merge(run, scene.save(), tmp_path / "out").boxes["moved"] == 1
+
+
 def test_a_track_called_static_stops_moving_in_all_its_scans(run, scene, tmp_path):
     track = moving_track(run)
     boxes = [box for scan in scene.scans for box in scan if scene.id_of(box) == track]
@@ -214,7 +245,7 @@ def test_boxes_that_cannot_be_used_are_told_with_their_file(run, root, tmp_path,
 def test_boxes_that_are_tilted_or_twice_or_of_no_size_are_told(run, root, tmp_path):
     for key, value, message in (
         ("rotation", {"x": 1.0, "y": 0.0, "z": 0.0}, "is tilted by"),
-        ("scale", {"x": 0.0, "y": 1.0, "z": 1.0}, "has a box of size"),
+        ("scale", {"x": -0.1, "y": 1.0, "z": 1.0}, "has a box of size"),
     ):
         scene = Scene("sustech", root, tmp_path / key)
         next(boxes for boxes in scene.scans if boxes)[0]["psr"][key] = value

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from automos import __version__
+from automos.array_sequence import ArraySequence
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.export import results
@@ -18,7 +19,6 @@ from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Result
 from automos.pose_files import read_poses
-from automos.scan import ArraySequence
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts

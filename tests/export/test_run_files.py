@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, make_run, make_scans
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.export.run_files import VERDICTS, RunFiles
 from automos.geometry import transform
 from automos.odometry.motion import SweepTiming
-from automos.scan import ArraySequence
 from automos.tracking.verdict import Verdict
 
 

@@ -15,7 +15,7 @@ from automos.settings import OnlineSettings
 def test_training_names_what_it_needs(monkeypatch, package):
     for name in ("torch", "pytorch_lightning", "torchmetrics"):
         monkeypatch.setitem(sys.modules, name, None if name == package else sys)
-    with pytest.raises(MissingExtraError, match=rf"training needs {package}.*pip install 'automos\[train\]'"):
+    with pytest.raises(MissingExtraError, match=rf"training needs {package}.*pip install '.*\[train\]'"):
         require_training()
 
 
@@ -25,7 +25,7 @@ def test_a_network_that_nothing_here_runs_is_told(monkeypatch, tmp_path, suffix,
         monkeypatch.setitem(sys.modules, name, None)
     weights = tmp_path / f"net{suffix}"
     weights.touch()
-    with pytest.raises(MissingExtraError, match=rf"pip install 'automos\[{extra}\]'"):
+    with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{extra}\]'"):
         load_network(weights, OnlineSettings())
 
 

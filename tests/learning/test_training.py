@@ -8,9 +8,9 @@ import pytest
 from labeled_worlds import settings, write_labeled
 from worlds import street
 
-torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
-pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
-pytest.importorskip("torchmetrics", reason="training needs torchmetrics: pip install 'automos[train]'")
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
+pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install '.[train]'")
+pytest.importorskip("torchmetrics", reason="training needs torchmetrics: pip install '.[train]'")
 
 from automos.errors import InputError  # noqa: E402
 from automos.evaluation.moving import Counts, count  # noqa: E402

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
 from automos.errors import InputError  # noqa: E402
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint  # noqa: E402

@@ -5,9 +5,9 @@ import importlib.util
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 for package in ("onnx", "onnxruntime", "onnxscript"):
-    pytest.importorskip(package, reason=f"exporting needs {package}: pip install 'automos[deploy]'")
+    pytest.importorskip(package, reason=f"exporting needs {package}: pip install '.[deploy]'")
 
 from automos.errors import AutomosError, InputError  # noqa: E402
 from automos.network.checkpoint import Checkpoint  # noqa: E402

@@ -5,7 +5,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
 from automos.network.losses import lovasz_softmax, segmentation_loss  # noqa: E402
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install 'automos[train]'")
+torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
 from automos.network.model import Class, LMNet, MovingProbability  # noqa: E402
 from automos.settings import ImageSettings, ModelSettings  # noqa: E402

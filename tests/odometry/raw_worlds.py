@@ -85,6 +85,19 @@ def sweep(
     return Scan(np.concatenate(points).astype(np.float32), time=np.concatenate(times).astype(np.float32), stamp=middle)
 
 
+def cut_anew(sweeps: Sequence[Scan], turns: float) -> list[Scan]:
+    """Return the stream of `sweeps`, each of one turn, as a driver gives it that cuts every `turns` turns."""
+    points = np.concatenate([scan.points for scan in sweeps])
+    turned = np.concatenate([i + scan.time / SCAN_GAP for i, scan in enumerate(sweeps)])
+    scan_of = np.floor(turned / turns).astype(int)
+    scans = []
+    for k in range(int(len(sweeps) / turns)):
+        inside = scan_of == k
+        time = (SCAN_GAP * (turned[inside] - k * turns)).astype(np.float32)
+        scans.append(Scan(points[inside], time=time, stamp=SCAN_GAP * turns * (k + 0.5)))
+    return scans
+
+
 def untimed(scan: Scan) -> Scan:
     """Return the scan as a format without times gives it."""
     return Scan(scan.points, stamp=scan.stamp, name=scan.name)

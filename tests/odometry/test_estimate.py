@@ -5,10 +5,12 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
 from worlds import SCAN_GAP
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry import estimate, estimate_trajectory, windows
 from automos.odometry.motion import SweepTiming
-from automos.scan import ArraySequence, Scan
+from automos.odometry.timing import TimingChoice
+from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 N = 20
@@ -47,7 +49,7 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
     chosen, choose = [], estimate.choose_timing
 
     def blind_at_first(sequence, settings, poses, clock, pool=None):
-        chosen.append(SweepTiming() if poses is None else choose(sequence, settings, poses, clock, pool))
+        chosen.append(TimingChoice(SweepTiming()) if poses is None else choose(sequence, settings, poses, clock, pool))
         return chosen[-1]
 
     def too_short_at_first(stretch, settings, pool=None):
@@ -59,8 +61,8 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
     monkeypatch.setattr(windows, "missing_distance", too_short_at_first)
     raw = sequence_of([untimed(s) for s in scans])
     trajectory = estimate_trajectory(raw, OdometrySettings(start_steps=()))
-    assert [timing.source for timing in chosen] == ["none", "azimuth"]
-    assert trajectory.timing == chosen[1]
+    assert [choice.timing.source for choice in chosen] == ["none", "order"]
+    assert trajectory.timing == chosen[1].timing
     assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.04
 
 

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from automos.array_sequence import ArraySequence
 from automos.geometry import make_transform
 from automos.odometry import Trajectory, make_frame
 from automos.odometry.frames import SequenceFrames
 from automos.odometry.motion import SweepTiming
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 
 POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)
 TIMES = np.array([0.0, 0.02, 0.1, 0.05, 0.05], np.float32)

@@ -5,11 +5,11 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses
 from worlds import SCAN_GAP
 
+from automos.array_sequence import ArraySequence
 from automos.geometry import inverse
 from automos.odometry.clock import Clock
 from automos.odometry.leaps import find_leaps, mend_leaps, replay
 from automos.odometry.motion import SweepTiming
-from automos.scan import ArraySequence
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5, start_steps=())

@@ -3,10 +3,11 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import SCAN_GAP, record, van
 
+from automos.array_sequence import ArraySequence
 from automos.odometry.motion import SweepTiming
 from automos.odometry.register import register_scans
 from automos.odometry.speed import chain
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5, start_steps=())  # the town is small

@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
-from raw_worlds import TOWN, curve, sweep, untimed
+from raw_worlds import TOWN, curve, cut_anew, sweep, untimed
 from worlds import SCAN_GAP, drive, record
 
+from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 N = 18
@@ -16,21 +17,60 @@ POSE = curve(8.0, 0.5)
 def choose(sequence, poses=None, **settings):
     return choose_timing(
         sequence, OdometrySettings(**{"voxel": 0.5, "start_steps": (), **settings}), poses, read_clock(sequence)
-    )
+    ).timing
 
 
-def raw(turn, seam_deg, every=1):
-    scans = [sweep(TOWN, POSE, SCAN_GAP * every * i, turn, seam_deg, n_beams=40) for i in range(N)]
-    return ArraySequence([untimed(scan) for scan in scans])
+def raw(turn, seam_deg, arrange=lambda points, i: points):
+    scans = [sweep(TOWN, POSE, SCAN_GAP * i, turn, seam_deg, n_beams=40) for i in range(N)]
+    return ArraySequence([Scan(arrange(scan.points, i), stamp=scan.stamp) for i, scan in enumerate(scans)])
+
+
+def free_running(turns, arrange=lambda points, i: points):
+    sweeps = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(N + 2)]
+    scans = cut_anew(sweeps, turns)
+    return ArraySequence([Scan(arrange(scan.points, i), stamp=scan.stamp) for i, scan in enumerate(scans)])
+
+
+def shuffled(points, i):
+    return np.random.default_rng(i).permutation(points)
 
 
 @pytest.mark.parametrize(
     ("turn", "seam_deg"), [(-1, 180.0), (1, 180.0), (-1, 0.0)], ids=["clockwise", "counter-clockwise", "from the front"]
 )
-def test_how_the_sensor_turns_is_found_out(turn, seam_deg):
-    timing = choose(raw(turn, seam_deg))
+def test_how_the_sensor_turns_is_found_out_where_points_are_in_no_order(turn, seam_deg):
+    timing = choose(raw(turn, seam_deg, shuffled))
     assert (timing.source, timing.turn, timing.share) == ("azimuth", turn, 1.0)
     assert abs((timing.seam_deg - seam_deg + 180.0) % 360.0 - 180.0) <= 45.0
+
+
+@pytest.mark.parametrize("turn", [-1, 1], ids=["clockwise", "counter-clockwise"])
+def test_points_in_the_order_of_measurement_tell_their_times(turn):
+    timing = choose(raw(turn, 90.0))
+    assert (timing.source, timing.turn) == ("order", turn)
+    assert timing.share == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("turns", [0.92, 1.09], ids=["less than a turn", "more than a turn"])
+def test_streams_cut_by_time_are_timed_by_the_order_of_their_points(turns):
+    timing = choose(free_running(turns))
+    assert (timing.source, timing.turn) == ("order", -1)
+    assert timing.share == pytest.approx(1.0, abs=0.02)
+    assert timing.order.turns_per_scan == pytest.approx(turns, abs=0.01)
+
+
+def test_a_sector_that_is_missing_and_wanders_tells_the_times_of_shuffled_points():
+    timing = choose(free_running(0.92, shuffled))
+    assert (timing.source, timing.turn, timing.seam_deg) == ("azimuth", -1, None)
+
+
+def test_what_was_tried_and_by_how_much_it_lost_is_said():
+    choice = choose_timing(
+        raw(-1, 180.0), OdometrySettings(voxel=0.5, start_steps=()), None, read_clock(raw(-1, 180.0))
+    )
+    said = choice.to_dict()
+    assert said["chosen"] == "order of the points (clockwise, 1.00 turns a scan)"
+    assert said["worse_percent"]["none (compensated already, or unknown)"] > 3.0
 
 
 def test_compensated_sweeps_are_left_alone():

@@ -120,7 +120,7 @@ class Server:
 @pytest.fixture(scope="session")
 def _s3(tmp_path_factory) -> Iterator[SimpleNamespace]:
     for package in ("moto", "flask", "s3fs"):
-        pytest.importorskip(package, reason=f"{package} is not installed: pip install 'automos[dev-scale]'")
+        pytest.importorskip(package, reason=f"{package} is not installed: pip install '.[dev-scale]'")
     server = Server(tmp_path_factory.mktemp("s3") / "server.log")
     keys = {"AWS_ACCESS_KEY_ID": "a-key", "AWS_SECRET_ACCESS_KEY": "a-secret-that-nobody-may-see"}
     before = dict(os.environ)

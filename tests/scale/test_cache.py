@@ -9,7 +9,7 @@ import pytest
 from automos.errors import InputError
 from automos.scale.cache import Cache
 
-fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'automos[scale]'")
+fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install '.[scale]'")
 
 MB = 10**6
 

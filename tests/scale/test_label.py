@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -199,6 +200,7 @@ class _Kept:
         return None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
 def test_when_the_parent_is_gone_its_workers_are_too(fleet, tmp_path):
     import subprocess
     import sys

@@ -1,5 +1,7 @@
 """A cluster of two machines that are one: units go to both, one is lost half way, and the labels are the same."""
 
+import os
+import sys
 import threading
 import time
 
@@ -13,7 +15,7 @@ from automos.scale.status import read_status
 
 pytestmark = pytest.mark.slow
 
-ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'automos[scale]'")
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install '.[scale]'")
 
 
 @pytest.fixture
@@ -74,3 +76,11 @@ def test_a_cluster_without_a_machine_large_enough_is_told(cluster, caplog):
 def test_a_cluster_that_is_not_there_is_told_in_a_sentence(fleet, tmp_path):
     with pytest.raises(InputError, match=r"no Ray cluster answers at 127\.0\.0\.1:1"):
         label_fleet(find_all(str(fleet.folder)), str(tmp_path), fleet.settings, Means(ray="127.0.0.1:1"))
+
+
+def test_workers_of_a_cluster_do_not_look_for_modules_where_its_caller_stands(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with RayCluster(cluster.address, 10**8):
+        looked_at = ray.get(ray.remote(lambda: list(sys.path)).remote())
+    assert not {"", ".", str(tmp_path)} & set(looked_at)
+    assert os.getcwd() == str(tmp_path)

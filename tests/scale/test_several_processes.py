@@ -14,7 +14,7 @@ from automos.pose_files import write_kitti
 pytestmark = pytest.mark.slow
 
 for package in ("torch", "pytorch_lightning", "torchmetrics"):
-    pytest.importorskip(package, reason="training needs PyTorch and Lightning: pip install 'automos[train]'")
+    pytest.importorskip(package, reason="training needs PyTorch and Lightning: pip install '.[train]'")
 
 SCRIPT = """
 import hashlib, json, os, sys

@@ -67,7 +67,7 @@ def test_a_folder_without_recordings_is_told_as_ever(tmp_path):
 
 
 def test_in_a_store_scans_side_by_side_are_a_recording_and_so_is_a_log():
-    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'automos[scale]'")
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install '.[scale]'")
     files = fsspec.filesystem("memory")
     for path in (
         "kitti/sequences/00/velodyne/000000.bin",

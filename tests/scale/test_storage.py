@@ -81,7 +81,7 @@ def test_addresses_are_told_from_paths():
 
 
 def test_a_kind_of_store_whose_package_is_missing_is_told_with_what_to_install():
-    pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'automos[scale]'")
+    pytest.importorskip("fsspec", reason="fsspec is not installed: pip install '.[scale]'")
     try:
         import gcsfs  # noqa: F401
     except ImportError:
@@ -110,9 +110,7 @@ def results(tmp_path):
 @pytest.fixture
 def target():
     """Return the URL of an empty place in a store in memory."""
-    files = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'automos[scale]'").filesystem(
-        "memory"
-    )
+    files = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install '.[scale]'").filesystem("memory")
     if files.exists("/out"):
         files.rm("/out", recursive=True)
     return "memory://out/a"

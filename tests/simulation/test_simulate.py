@@ -19,7 +19,7 @@ from automos.simulation import sequence as sequences
 
 def forget() -> None:
     """Drop all that the simulator remembers."""
-    for cache in (scenarios.build_world, sequences._cast, sequences._caster, sequences._verdicts):
+    for cache in (scenarios.build_world, sequences._world, sequences._cast, sequences._caster, sequences._verdicts):
         cache.cache_clear()
 
 

@@ -32,7 +32,7 @@ class BrickGrid:
         return self.n_voxels
 
     def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
-        """Return (M,) int32: the voxel of each of `points` (M, 3), level frame, within reach; new if need be."""
+        """Return (M,) int32: the voxel of each of `points` (M, 3), level frame; new if need be, -1 out of reach."""
         ids = np.empty(len(points), np.int32)
         done = 0
         while done < len(points):
@@ -70,9 +70,21 @@ def _cell(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
+def _is_inside(point, low, per_metre, table):  # type: ignore[no-untyped-def]
+    """Whether the table has a brick for a place; compared before it is made whole numbers: huge ones have none."""
+    is_inside = True
+    for a in range(3):
+        is_inside &= 0.0 <= (point[a] - low[a]) * per_metre < table.shape[a] * _SIDE
+    return is_inside
+
+
+@numba.njit(cache=True, nogil=True)
 def _insert(points, start, low, per_metre, table, cells, n_bricks, n_voxels, ids):  # type: ignore[no-untyped-def]
     """Write the voxels of `points` from `start` on into `ids`; return how far free bricks lasted, and counts."""
     for i in range(start, len(points)):
+        if not _is_inside(points[i], low, per_metre, table):
+            ids[i] = -1
+            continue
         x = int((points[i, 0] - low[0]) * per_metre)
         y = int((points[i, 1] - low[1]) * per_metre)
         z = int((points[i, 2] - low[2]) * per_metre)
@@ -98,7 +110,11 @@ def _pass_rays(origin, ends, low, per_metre, table, cells, stamp, passed):  # ty
     due, stride = np.empty(3), np.empty(3)
     for a in range(3):
         start[a] = (origin[a] - low[a]) * per_metre
+    if not _is_inside(origin, low, per_metre, table):
+        return
     for i in range(len(ends)):
+        if not _is_inside(ends[i], low, per_metre, table):
+            continue
         n = 0
         for a in range(3):
             end = (ends[i, a] - low[a]) * per_metre

@@ -14,6 +14,7 @@ import numpy as np
 
 from automos.baselines.batches import cut_batches, is_within
 from automos.errors import MissingExtraError
+from automos.extras import pip_install
 from automos.scan import Frames, Mask
 from automos.settings import DufomapSettings
 
@@ -30,7 +31,7 @@ def find_moving(frames: Frames, settings: DufomapSettings, start: int = 0) -> It
     try:
         dufomap = importlib.import_module("dufomap").dufomap
     except ImportError:
-        raise MissingExtraError("dufomap is not installed; run: pip install 'automos[dufomap]'") from None
+        raise MissingExtraError(f"dufomap is not installed; run: {pip_install('dufomap')}") from None
     for batch in cut_batches(frames, settings.batch, start):
         space = dufomap(settings.resolution, settings.d_s, settings.d_p)
         for k in batch.frames:

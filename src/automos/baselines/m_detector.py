@@ -1,149 +1,121 @@
 """M-detector: a point that hides what was seen a moment ago has moved, and so has what goes behind or before itself.
 
-Our reading of Wu, Li, Xu, Kong, Zhang, "Moving event detection from LiDAR point streams" (Nature Communications 2024),
-scan by scan. Past scans are depth images. Test 1: the point lies before the static points of several images, and on
-those of none. Tests 2 and 3: along its ray, what was seen before went away, or came nearer, step by step. The points
-that pass are clustered, small clusters dropped, the others completed ("frame-out"). Only the past is used.
+Our reading of Wu, Li, Xu, Kong, Zhang, "Moving event detection from LiDAR point streams" (Nature Communications 2024)
+with the authors' parameters for KITTI, scan by scan. Past scans are depth images that keep their points. Points that
+pass one of three tests are events; clusters of them are completed to objects, and what was found is no longer taken for
+something that stood ("frame-out", "cluster future"). Only the past is used.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import is_within
+from automos.baselines.depth_images import DepthImage, Stack, Window, draw, stack
+from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.neighbours_in_time import scans_at
-from automos.baselines.range_image import ImageShape, pixel_of, shape_for
-from automos.baselines.regions import drop_small_regions, grow_regions
+from automos.baselines.occlusion_tests import AlongRay, Crossing, find_along_ray, find_crossing, leave_out_standing
+from automos.baselines.range_image import ImageShape, shape_for
 from automos.candidates.ground import segment_ground
-from automos.geometry import inverse, transform
+from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask
-from automos.settings import GroundSettings, MDetectorSettings
+from automos.settings import AlongRaySettings, GroundSettings, MDetectorSettings
 
-
-@dataclass(frozen=True, eq=False)
-class _DepthImage:
-    """A past scan. `static` and `all` are (rows, columns, 2) float32: shortest and longest range around each pixel."""
-
-    frame: Frame
-    stamp: float
-    static: npt.NDArray[np.float32]
-    all: npt.NDArray[np.float32]
+_PREFILTER = 2
+"""Images in which most of what stands is found, before the tests are asked."""
 
 
 def find_moving(
     frames: Frames, stamps: npt.NDArray, settings: MDetectorSettings, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    shape = shape_for(frames, settings.row_deg, settings.column_deg)
+    shape = shape_for(frames, float(np.degrees(settings.row)), float(np.degrees(settings.column)))
+    tests = _Tests(settings, shape)
     lags = settings.gap * np.arange(1, settings.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
-    past: deque[tuple[int, _DepthImage]] = deque()
+    past: deque[tuple[int, DepthImage]] = deque()
     for k in range(warm_up, len(frames)):
-        frame = frames[k]
-        asked = scans_at(stamps, k, -lags)
+        frame, asked = frames[k], scans_at(stamps, k, -lags)
         while past and past[0][0] < min([*asked, k]):
             past.popleft()
         images = [image for j in asked for i, image in past if i == j]
+        is_event = tests.find_events(frame, float(stamps[k]), images)
         is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
-        is_object &= is_within(frame, settings.max_range)
-        is_moving = _find_events(frame, is_object, float(stamps[k]), images, shape, settings)
-        is_moving = drop_small_regions(frame.points_level, is_moving, settings.cluster_voxel, settings.cluster_points)
-        is_moving = grow_regions(
-            frame.points_level, is_moving, is_object, settings.cluster_voxel, settings.cluster_steps
-        )
-        past.append((k, _draw(frame, float(stamps[k]), is_moving, shape)))
+        is_moving = complete_clusters(frame.points_level, is_event, is_object, settings)
+        past.append((k, draw(frame.points, is_moving, frame.T_level_sensor, float(stamps[k]), shape)))
         if k >= start:
             yield k, is_moving
 
 
-def _draw(frame: Frame, stamp: float, is_moving: Mask, shape: ImageShape) -> _DepthImage:
-    return _DepthImage(frame, stamp, _span_around(frame.points[~is_moving], shape), _span_around(frame.points, shape))
+class _Tests:
+    """The three tests with their windows, made as wide as the sensor asks for."""
 
-
-@numba.njit(cache=True, nogil=True)
-def _span_around(points, shape):  # type: ignore[no-untyped-def]
-    """Return (rows, columns, 2) float32: shortest and longest range of 3 x 3 pixels; inf, -inf: none."""
-    h, w = shape.rows, shape.columns
-    span = np.empty((h, w, 2), np.float32)
-    span[:, :, 0], span[:, :, 1] = np.inf, -np.inf
-    for i in range(len(points)):
-        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
-        if v >= 0:
-            for b in range(max(v - 1, 0), min(v + 2, h)):
-                for a in range(u - 1, u + 2):
-                    a = a - w if a >= w else a  # negative columns count from the end by themselves
-                    span[b, a, 0] = min(span[b, a, 0], r)
-                    span[b, a, 1] = max(span[b, a, 1], r)
-    return span
-
-
-def _find_events(
-    frame: Frame,
-    is_object: Mask,
-    stamp: float,
-    images: list[_DepthImage],
-    shape: ImageShape,
-    settings: MDetectorSettings,
-) -> Mask:
-    """Return (M,) bool: the frame's points that pass any of the three tests; `images` are from near to far in time."""
-    n = int(is_object.sum())
-    hides, agrees = np.zeros((2, n), np.int32)
-    ranges, times = np.full((n, len(images) + 1), np.nan, np.float32), np.zeros(len(images) + 1)
-    ranges[:, 0] = np.linalg.norm(frame.points[is_object], axis=1)
-    for column, image in enumerate(images, start=1):
-        there = transform(inverse(image.frame.T_level_sensor) @ frame.T_level_sensor, frame.points[is_object])
-        times[column] = stamp - image.stamp
-        _compare(
-            there, image.static, image.all, shape, settings.depth, settings.depth_share, hides, agrees, ranges, column
+    def __init__(self, settings: MDetectorSettings, shape: ImageShape):
+        self._shape, self._min_range = shape, settings.min_range
+        self._wider = 2.0 * np.pi / shape.columns / settings.column
+        self._higher = shape.row_height / settings.row
+        away, nearer = settings.away, settings.nearer
+        self._crossing = Crossing(
+            settings.depth,
+            settings.hidden_images,
+            self._window(settings.stands_width, settings.stands_height, settings.stands_metres),
+            settings.tolerance,
+            self._window(settings.surface_width, settings.surface_height),
+            settings.surface_near,
+            settings.surface_from,
+            settings.surface_far,
+            settings.surface_per_metre,
+            settings.surface_reach,
         )
-    out = np.zeros_like(is_object)
-    out[is_object] = (hides >= settings.min_occluded) & (agrees <= settings.max_agreeing)
-    out[is_object] |= _goes_along_ray(
-        ranges, times, settings.depth, settings.depth_share, settings.max_speed, settings.chain
-    )
-    return out
+        self._along = (self._along_ray(1.0, away), self._along_ray(-1.0, nearer))
+        # what agrees within the smallest of the tests' windows stands for all of them
+        self._prefilter = self._window(
+            min(settings.stands_width, away.stands_width, nearer.stands_width),
+            min(settings.stands_height, away.stands_height, nearer.stands_height),
+        )
+        self._plainly = min(settings.tolerance, away.tolerance, nearer.tolerance)
+
+    def _window(self, width: float, height: float, metres: float = 0.0) -> Window:
+        return Window(float(width * self._wider), float(height * self._higher), float(metres))
+
+    def _along_ray(self, sign: float, about: AlongRaySettings) -> AlongRay:
+        return AlongRay(
+            sign,
+            self._window(about.width, about.height),
+            about.depth,
+            about.share,
+            about.reach,
+            about.min_speed,
+            about.max_acceleration,
+            self._window(about.stands_width, about.stands_height),
+            about.tolerance,
+            self._window(about.even_window, about.even_window),
+            about.even_depth,
+            about.even_reach,
+        )
+
+    def find_events(self, frame: Frame, stamp: float, images: list[DepthImage]) -> Mask:
+        """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""
+        points, shape = frame.points, self._shape
+        is_asked = np.einsum("ij,ij->i", points, points) > self._min_range**2
+        if not images:
+            return np.zeros_like(is_asked)
+        past = stack(images)
+        T = np.stack([_between(image.T_level_sensor, frame.T_level_sensor) for image in images])
+        leave_out_standing(points, is_asked, T, past, self._prefilter, self._plainly, _PREFILTER, shape)
+        is_event = find_crossing(points, is_asked, T, past, self._crossing, shape)
+        if len(images) > 1:
+            now: Stack = stack([draw(points, np.zeros_like(is_asked), frame.T_level_sensor, stamp, shape)])
+            T_between = _between(images[1].T_level_sensor, images[0].T_level_sensor)
+            gaps = -np.diff([stamp, images[0].stamp, images[1].stamp])
+            for case in self._along:
+                is_event |= find_along_ray(points, is_asked & ~is_event, T, T_between, gaps, now, past, case, shape)
+        return is_event
 
 
-@numba.njit(cache=True, nogil=True)
-def _compare(points, static, everything, shape, depth, share, hides, agrees, ranges, column):  # type: ignore[no-untyped-def]
-    """Add to `hides` and `agrees` (M,) what one image says; write into `ranges` how far it saw, as if from here."""
-    for i in range(len(points)):
-        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
-        if v < 0:
-            continue
-        tolerance = depth + share * r
-        if static[v, u, 0] < np.inf:
-            if static[v, u, 0] > r + tolerance:
-                hides[i] += 1
-            elif static[v, u, 1] >= r - tolerance:
-                agrees[i] += 1
-        if everything[v, u, 0] < np.inf and everything[v, u, 1] - everything[v, u, 0] < tolerance:
-            ranges[i, column] = ranges[i, 0] + 0.5 * (everything[v, u, 0] + everything[v, u, 1]) - r
-
-
-@numba.njit(cache=True, nogil=True)
-def _goes_along_ray(ranges, times, depth, share, max_speed, chain):  # type: ignore[no-untyped-def]
-    """Return (M,) bool: the points whose direction held something ever nearer, or ever farther, back in time.
-
-    ranges : (M, I + 1) metres from now back, nan where there was none.   times : (I + 1,) seconds ago.
-    """
-    out = np.zeros(len(ranges), np.bool_)
-    for i in range(len(ranges)):
-        for sign in (-1.0, 1.0):
-            steps, last, speed = 0, 0, 0.0
-            for j in range(1, len(times)):
-                way = sign * (ranges[i, j] - ranges[i, last])
-                gap = times[j] - times[last]
-                if np.isnan(way) or way < depth + share * ranges[i, 0]:
-                    continue
-                if way > max_speed * gap or (steps > 0 and not 0.67 * speed < way / gap < 1.5 * speed):
-                    break
-                steps, last, speed = steps + 1, j, way / gap
-            out[i] |= steps >= chain
-    return out
+def _between(T_level_there: npt.NDArray, T_level_here: npt.NDArray) -> npt.NDArray[np.float32]:
+    """Return (3, 4) float32, the transform from one sensor frame to another."""
+    return (inverse(T_level_there) @ T_level_here)[:3].astype(np.float32)

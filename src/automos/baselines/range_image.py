@@ -59,7 +59,7 @@ def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
     # `turn_of` is half a turn ahead and grows with the angle: of (level, z) it is the elevation.
     elevation = (turn_of(level, z) - np.float32(0.5)) * np.float32(6.2831853)
     row = (elevation - np.float32(shape.lowest)) / np.float32(shape.row_height)
-    if row < np.float32(0.0) or row >= shape.rows:
+    if not np.float32(0.0) <= row < shape.rows:
         return -1, 0, r
     return int(row), int(turn_of(x, y) * shape.columns), r
 

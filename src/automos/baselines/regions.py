@@ -36,22 +36,30 @@ def drop_small_regions(points: npt.NDArray, is_member: Mask, voxel: float, min_p
 
     points : (M, 3) metres.   voxel : metres.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     rows = np.flatnonzero(is_member)
     if not len(rows):
         return is_member
-    grid, ids = _voxels(points[rows], voxel)
-    around = grid.neighbours(np.arange(len(grid), dtype=np.int32), grid.indices(), 1)
+    region_of, _ = label_regions(points[rows], voxel, 1)
+    out = np.zeros_like(is_member)
+    out[rows] = np.bincount(region_of)[region_of] >= min_points
+    return out
+
+
+def label_regions(points: npt.NDArray, voxel: float, reach: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Return (M,) int32 the region of each point and (M,) int32 its voxel; voxels are joined over `reach` steps.
+
+    points : (M, 3) metres.   voxel : metres.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    grid, ids = _voxels(points, voxel)
+    around = grid.neighbours(np.arange(len(grid), dtype=np.int32), grid.indices(), reach)
     voxel_of, other = np.repeat(np.arange(len(grid)), around.shape[1]), around.ravel()
     touches = other >= 0
     links = coo_matrix((touches[touches], (voxel_of[touches], other[touches])), shape=(len(grid), len(grid)))
     _, region = connected_components(links, directed=False)
-    size = np.bincount(region[ids])
-    out = np.zeros_like(is_member)
-    out[rows] = size[region[ids]] >= min_points
-    return out
+    return region[ids], ids
 
 
 def _voxels(points: npt.NDArray, voxel: float) -> tuple[BrickGrid, npt.NDArray[np.int32]]:

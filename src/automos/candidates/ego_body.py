@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from automos.candidates.free_space_image import make_image, pyramid_shape
-from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, turn_of
+from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, sine_bin, turn_of
 from automos.candidates.free_space_vote import EDGE, HIT, look_through
 from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask, Points
@@ -186,7 +186,7 @@ def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 def _cell(x, y, z, row_of_sine, h, w):  # type: ignore[no-untyped-def]
     """Range, row (-1 outside the pattern) and column of a point."""
     r = np.sqrt(x * x + y * y + z * z)
-    row = row_of_sine[int((z / r + np.float32(1.0)) * np.float32((len(row_of_sine) - 1) / 2))]
+    row = row_of_sine[sine_bin(z, r, len(row_of_sine))]
     v = int(row) if 0.0 <= row < h else -1
     return r, v, int(turn_of(x, y) * np.float32(w))
 

@@ -143,7 +143,7 @@ def polar_bins(points, max_range, rings, sectors, min_height, max_height):  # ty
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y)
-        if z <= min_height or z >= max_height or r > max_range:
+        if not (min_height < z < max_height and r <= max_range):  # what is no number is outside
             continue
         ring = min(int(r / max_range * rings), rings - 1)
         angle = np.arctan2(y, x)

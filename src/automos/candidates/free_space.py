@@ -171,7 +171,9 @@ class FreeSpace:
 
         ids = find_seen_through(votes)
         support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
-        is_supported = find_supported(mine.objects[:, ids], mine.motion, lidar.pattern, mine.image, *support)
+        is_supported = find_supported(
+            np.take(mine.objects, ids, axis=1), mine.motion, mine.pattern, mine.image, *support
+        )
         weaken_lone(votes, ids, is_supported, self.settings.lone_weight)
 
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
@@ -204,7 +206,7 @@ class FreeSpace:
         ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
         for k, (view, lidar) in enumerate(zip(other.views, self.lidars, strict=True)):
             T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-            scan = (view.motion, lidar.pattern, lidar.pyramid, view.image)
+            scan = (view.motion, view.pattern, lidar.pyramid, view.image)
             look_through(points, T, *scan, tolerances, codes, ranges, misses)
             said = votes if k == 0 else np.zeros_like(votes)
             pitch = np.float32(lidar.pattern.row_height)

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import BeamPattern, turn_of
+from automos.candidates.free_space_pattern import BeamPattern, sine_bin, turn_of
 from automos.scan import EGO_BODY, OBJECT, Points
 
 UNIT = 0.01
@@ -93,17 +93,17 @@ def make_image(points: Points, kind: npt.NDArray[np.uint8], pattern: BeamPattern
 @numba.njit(cache=True, nogil=True)
 def _project(points, kind, row_of_sine, rays, solid):  # type: ignore[no-untyped-def]
     h, w = solid.shape
-    half = np.float32((len(row_of_sine) - 1) / 2)
     for i in range(len(points)):
         if kind[i] == EGO_BODY:
             continue
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y + z * z)
-        row = row_of_sine[int((z / r + np.float32(1.0)) * half)]
-        if row < 0.0 or row >= h:
+        row = row_of_sine[sine_bin(z, r, len(row_of_sine))]
+        if not 0.0 <= row < h:
             continue
         v, u = int(row), int(turn_of(x, y) * np.float32(w))
-        q = np.uint16(min(r * np.float32(1.0 / UNIT), np.float32(_NONE - 1)))
+        steps = r * np.float32(1.0 / UNIT)
+        q = np.uint16(steps) if steps < np.float32(_NONE - 1) else np.uint16(_NONE - 1)
         rays[v, u, 0] = min(rays[v, u, 0], q)
         rays[v, u, 1] = max(rays[v, u, 1], q)
         if kind[i] == OBJECT:

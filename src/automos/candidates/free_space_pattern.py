@@ -21,6 +21,8 @@ from automos.scan import Frame, Points
 _SINE_BINS = 4096
 _MIN_POINTS = 100
 _TIME_BINS = 360
+_SAME_LOOK = 0.5
+"""Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
 _MICRO_ROW = np.radians(0.05)
 _ELEVATION_BIN = np.radians(0.25)
 _LONGEST_GAP = np.radians(2.5)
@@ -36,7 +38,8 @@ class BeamPattern(NamedTuple):
     row_height, column_width : radians between neighbouring rows (the median) and columns.
     row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
     sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along directions evenly spaced in
-        `rough_turn_of`; zeros where directions have no fixed time.
+        `rough_turn_of`; zeros where directions have no fixed time. A driver that cuts its stream by time has another
+        one in every scan: `seen_in` returns it.
     """
 
     n_rows: int
@@ -84,7 +87,8 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     angle = np.float32(1.5707964) - angle if ay > ax else angle
     angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
     angle = -angle if y < np.float32(0.0) else angle
-    return min(max(angle * np.float32(0.15915494) + np.float32(0.5), np.float32(0.0)), np.float32(0.9999999))
+    turn = angle * np.float32(0.15915494) + np.float32(0.5)
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
 
 
 @numba.njit(cache=True, nogil=True)
@@ -92,7 +96,15 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
     share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
     turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
-    return min(turn, np.float32(0.9999999))
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
+    """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
+    half = np.float32((n_bins - 1) / 2)
+    at = (z / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
+    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
@@ -100,14 +112,15 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
 
     Frames of hardly a point show none; where all are like that, rows and columns are half a degree apart.
     """
-    azimuths, elevations, times = [], [], []
+    azimuths, elevations, frame_times = [], [], np.zeros(_TIME_BINS, np.float32)
     for frame in frames:
         if len(frame.points) < _MIN_POINTS:
             continue
-        points = raw_points(frame).astype(np.float64)
+        raw = raw_points(frame)
+        points = raw.astype(np.float64)
         azimuths.append(np.arctan2(points[:, 1], points[:, 0]))
         elevations.append(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
-        times.append(frame.sweep_time)
+        frame_times = frame_times if frame_times.any() else times_of_directions(raw, frame.sweep_time)
     if not azimuths:
         half_degree = np.radians(0.5)
         return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
@@ -121,7 +134,44 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     rows = np.concatenate([[0.0], np.cumsum(density)])
     n_rows = max(round(rows[-1]), 2)
     centres = np.interp((np.arange(n_rows) + 0.5) * rows[-1] / n_rows, rows, edges)
-    return _make_pattern(centres, step, _time_of_direction(azimuths, times))
+    return _make_pattern(centres, step, frame_times)
+
+
+def seen_in(frame: Frame, raw: Points, pattern: BeamPattern) -> tuple[BeamPattern, npt.NDArray[np.bool_]]:
+    """Return the pattern with the times of one scan, and which of its points the sensor saw when it last looked there.
+
+    A scan of more than a turn looks twice into a sector, from two places. One range image can show only one of them.
+
+    Parameters
+    ----------
+    frame : the scan.
+    raw : (M, 3) its `raw_points`.
+    pattern : of the sensor.
+
+    Returns
+    -------
+    pattern : the same with the `sweep_time` of this scan.
+    is_last : (M,) bool, all true where no sector was seen twice.
+    """
+    times = times_of_directions(raw, frame.sweep_time)
+    if frame.sweep_time is None or not times.any():
+        return pattern._replace(sweep_time=times), np.ones(len(raw), np.bool_)
+    return pattern._replace(sweep_time=times), _is_last_look(raw, frame.sweep_time, times)
+
+
+def times_of_directions(raw: Points, times: npt.NDArray[np.float32] | None) -> npt.NDArray[np.float32]:
+    """Return (360,) float32 when in the sweep a scan last looked along each direction; zeros where that is not fixed.
+
+    raw : (M, 3) float32, sensor frame of the raw sweep.  times : (M,) in [-0.5, 0.5], or None.
+    """
+    if times is None or len(raw) < _MIN_POINTS:
+        return np.zeros(_TIME_BINS, np.float32)
+    out, spread, n = _latest_times(raw, times, _TIME_BINS)
+    seen = np.flatnonzero(n)
+    if np.median(spread[n > 1]) > 0.1 if (n > 1).any() else True:  # of the sweep: the pattern does not turn with time
+        return np.zeros(_TIME_BINS, np.float32)
+    nearest = seen[np.searchsorted(0.5 * (seen[1:] + seen[:-1]), np.arange(_TIME_BINS))]
+    return out[nearest]
 
 
 def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> tuple[float | None, float]:
@@ -203,26 +253,34 @@ def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.
     )
 
 
-def _time_of_direction(azimuths: list[npt.NDArray], times: list[npt.NDArray | None]) -> npt.NDArray[np.float32]:
-    out = np.zeros(_TIME_BINS, np.float32)
-    known = [(a, t) for a, t in zip(azimuths, times, strict=True) if t is not None]
-    if not known:
-        return out
-    azimuth, time = np.concatenate([a for a, _ in known]), np.concatenate([t for _, t in known]).astype(np.float64)
-    bins = (_rough_turns(np.cos(azimuth), np.sin(azimuth)) * _TIME_BINS).astype(np.int64)
-    n = np.maximum(np.bincount(bins, minlength=_TIME_BINS), 1)
-    mean = np.bincount(bins, time, _TIME_BINS) / n
-    spread = np.sqrt(np.maximum(np.bincount(bins, time**2, _TIME_BINS) / n - mean**2, 0.0))
-    if np.median(spread[n > 1]) > 0.1:  # a tenth of the sweep: the pattern does not turn with time
-        return out
-    return mean.astype(np.float32)
+@numba.njit(cache=True, nogil=True)
+def _latest_times(raw, times, n_bins):  # type: ignore[no-untyped-def]
+    """Return for each direction the mean time of the last look at it, its deviation, and how many points it saw."""
+    latest = np.full(n_bins, np.float32(-1.0))
+    total, square, n = np.zeros(n_bins), np.zeros(n_bins), np.zeros(n_bins, np.int64)
+    for i in range(len(raw)):
+        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n_bins))
+        latest[b] = max(latest[b], times[i])
+    for i in range(len(raw)):
+        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n_bins))
+        if times[i] > latest[b] - np.float32(_SAME_LOOK):
+            total[b] += times[i]
+            square[b] += float(times[i]) ** 2
+            n[b] += 1
+    mean, spread = np.zeros(n_bins, np.float32), np.zeros(n_bins)
+    for b in range(n_bins):
+        if n[b] > 0:
+            mean[b] = total[b] / n[b]
+            spread[b] = np.sqrt(max(square[b] / n[b] - float(mean[b]) ** 2, 0.0))
+    return mean, spread, n
 
 
 @numba.njit(cache=True, nogil=True)
-def _rough_turns(x, y):  # type: ignore[no-untyped-def]
-    out = np.empty(len(x), np.float32)
-    for i in range(len(x)):
-        out[i] = rough_turn_of(np.float32(x[i]), np.float32(y[i]))
+def _is_last_look(raw, times, latest):  # type: ignore[no-untyped-def]
+    out = np.empty(len(raw), np.bool_)
+    for i in range(len(raw)):
+        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(len(latest)))
+        out[i] = times[i] > latest[b] - np.float32(_SAME_LOOK)
     return out
 
 
@@ -230,7 +288,8 @@ def _rough_turns(x, y):  # type: ignore[no-untyped-def]
 def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
     n = len(T)
     for i in range(len(points)):
-        M = T[min(max(int((time[i] + 0.5) * n), 0), n - 1)]
+        step = (time[i] + 0.5) * n
+        M = T[int(min(step, n - 1.0)) if step > 0.0 else 0]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for k in range(3):
             out[i, k] = M[k, 0] * x + M[k, 1] * y + M[k, 2] * z + M[k, 3]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from automos.candidates.ego_body import EgoBody, find_ego_body
 from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
-from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points
+from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points, seen_in
 from automos.candidates.ground import fit_ground, is_on_ground
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames, Mask, Pose
 from automos.settings import EgoBodySettings, GroundSettings
@@ -37,6 +37,7 @@ class View:
     rows : which of the frame's points it measured.   is_object : (R,) which of these may be objects.
     objects : (3, K) float32, metres, these points in the LiDAR's frame at mid-sweep.
     image : of all its points.   motion : (6,) float32, twist of the LiDAR over the sweep, zeros where unknown.
+    pattern : the LiDAR's, with the times of this scan.
     """
 
     rows: npt.NDArray[np.int64] | slice
@@ -44,6 +45,7 @@ class View:
     objects: npt.NDArray[np.float32]
     image: RangeImage
     motion: npt.NDArray[np.float32]
+    pattern: BeamPattern
     T_level_sensor: Pose
 
 
@@ -100,9 +102,10 @@ def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, kind: npt.NDArray[np
     raw = raw_points(part)
     kind_here = np.where(lidar.body.covers(raw, kind[rows] == GROUND), np.uint8(EGO_BODY), kind[rows])
     kind[rows] = kind_here
-    image = make_image(raw, kind_here, lidar.pattern, lidar.pyramid)
+    pattern, is_last = seen_in(part, raw, lidar.pattern)
+    image = make_image(raw, np.where(is_last, kind_here, np.uint8(EGO_BODY)), pattern, lidar.pyramid)
     knows_motion = part.sweep_motion is not None and part.sweep_time is not None
     motion = np.asarray(part.sweep_motion if knows_motion else np.zeros(6), np.float32)
     is_object = kind_here == OBJECT
     objects = np.take(part.points, np.flatnonzero(is_object), axis=0)
-    return View(rows, is_object, np.ascontiguousarray(objects.T), image, motion, part.T_level_sensor)
+    return View(rows, is_object, np.ascontiguousarray(objects.T), image, motion, pattern, part.T_level_sensor)

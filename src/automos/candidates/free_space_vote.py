@@ -16,6 +16,8 @@ from automos.candidates.free_space_pattern import rough_turn_of, turn_of
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 
 _BLOCK = 512
+_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
+"""All liberties of fast arithmetic but those that take every number for finite."""
 
 
 @numba.njit(cache=True, nogil=True)
@@ -50,7 +52,7 @@ def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
     return n >= 4 and above and below and left and right
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, fastmath=_FAST)
 def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type: ignore[no-untyped-def]
     """Write row, column and range on the other scan's grid of `n` points from `start` on.
 
@@ -63,7 +65,8 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
     xs, ys, zs, ranges, rows = buffers[0], buffers[1], buffers[2], buffers[3], buffers[4]
     px, py, pz = points[0], points[1], points[2]
     n_times, n_columns = np.float32(len(pattern.sweep_time)), np.float32(pattern.n_columns)
-    half = np.float32((len(pattern.row_of_sine) - 1) / 2)
+    n_bins = len(pattern.row_of_sine)
+    half = np.float32((n_bins - 1) / 2)
     for i in range(n):
         a, b, c = px[start + i], py[start + i], pz[start + i]
         x = T00 * a + T01 * b + T02 * c + T03
@@ -79,7 +82,8 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
         nz = z - s * (vz + wx * y - wy * x)
         r = np.sqrt(nx * nx + ny * ny + nz * nz)
         ranges[i] = r
-        bins[i] = np.int32((nz / max(r, np.float32(1e-6)) + np.float32(1.0)) * half)
+        at = (nz / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
+        bins[i] = np.int32(at) if np.float32(0.0) <= at < n_bins else np.int32(0)
         columns[i] = np.int32(turn_of(nx, ny) * n_columns)
     for i in range(n):
         rows[i] = pattern.row_of_sine[np.uint32(bins[i])]
@@ -90,11 +94,12 @@ def find_supported(points, motion, pattern, image, tolerance, tolerance_per_metr
     """Return (K,) bool: which of a scan's own `points` (3, K) float32 go on to the rows above or below and sideways.
 
     A twig, a wire or the edge of a slab fits between the rays of other scans; what other rays of the same scan met as
-    well does not. `motion`, `pattern` and `image` are the scan's.
+    well does not. `points` are contiguous; `motion`, `pattern` and `image` are the scan's.
     """
     h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
     buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
-    T = np.eye(4, dtype=np.float32)
+    T = np.zeros((3, 4), np.float32)
+    T[0, 0] = T[1, 1] = T[2, 2] = 1.0
     n_points = points.shape[1]
     is_supported = np.zeros(n_points, np.bool_)
     for start in range(0, n_points, _BLOCK):
@@ -102,7 +107,7 @@ def find_supported(points, motion, pattern, image, tolerance, tolerance_per_metr
         _aim(points, start, stop - start, T, motion, pattern, buffers, bins, columns)
         for i in range(start, stop):
             r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
-            if row < np.float32(0.0) or row >= h:
+            if not np.float32(0.0) <= row < h:
                 continue
             v, q = int(row), r * per_unit
             near = (tolerance + tolerance_per_metre * r) * per_unit
@@ -142,7 +147,7 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
             r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
             ranges[i] = r
             codes[i] = UNSEEN
-            if r < np.float32(1.0) or row < np.float32(0.0) or row >= h:
+            if not (r >= np.float32(1.0) and np.float32(0.0) <= row < h):
                 continue
             v = int(row)
             misses[i] = abs(row - v - np.float32(0.5)) * np.float32(pattern.row_height) * r

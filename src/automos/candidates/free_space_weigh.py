@@ -12,6 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_vote import HIT, THROUGH, WEAK
+from automos.scan import Mask
+
+Votes = npt.NDArray[np.int8]
 
 ONE = 64
 """A whole vote: votes are kept as int8 in fractions of it, because there are many."""
@@ -55,32 +58,19 @@ def join_votes(votes: npt.NDArray[np.int8], more: npt.NDArray[np.int8]) -> None:
     np.copyto(votes, np.where((votes < 0) | (more < 0), np.minimum(votes, more), np.maximum(votes, more)))
 
 
-@numba.njit(cache=True, nogil=True)
-def find_open(votes, is_asked, sure_hits):  # type: ignore[no-untyped-def]
+def find_open(votes: Votes, is_asked: Mask, sure_hits: int) -> npt.NDArray[np.int64]:
     """Return the ids (J,) of the points that those asked do not agree to have hit.
 
     votes : (P, K) int8.   is_asked : (P,) which rows hold votes.   sure_hits : how many hits are enough.
     """
-    n_scans, n = votes.shape
-    is_through = np.zeros(n, np.bool_)
-    n_hits = np.zeros(n, np.uint8)
-    for k in range(n_scans):
-        if is_asked[k]:
-            for i in range(n):
-                is_through[i] |= votes[k, i] > 0
-                n_hits[i] += votes[k, i] < 0
-    return np.flatnonzero(is_through | (n_hits < sure_hits))
+    asked = votes[is_asked]
+    n_hits = (asked < 0).sum(axis=0, dtype=np.uint8)
+    return np.flatnonzero((asked.max(axis=0, initial=0) > 0) | (n_hits < sure_hits))
 
 
-@numba.njit(cache=True, nogil=True)
-def find_seen_through(votes):  # type: ignore[no-untyped-def]
+def find_seen_through(votes: Votes) -> npt.NDArray[np.int64]:
     """Return the ids (J,) of the points with any see-through in `votes` (P, K) int8."""
-    n_scans, n = votes.shape
-    is_through = np.zeros(n, np.bool_)
-    for k in range(n_scans):
-        for i in range(n):
-            is_through[i] |= votes[k, i] > 0
-    return np.flatnonzero(is_through)
+    return np.flatnonzero(votes.max(axis=0, initial=0) > 0)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -113,14 +113,20 @@ def _start_height(lowest: npt.NDArray, settings: GroundSettings) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _sector_and_ring(x, y, n_sectors, ring):  # type: ignore[no-untyped-def]
-    """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset."""
+def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped-def]
+    """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset.
+
+    The ring is `n_rings` for all that is further out, and for what is no number.
+    """
+    far = np.sqrt(x * x + y * y) / ring
+    if not far < n_rings:  # compared before it is made a whole number: huge ones have none
+        return 0, n_rings
     size = abs(x) + abs(y)
     if size == 0.0:
         return 0, 0
     turn = 0.25 * (1.0 - x / size)
     turn = turn if y >= 0.0 else 1.0 - turn
-    return min(int(turn * n_sectors), n_sectors - 1), int(np.sqrt(x * x + y * y) / ring)
+    return min(int(turn * n_sectors), n_sectors - 1), int(far)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -128,7 +134,7 @@ def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-unt
     """Heights above the sensor of the lowest and highest point per sector and ring."""
     n_sectors, n_rings = lowest.shape
     for i in range(len(points)):
-        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, ring)
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, n_rings, ring)
         if k < n_rings:
             z = points[i, 2] - origin[2]
             lowest[j, k] = min(lowest[j, k], z)
@@ -178,7 +184,7 @@ def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, su
     n_sectors, n_rings = lowest.shape
     h, w = sums.shape
     for i in range(len(points)):
-        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, cell)
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, n_rings, cell)
         if k >= n_rings or not is_ground[j, k] or points[i, 2] - origin[2] - lowest[j, k] > step:
             continue
         u, v = int((points[i, 0] - corner[0]) / cell), int((points[i, 1] - corner[1]) / cell)
@@ -233,7 +239,8 @@ def _blend(values, weights, filled):  # type: ignore[no-untyped-def]
 def _sample(grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of `grid` at column x, row y (whole numbers are the cells' centres), clamped to its border."""
     h, w = grid.shape
-    x, y = min(max(x, 0.0), w - 1.0), min(max(y, 0.0), h - 1.0)
+    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for what is no number
+    y = min(y, h - 1.0) if y > 0.0 else 0.0
     u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
     fx, fy = x - u, y - v
     u2, v2 = min(u + 1, w - 1), min(v + 1, h - 1)

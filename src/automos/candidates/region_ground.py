@@ -45,6 +45,8 @@ def fit_region_ground(points, seed_height, n_skipped, n_lowest, n_iterations, di
                 for a in range(3):
                     for c in range(3):
                         covariance[a, c] += (points[i, a] - mean[a]) * (points[i, c] - mean[c])
+        if not np.isfinite(covariance).all():
+            break
         normal = np.linalg.eigh(covariance)[1][:, 0]
         if normal[2] < 0.0:
             normal = -normal

@@ -10,6 +10,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import whole_below
+
 _BITS = 21  # per axis of a packed key: +-1e6 voxels, 200 km at 0.2 m
 _OFFSET = 1 << (_BITS - 1)
 _EMPTY = np.int64(-1)
@@ -84,9 +86,9 @@ def _slot(key, keys):  # type: ignore[no-untyped-def]
 def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
-        kx = np.int64(np.floor(x * per_metre)) + _OFFSET
-        ky = np.int64(np.floor(y * per_metre)) + _OFFSET
-        kz = np.int64(np.floor(z * per_metre)) + _OFFSET
+        kx = whole_below(x * per_metre) + _OFFSET
+        ky = whole_below(y * per_metre) + _OFFSET
+        kz = whole_below(z * per_metre) + _OFFSET
         key = (kx << (2 * _BITS)) | (ky << _BITS) | kz
         slot = _slot(key, keys)
         if keys[slot] == -1:

@@ -72,9 +72,12 @@ class Comparison:
 
     def tables(self) -> list[Table]:
         """Return Table I, and how far the methods agree."""
-        from rich.table import Table
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Column, Table
+        from rich.text import Text
 
-        table = Table(title=f"{self.recording}: {self.n_scans} scans, {self.poses}")
+        why = "\n".join(f"{TITLES[name]}: {reason}" for name, reason in self.missing.items())
+        table = Table(title=f"{self.recording}: {self.n_scans} scans, {self.poses}", caption=Text(why) if why else None)
         table.add_column("method")
         for heading in ("IoU %", "precision %", "recall %", "s/scan", "peak MB"):
             table.add_column(heading, justify="right")
@@ -83,11 +86,12 @@ class Comparison:
             ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
             memory = "" if math.isnan(cost.peak_memory) else f"{cost.peak_memory / 1e6:.0f}"
             table.add_row(TITLES[name], *ratios, f"{cost.seconds_per_scan:.2f}", memory)
-        for name, why in self.missing.items():
-            table.add_row(TITLES[name], why)
-        matrix = Table("", *map(str, range(1, len(self.agreement.methods) + 1)), title="agreement: IoU % of what moves")
-        for k, (name, row) in enumerate(zip(self.agreement.methods, self.agreement.iou, strict=True), start=1):
-            matrix.add_row(f"{k} {TITLES[name]}", *(_percent(value) for value in row))
+        names = [TITLES[name] for name in self.agreement.methods]
+        columns = (Column(f"{k + 1}", justify="right") for k in range(len(names)))
+        matrix = Table(Column(no_wrap=True), *columns, title="agreement: IoU % of what moves", box=SIMPLE_HEAD)
+        for k, (name, row) in enumerate(zip(names, self.agreement.iou, strict=True)):
+            cells = ("" if i == k or math.isnan(iou) else f"{100 * iou:.0f}" for i, iou in enumerate(row))
+            matrix.add_row(f"{k + 1} {name}", *cells)
         return [table, matrix]
 
 

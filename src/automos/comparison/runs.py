@@ -31,6 +31,7 @@ from automos.pipeline import stage_keys
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
+from automos.working_folder import starting_processes
 from automos.workspace import Workspace, fingerprint
 
 
@@ -120,7 +121,7 @@ class MethodRuns:
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
-        found = json.loads(file.read_text())
+        found = json.loads(file.read_text(encoding="utf-8"))
         return Cost(found["seconds_per_scan"], found["peak_memory"]) if found["key"] == key else None
     except (OSError, ValueError, KeyError):
         return None
@@ -130,7 +131,7 @@ def _in_own_process(*task: object) -> Cost:
     """Return `_run(*task)`, run in a fresh process: the memory of one method is not counted to the next."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with ProcessPoolExecutor(max_workers=1) as pool:
+    with starting_processes(), ProcessPoolExecutor(max_workers=1) as pool:
         return pool.submit(_run, *task).result()
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.datasets.columns import to_scan
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
@@ -80,6 +80,26 @@ class Argoverse2Sequence(ListedSequence):
         if (self.source / _FLOW).exists():
             return self._from_flow() if index == 0 else None
         return self._from_boxes(index) if (self.source / _BOXES).exists() else None
+
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return (N, 3) metres until the next sweep, as the annotated boxes say; None without."""
+        index = range(len(self))[index]
+        if not (self.source / _BOXES).exists() or index + 1 == len(self):
+            return None
+        now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])
+        T_now_later = inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1]
+        T_ego_sensor = self._T_ego_sensor
+        points = transform(T_ego_sensor, self[index].points)
+        owner = points_in_boxes(points, now.boxes)
+        instance = np.where(owner >= 0, now.track[owner], 0) if len(now) else np.zeros(len(points), np.int64)
+        boxes = later.boxes.transformed(T_now_later)
+        motion = motion_with_boxes(points, instance, (now.track, now.boxes), (later.track, boxes))
+        return motion @ T_ego_sensor[:3, :3].astype(np.float32)
+
+    @property
+    def T_vehicle_sensor(self) -> Pose:
+        """(4, 4) of the upper sensor."""
+        return self._T_ego_sensor
 
     # ------------------------------------------------------------------------------------------------------- tables
     @property

@@ -123,3 +123,36 @@ def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDAr
 
     label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
     return pack(label, instance)
+
+
+def motion_with_boxes(
+    points: npt.NDArray,
+    instance: npt.NDArray[np.int64],
+    now: tuple[npt.NDArray[np.int64], Boxes],
+    later: tuple[npt.NDArray[np.int64], Boxes],
+) -> npt.NDArray[np.float32]:
+    """Return (N, 3) metres that points move with the boxes they are in, as rigid things do.
+
+    Parameters
+    ----------
+    points : (N, 3) metres, in a frame that stands still and in which boxes stand upright.
+    instance : (N,) the object each point is on, 0 for none, which does not move.
+    now, later : (K,) ids and boxes of the points' scan and of the next one, in the points' frame.
+
+    Returns
+    -------
+    NaN for points on an object that one of the two has no box of.
+    """
+    motion = np.zeros((len(points), 3), np.float32)
+    motion[instance > 0] = np.nan
+    row_later = {int(track): row for row, track in enumerate(later[0])}
+    for row, track in enumerate(now[0].tolist()):
+        if track not in row_later:
+            continue
+        on_it, other = instance == track, row_later[track]
+        turn = later[1].yaw[other] - now[1].yaw[row]
+        c, s = np.cos(turn), np.sin(turn)
+        arm = points[on_it] - now[1].center[row]
+        turned = arm @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
+        motion[on_it] = turned - arm + (later[1].center[other] - now[1].center[row])
+    return motion

@@ -17,7 +17,7 @@ CODECS: dict[str, str] = {
     "pcd": "Point Cloud Library, ascii, binary or binary_compressed",
     "ply": "Polygon file, ascii or binary",
     "npy": "NumPy, (N, 3 or more) or structured",
-    "las": "LAS or LAZ (needs automos[las])",
+    "las": "LAS or LAZ (extra las)",
     "xyz": "text (.xyz, .txt, .csv), x y z intensity or columns named in the first line",
 }
 """Kinds of point files, name and description."""

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.datasets.bin import WIDTHS, guess_codec
+from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import sensor_column, time_column, to_scan
 from automos.datasets.files import find_repeats, holds_point_files, list_scans
@@ -140,6 +141,11 @@ class FolderSequence(Sequence):
                 "labels and scans must be of the same recording"
             )
         return labels
+
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
+        index = range(len(self))[index]
+        return motion_beside(self.source, self._names, index, self[index], self.truth(index))
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from automos.errors import MissingExtraError
+from automos.extras import pip_install
 from automos.scan import Sequence
 
 
@@ -53,4 +54,4 @@ def import_extra(module: str, extra: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         package = module.partition(".")[0]
-        raise MissingExtraError(f"{package} is not installed; run: pip install 'automos[{extra}]'") from None
+        raise MissingExtraError(f"{package} is not installed; run: {pip_install(extra)}") from None

@@ -28,7 +28,7 @@ def read_calibration(path: Path) -> dict[str, npt.NDArray[np.float64]]:
         The file is absent or cannot be read.
     """
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
         raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -5,7 +5,7 @@ Sweeps are as measured, not motion-compensated. The day's calibration lies besid
 
 from __future__ import annotations
 
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
@@ -134,7 +134,7 @@ class KittiRawSequence(FolderSequence):
 def _seconds(text: str) -> float:
     """Return the seconds since 1970 of a time with nanoseconds."""
     whole, _, fraction = text.partition(".")
-    moment = datetime.strptime(whole, "%Y-%m-%d %H:%M:%S").replace(tzinfo=timezone.utc)
+    moment = datetime.strptime(whole, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
     return moment.timestamp() + float(f"0.{fraction or 0}")
 
 

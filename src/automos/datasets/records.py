@@ -40,7 +40,7 @@ def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = No
         A file that is absent, empty, or not of that many numbers a line.
     """
     try:
-        with open(path) as file:
+        with open(path, encoding="utf-8") as file:
             lines = [line.split(delimiter) for line in file if line.strip() and not line.startswith("#")]
         table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""ROS 1 bags, ROS 2 bags and MCAP files: the PointCloud2 messages of one topic.
+"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, PointCloud2 or Livox's own messages.
 
 The only such topic is taken; of several, one is named as if the bag were a folder: `log.mcap/front/points`. Scans are
 in the order in which they were recorded and stamped by their headers.
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets import livox_message
 from automos.datasets.columns import Columns, time_column, to_scan
 from automos.datasets.formats import Format, import_extra
 from automos.datasets.listed import digest_of_files
@@ -30,7 +31,8 @@ from automos.scan import Mask, Scan, Sequence
 logger = logging.getLogger(__name__)
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
-_TYPE = "sensor_msgs/msg/PointCloud2"
+_CLOUD = "sensor_msgs/msg/PointCloud2"
+_TYPES = (_CLOUD, *livox_message.TYPES)
 
 
 def find(path: Path) -> list[Path]:
@@ -128,7 +130,7 @@ class RosbagSequence(Sequence):
         return self._threads.reader
 
     def _connections(self) -> list[Any]:
-        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype == _TYPE]
+        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype in _TYPES]
 
     def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
         """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
@@ -156,9 +158,12 @@ class RosbagSequence(Sequence):
         which = message - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
         with _told(self.source):
             messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
-            for k, (_, _, raw) in enumerate(messages):
+            for k, (connection, _, raw) in enumerate(messages):
                 if k == which:
-                    return read_columns(self._reader.deserialize(raw, _TYPE), f"{self._where()}, scan {index}")
+                    where = f"{self._where()}, scan {index}"
+                    if connection.msgtype != _CLOUD:
+                        return livox_message.read_columns(raw, self._reader.is2, where)
+                    return read_columns(self._reader.deserialize(raw, _CLOUD), where)
         raise InputError(f"{self.source} has changed since it was opened; run the command again")
 
     @cached_property
@@ -173,7 +178,7 @@ class RosbagSequence(Sequence):
 
 def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
     """Return the topic to read: the one that is `wanted`, else the only one of PointCloud2."""
-    clouds = sorted({c.topic for c in reader.connections if c.msgtype == _TYPE})
+    clouds = sorted({c.topic for c in reader.connections if c.msgtype in _TYPES})
     if wanted is not None:
         match = next((topic for topic in clouds if topic.strip("/") == wanted), None)
         if match is None:
@@ -181,7 +186,7 @@ def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
         return match
     if not clouds:
         others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:10]) or "none"
-        raise InputError(f"{bag} has no topic of type {_TYPE}; its topics are: {others}")
+        raise InputError(f"{bag} has no topic of type {_CLOUD} or of Livox's CustomMsg; its topics are: {others}")
     if len(clouds) > 1:
         first = bag / clouds[0].strip("/")
         raise InputError(f"{bag} has {len(clouds)} topics of point clouds ({', '.join(clouds)}); give one, as {first}")

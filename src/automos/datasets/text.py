@@ -148,7 +148,7 @@ def _parse_decimal(text, i, end):  # type: ignore[no-untyped-def]
             return 0.0, -1
         power = 0
         while i < end and _ZERO <= text[i] <= _NINE:
-            power = min(10 * power + (text[i] - _ZERO), 100000)
+            power = min(10 * power + np.int64(text[i]) - _ZERO, 100000)
             i += 1
         exponent += sign * power
     value = np.float64(mantissa)

@@ -69,12 +69,15 @@ class Report:
 
     def table(self) -> Table:
         """Return the scores as a table: all points, by range, by recording; ratios in percent."""
+        from rich.box import SIMPLE_HEAD
         from rich.table import Table
 
-        table = Table(title="Moving points, as SemanticKITTI-MOS counts them")
-        table.add_column("")
-        for heading in ("IoU %", "precision %", "recall %", "TD", "FD", "FS", "objects found"):
-            table.add_column(heading, justify="right")
+        table = Table(
+            title="Moving points, counted as SemanticKITTI does, in %", box=SIMPLE_HEAD, padding=0, show_edge=False
+        )
+        table.add_column("", no_wrap=True)
+        for heading in ("IoU", "precision", "recall", "TD", "FD", "FS", "objects"):
+            table.add_column(heading, justify="right", no_wrap=True)
         table.add_row(
             "all points", *_cells(self.scores), _found(self.recordings.values()), style="bold", end_section=True
         )

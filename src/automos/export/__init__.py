@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
+    "flow_av2", "opensceneflow",
 )  # fmt: skip
 """Formats that results are written in; each is a module of this package."""
 
@@ -29,19 +30,21 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
-    if name not in EXPORTS:
+    module = name.replace("-", "_")
+    if module not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    declared: Export = importlib.import_module(f"automos.export.{name}").EXPORT
+    declared: Export = importlib.import_module(f"automos.export.{module}").EXPORT
     return declared
 
 
 def export_run(
-    folder: Path,
+    folder: str | Path,
     sequences: Sequence[ScanSequence],
     format: str,
-    out: Path | None = None,
+    out: str | Path | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    deskewed: bool = False,
 ) -> list[Path]:
     """Write the results in `folder` in another format; return the files or folders that were written.
 
@@ -52,6 +55,7 @@ def export_run(
     format : one of `EXPORTS`.
     out : file or folder to write; for several recordings the folder to write one of each name into, a zip excepted,
         which takes them all. Where not given, `folder / "export" / format`.
+    deskewed : write points as seen from their scan's pose, the sensor's motion during the sweep taken out.
 
     Raises
     ------
@@ -60,11 +64,15 @@ def export_run(
     """
     from automos.export.run_files import RunFiles
 
-    export = load_export(format)
+    export, folder = load_export(format), Path(folder)
+    if deskewed and not export.is_of_points:
+        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
+        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
+    target = folder / "export" / format if out is None else Path(out)
     written = []
     for sequence in sequences:
-        run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress)
-        place = _place(out or folder / "export" / format, export, sequence.name, len(sequences))
+        run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
+        place = _place(target, export, sequence.name, len(sequences))
         if place.is_file() != bool(export.suffix) and place.exists():
             kind = "a folder" if place.is_dir() else "a file"
             raise InputError(f"{place} is {kind}: choose another --out")

@@ -18,7 +18,7 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.export.cvat import ANNOTATIONS
-from automos.export.run_files import VERDICTS, RunFiles
+from automos.export.run_files import MIN_SIDE, VERDICTS, RunFiles
 from automos.geometry import Boxes, iou_3d
 
 MAX_TILT = 0.2
@@ -130,7 +130,7 @@ def _read_datumaro(path: Path) -> dict[str, Any] | None:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 return json.loads(archive.read(ANNOTATIONS)) if ANNOTATIONS in archive.namelist() else None
-        document = json.loads(path.read_text())
+        document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
     return document if isinstance(document, dict) and "items" in document else None
@@ -191,8 +191,9 @@ def _make_box(
             f"{path} has a box of class {kind!r}; classes are {', '.join(VERDICTS)}: change it in the tool"
         )
     values = (*center, *size, *rotation)
-    if not np.isfinite(values).all() or min(size) <= 0:
-        raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, all above 0")
+    if not np.isfinite(values).all() or min(size) < 0 or max(size) == 0:
+        raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, none below 0")
+    size = tuple(max(side, MIN_SIDE) for side in size)  # tools round thin ones to nothing
     # A half turn about x or y is how some tools tell a heading beyond 90 degrees; the box is the same.
     if max(abs(np.sin(rotation[0])), abs(np.sin(rotation[1]))) > np.sin(MAX_TILT):
         raise InputError(f"{path} has a box at {center} that is tilted by {rotation[:2]} rad; stand it upright")

@@ -19,9 +19,11 @@ class Export:
     write : takes a run and the folder (or file) to write; what is there already is replaced, never mixed with.
     needs : the extra to install, None where the core suffices.
     suffix : of the one file it writes; empty where it writes a folder.
+    is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
     """
 
     writes: str
     write: Callable[[RunFiles, Path], None]
     needs: str | None = None
     suffix: str = ""
+    is_of_points: bool = False

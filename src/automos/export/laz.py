@@ -53,4 +53,9 @@ def _to_16_bits(intensity: np.ndarray) -> np.ndarray:
     return np.clip(np.round(finite * (65535.0 if is_share else 1.0)), 0, 65535).astype(np.uint16)
 
 
-EXPORT = Export(writes="folder of .laz: classification, gps_time, extra dimensions", write=write, needs="las")
+EXPORT = Export(
+    writes="folder of .laz: classification, gps_time, extra dimensions",
+    write=write,
+    is_of_points=True,
+    needs="las",
+)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def format_tables() -> Iterator[Table]:
     """Yield the formats of recordings, the kinds of point files, and the formats that results are written in."""
-    recordings = _table("recordings that are read", "--format", "what it looks like", "truth", "needs")
+    recordings = _table("recordings that are read", "--format", "what it looks like", "truth", "extra")
     for name in FORMATS:
         format = load_format(name)
         recordings.add_row(name, format.layout, format.truth or "-", _needs(format.needs))
@@ -24,7 +24,7 @@ def format_tables() -> Iterator[Table]:
     for name, description in CODECS.items():
         files.add_row(name, description)
     yield files
-    results = _table("formats that results are written in", "--to", "what it makes", "needs")
+    results = _table("formats that results are written in", "--to", "what it makes", "extra")
     for name in EXPORTS:
         export = load_export(name)
         results.add_row(name, export.writes, _needs(export.needs))
@@ -41,5 +41,5 @@ def _table(title: str, *headings: str) -> Table:
 
 
 def _needs(extra: str | None) -> str:
-    """Return what to install for a format, as pip calls it."""
-    return "-" if extra is None else f"automos[{extra}]"
+    """Return the extra to install for a format."""
+    return extra or "-"

@@ -65,5 +65,9 @@ def _cloud(types: dict[str, Any], columns: dict[str, npt.NDArray], nanoseconds: 
 
 
 EXPORT = Export(
-    writes="ROS 2 MCAP: PointCloud2 with fields label and instance", write=write, needs="ros", suffix=".mcap"
+    writes="ROS 2 MCAP: PointCloud2 with fields label and instance",
+    write=write,
+    is_of_points=True,
+    needs="ros",
+    suffix=".mcap",
 )

@@ -12,8 +12,8 @@ from automos.workspace import Workspace
 
 
 def open_run(
-    folder: Path,
-    recording: Path | None = None,
+    folder: str | Path,
+    recording: str | Path | None = None,
     format: str | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
 ) -> RunFiles:
@@ -29,6 +29,7 @@ def open_run(
     InputError
         No results in `folder`, no recording where it is looked for, or one of other scans.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give the results folder of automos label")
     if recording is not None:

@@ -33,5 +33,9 @@ def write(run: RunFiles, out: Path) -> None:
 
 
 EXPORT = Export(
-    writes="one .parquet of all points, a row group per scan", write=write, needs="arrow", suffix=".parquet"
+    writes="one .parquet of all points, a row group per scan",
+    write=write,
+    is_of_points=True,
+    needs="arrow",
+    suffix=".parquet",
 )

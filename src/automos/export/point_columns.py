@@ -10,13 +10,17 @@ from automos.scan import Points, Scan
 
 
 def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
-    """Return the (N,) columns of scan `index`, points as the recording has them.
+    """Return the (N,) columns of scan `index`, points as the recording has them, or as seen from the scan's pose.
 
     x, y, z (float32, metres, sensor frame), intensity (float32), time (float32, seconds) and ring (uint16) where the
-    recording has them, label (uint16, values of `Label`), instance (uint32, 0: none).
+    recording has them, label (uint16, values of `Label`), instance (uint32, 0: none). Deskewed points are all of one
+    time, and come without.
     """
     scan = run.scan(index)
-    return scan_columns(scan, scan.points) | {
+    columns = scan_columns(scan, run.points_at_pose(scan, index) if run.deskewed else scan.points)
+    if run.deskewed:
+        columns.pop("time", None)
+    return columns | {
         "label": run.labels(index, len(scan)),
         "instance": run.instances(index, len(scan)).astype(np.uint32),
     }

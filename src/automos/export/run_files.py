@@ -25,13 +25,17 @@ from automos.labels import Label
 from automos.odometry.frames import make_frame
 from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
-from automos.scan import Points, Pose, Scan, Sequence
+from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 
 VERDICTS = ("unknown", "static", "moving")
 """Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
+
+
+MIN_SIDE = 0.02
+"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +69,18 @@ class RunFiles:
         folder: Path,
         sequence: Sequence,
         progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+        deskewed: bool = False,
     ):
-        """Take a results folder and the recording it was made from.
+        """Take a results folder and the recording it was made from; whether points are exported `deskewed`.
 
         Raises
         ------
         InputError
-            The folder holds no labels, or those of a recording of other scans.
+            The folder holds no labels, or those of a recording of other scans; or it does not tell how to deskew.
         """
         self.folder = folder
         self.sequence = sequence
+        self.deskewed = deskewed
         self.names = sequence.names
         self._progress = progress
         self._predictions = find_predictions(folder, sequence.name, is_only=True)
@@ -85,8 +91,14 @@ class RunFiles:
                 f"{sequence.name}, or not to its end; give the recording it was made from, or label again"
             )
 
+        if deskewed and self._trajectory is None:
+            raise InputError(f"{folder} does not tell how the sensor moved during its sweeps; label again to deskew")
+
     def __len__(self) -> int:
         return len(self.names)
+
+    def __repr__(self) -> str:
+        return f"<RunFiles {self.folder}: {len(self)} scans of {self.sequence.name!r}>"
 
     def each(self, what: str) -> Iterator[int]:
         """Yield the index of every scan, telling the progress."""
@@ -144,6 +156,15 @@ class RunFiles:
         points = scan.points.copy()
         points[frame.kept] = frame.points
         return points
+
+    def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) which points of `scan` lie on the ground; none where the run does not tell any more."""
+        is_ground = np.zeros(len(scan), bool)
+        key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
+        if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():
+            kind = Workspace(self.folder).stage("candidates", str(key)).load(self.names[index], "kind")["kind"]
+            is_ground[scan.is_valid] = kind == GROUND
+        return is_ground
 
     def points_upright(self, scan: Scan, index: int) -> Points:
         """Return `points_at_pose` in the scan's upright frame."""
@@ -244,7 +265,7 @@ class RunFiles:
             "observed": table[:, 4] > 0,
             "yaw": table[:, 5],
             "center": table[:, 6:9],
-            "size": table[:, 9:12],
+            "size": np.maximum(table[:, 9:12], MIN_SIDE),
             "velocity": table[:, 12:15],
         }
 

@@ -48,9 +48,10 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
             low[0], high[0] = min(low[0], u), max(high[0], u)
             low[1], high[1] = min(low[1], v), max(high[1], v)
             low[2], high[2] = min(low[2], member[i, 2]), max(high[2], member[i, 2])
-        mid = 0.5 * (low + high)
-        center[s, 0], center[s, 1], center[s, 2] = c * mid[0] - d * mid[1], d * mid[0] + c * mid[1], mid[2]
-        size[s] = high - low
+        x, y, z = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
+        center[s, 0], center[s, 1], center[s, 2] = c * x - d * y, d * x + c * y, z
+        for k in range(3):  # an assignment of whole arrays takes two seconds to compile
+            size[s, k] = high[k] - low[k]
         yaw[s] = angle
         if size[s, 1] > size[s, 0]:
             size[s, 0], size[s, 1] = size[s, 1], size[s, 0]

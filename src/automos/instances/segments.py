@@ -18,6 +18,7 @@ import numpy.typing as npt
 from automos.settings import SegmentSettings
 
 _BINS = 64
+_NONE = np.iinfo(np.int64).max
 
 
 def segment_points(
@@ -78,11 +79,14 @@ def _segment(  # type: ignore[no-untyped-def]
     slot_of_cell = np.full(n * n, -1, np.int32)
     cells = np.empty(m, np.int32)
     masks = np.zeros(m, np.uint64)
+    farthest = cell * np.float32(n)  # from corner to corner and more: what is further off is so by its height
     reach = np.empty(m, np.float32)
     n_cells = 0
     for i in range(m):
-        u = int(np.floor(points[i, 0] / cell)) + n // 2
-        v = int(np.floor(points[i, 1] / cell)) + n // 2
+        x, y = points[i, 0] / cell, points[i, 1] / cell
+        if not (abs(x) < n and abs(y) < n):  # compared before they are made whole numbers: huge ones have none
+            continue
+        u, v = int(np.floor(x)) + n // 2, int(np.floor(y)) + n // 2
         if not (0 <= u < n and 0 <= v < n):
             continue
         c = v * n + u
@@ -91,10 +95,11 @@ def _segment(  # type: ignore[no-untyped-def]
             slot = n_cells
             slot_of_cell[c] = slot
             cells[slot] = c
-            reach[slot] = ranges[i]
+            reach[slot] = farthest
             n_cells += 1
         reach[slot] = min(reach[slot], ranges[i])
-        b = min(max(int(heights[i] / height_bin), 0), 63)
+        steps = heights[i] / height_bin
+        b = int(min(steps, np.float32(63.0))) if steps > 0.0 else 0
         cell_of[i], bin_of[i] = slot, b
         masks[slot] |= np.uint64(1) << np.uint64(b)
     # Stacks: runs of bins without too large a gap.
@@ -133,8 +138,10 @@ def _segment(  # type: ignore[no-untyped-def]
             rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
             is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
     # Like stacks join; every thin one remembers the full one that is nearest.
-    parent = np.arange(n_stacks)
-    nearest = np.full((n_stacks, 3), np.iinfo(np.int64).max)  # squared cells, cell, stack
+    parent = np.empty(n_stacks, np.int64)
+    for s in range(n_stacks):
+        parent[s] = s
+    nearest = np.full((n_stacks, 3), _NONE)  # squared cells, cell, stack
     for slot in range(n_cells):
         c = cells[slot]
         u, v = c % n, c // n

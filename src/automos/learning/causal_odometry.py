@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.array_sequence import ArraySequence
 from automos.odometry.clock import USUAL_PERIOD, read_clock
 from automos.odometry.kiss import KissOdometry
 from automos.odometry.motion import SweepTiming
+from automos.odometry.moving_windows import MIN_BEND
 from automos.odometry.timing import choose_timing
-from automos.scan import ArraySequence, Pose, Scan
+from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
 
 
@@ -85,11 +87,11 @@ class CausalOdometry:
 
     def _find_timing(self) -> None:
         """Find out how sweeps are timed, if the sensor has moved enough to tell."""
-        if np.mean([metres for _, _, metres in self._waiting]) < self._settings.timing_motion:
+        if np.mean([metres for _, _, metres in self._waiting]) < MIN_BEND:
             return
         stamps = [stamp for _, stamp, _ in self._waiting]
         scans = ArraySequence([scan for scan, _, _ in self._waiting], stamps, is_compensated=self._is_compensated)
-        self._timing = choose_timing(scans, self._settings, None, read_clock(scans))
+        self._timing = choose_timing(scans, self._settings, None, read_clock(scans)).timing
         self._waiting.clear()
         self._restart(scans[len(scans) - 1])
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from automos.atomic import write_text
 from automos.errors import InputError, MissingExtraError
+from automos.extras import pip_install
 from automos.learning.recordings import LabeledRecording, Source, open_labeled
 from automos.learning.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
 from automos.run import Progress
@@ -105,7 +106,7 @@ def require_training() -> None:
             __import__(package)
         except ImportError:
             raise MissingExtraError(
-                f"training needs {package}, which is not installed: pip install 'automos[train]'"
+                f"training needs {package}, which is not installed: {pip_install('train')}"
             ) from None
 
 

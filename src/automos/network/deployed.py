@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from automos.errors import InputError, MissingExtraError
+from automos.extras import pip_install
 from automos.network.projection import Image
 from automos.settings import ImageSettings, OnlineSettings
 
@@ -64,13 +65,13 @@ def load_network(weights: Path, settings: OnlineSettings) -> Deployed:
     for engine in wanted:
         if find_spec(engine):
             return runners[engine](weights, settings)
-    raise MissingExtraError(f"running {weights.name} needs {' or '.join(wanted)}: pip install 'automos[deploy]'")
+    raise MissingExtraError(f"running {weights.name} needs {' or '.join(wanted)}: {pip_install('deploy')}")
 
 
 def _load_torch(weights: Path, settings: OnlineSettings) -> Deployed:
     if not find_spec("torch"):
         raise MissingExtraError(
-            f"running {weights.name} needs torch: pip install 'automos[train]', or export the network to ONNX"
+            f"running {weights.name} needs torch: {pip_install('train')}, or export the network to ONNX"
         )
     import torch
 

@@ -11,6 +11,7 @@ import torch
 
 from automos.atomic import atomic_path
 from automos.errors import AutomosError, MissingExtraError
+from automos.extras import pip_install
 from automos.network.checkpoint import Checkpoint
 from automos.network.deployed import METADATA, load_network
 from automos.network.images import BASE_CHANNELS
@@ -33,7 +34,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
         import onnx
         import onnxruntime  # noqa: F401
     except ImportError as error:
-        raise MissingExtraError(f"exporting needs {error.name}: pip install 'automos[train,deploy]'") from None
+        raise MissingExtraError(f"exporting needs {error.name}: {pip_install('train,deploy')}") from None
     network = MovingProbability(checkpoint.network).eval()
     image = checkpoint.image
     shape = (1, len(BASE_CHANNELS) + image.residuals, image.height, image.width)

@@ -85,7 +85,8 @@ def nearest_points(
 @numba.njit(cache=True, nogil=True)
 def row_of(sine, row_of_sine):  # type: ignore[no-untyped-def]
     """Return the row of a direction, below 0 or beyond the image where no beam looks."""
-    return int(np.floor(row_of_sine[int((sine + 1.0) * (0.5 * SINE_BINS) + 0.5)]))
+    row = row_of_sine[int((sine + 1.0) * (0.5 * SINE_BINS) + 0.5)]
+    return int(np.floor(row)) if abs(row) < 1e9 else -1
 
 
 @numba.njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import inverse
-from automos.odometry.clock import Clock, read_clock
+from automos.odometry.clock import Clock, find_missing, read_clock
 from automos.odometry.consistency import measure_consistency, summarize
 from automos.odometry.kiss import Registered
 from automos.odometry.leaps import find_leaps, mend_leaps, replay
@@ -64,15 +64,17 @@ def estimate_trajectory(
     diagnostics: dict[str, Any] = {"warnings": []}
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
     with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
-        timing = choose_timing(sequence, settings, poses, clock, pool)
+        choice = choose_timing(sequence, settings, poses, clock, pool)
         if poses is None:
-            poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
-            if timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
+            poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+            if choice.timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
                 # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
                 better = choose_timing(sequence, settings, poses, clock, pool)
-                if better != timing:
-                    timing, diagnostics["warnings"] = better, []
-                    poses = _register(sequence, settings, timing, clock, pool, progress, diagnostics)
+                if better.timing != choice.timing:
+                    choice, diagnostics["warnings"] = better, []
+                    poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+    timing = choice.timing
+    diagnostics["timing"] = choice.to_dict()
     if "wall_thickness_m" not in diagnostics:
         links = measure_consistency(sequence, poses, timing, clock, settings)
         diagnostics.update(summarize(links, settings.refinement))
@@ -94,8 +96,11 @@ def _register(
     pool: ThreadPoolExecutor,
     progress: Progress | None,
     diagnostics: dict[str, Any],
-) -> Pose:
-    """Return the (N, 4, 4) poses from the scans alone; figures and warnings go to `diagnostics`."""
+) -> tuple[Pose, Clock]:
+    """Return the (N, 4, 4) poses from the scans alone, and the clock with the scans that are missing.
+
+    Figures and warnings go to `diagnostics`.
+    """
     held: list[str] = []
 
     def fold(scans: Iterable[Registered]) -> tuple[Pose, RollingRefinement]:
@@ -113,12 +118,21 @@ def _register(
         return np.array(steps[1:]).reshape(-1, 4, 4), refinement
 
     steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
+    gaps = clock.gaps if clock.has_stamps else find_missing(steps, clock.gaps, clock.period)
+    if len(missing := np.flatnonzero(gaps != clock.gaps)):
+        diagnostics["warnings"].append(
+            f"scans seem to be missing at {len(missing)} places (first: before {sequence.names[missing[0] + 1]}), "
+            "and no stamps tell how many; the motion does, and the poses were made anew with it."
+        )
+        clock = clock.with_gaps(gaps)
+        held.clear()
+        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
     if held:
         diagnostics["warnings"].append(
             f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
         )
     if not settings.refine:
-        return chain(np.eye(4), steps)
+        return chain(np.eye(4), steps), clock
     mended = mend_leaps(sequence, steps, timing, clock, settings)
     if mended is not steps:
         _, refinement = fold(replay(sequence, mended, timing, clock, settings))
@@ -131,7 +145,7 @@ def _register(
     diagnostics.update(summarize(after, settings.refinement))
     diagnostics["before_refinement"] = summarize(before, settings.refinement)
     diagnostics["lengthened_m"] = refinement.lengthened
-    return poses
+    return poses, clock
 
 
 def _judge(diagnostics: dict[str, Any], settings: OdometrySettings) -> None:

@@ -7,7 +7,7 @@ constant twist: half of it lies before the reference time (mid-sweep), half afte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numba
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_log
+from automos.odometry.sweep_order import PointOrder, gap_edges, turns_since_start
 from automos.scan import Points, Pose, Scan
 
 
@@ -24,35 +25,58 @@ class SweepTiming:
 
     Attributes
     ----------
-    source : "file": the scans carry times; "azimuth": from the direction of the point; "none": already compensated, or
-        unknown.
+    source : "file": the scans carry times; "order": from how far the azimuth has come along the file; "azimuth": from
+        the direction of the point; "none": already compensated, or unknown.
     duration : seconds from a sweep's first point to its last ("file" only).
-    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" only).
-    seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y ("azimuth" only).
-    share : sweep duration over the time between scans; 0 where there is nothing to compensate.
+    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
+    seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y; None where it drifts from scan to
+        scan and shows as a sector without points ("azimuth" only).
+    share : sweep duration over the time between scans; 0 where there is nothing to compensate, negative where the
+        recording was turned round.
+    order : how the azimuth runs along the file ("order" only).
     """
 
-    source: Literal["file", "azimuth", "none"] = "none"
+    source: Literal["file", "order", "azimuth", "none"] = "none"
     duration: float = 0.0
     turn: int = 0
-    seam_deg: float = 0.0
+    seam_deg: float | None = 0.0
     share: float = 0.0
+    order: PointOrder | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain numbers and text."""
-        return {
-            "source": self.source,
-            "duration": self.duration,
-            "turn": self.turn,
-            "seam_deg": self.seam_deg,
-            "share": self.share,
-        }
+        """Return the fields as plain numbers and text; `from_dict` undoes it."""
+        return asdict(self)
+
+    @staticmethod
+    def from_dict(fields: dict[str, Any]) -> SweepTiming:
+        """Return the timing that `to_dict` took apart."""
+        order = fields.get("order")
+        return SweepTiming(**{**fields, "order": None if order is None else PointOrder(**order)})
+
+    def __str__(self) -> str:
+        """Say it in a few words."""
+        way = {1: "counter-clockwise", -1: "clockwise"}
+        if self.source == "none":
+            return "none (compensated already, or unknown)"
+        if self.source == "file":
+            text = f"times in the file ({1e3 * self.duration:.0f} ms a scan)"
+        elif self.order is not None:
+            text = f"order of the points ({way[self.order.turn]}, {self.order.turns:.2f} turns a scan)"
+        else:
+            seam = "drifting" if self.seam_deg is None else f"at {self.seam_deg:.0f} degrees"
+            text = f"azimuth ({way[self.turn]}, seam {seam})"
+        if self.share < 0.0:
+            return f"{text}, backwards"
+        return f"{text}, every second scan" if self.source != "file" and self.share < 0.6 else text
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
     """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None where they are unknown."""
     if timing.source == "none":
         return None
+    if timing.source == "order" and timing.order is not None:
+        fraction = turns_since_start(scan, timing.order) / np.float32(timing.order.span) - np.float32(0.5)
+        return np.minimum(fraction, np.float32(0.5))
     if timing.source == "azimuth":
         return azimuth_times(scan.points, timing.turn, timing.seam_deg)
     if scan.time is None:
@@ -61,12 +85,18 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
     return np.clip(fraction, -0.5, 0.5).astype(np.float32)
 
 
-def azimuth_times(points: Points, turn: int, seam_deg: float) -> npt.NDArray[np.float32]:
+def azimuth_times(points: Points, turn: int, seam_deg: float | None) -> npt.NDArray[np.float32]:
     """Return (N,) float32 times in [-0.5, 0.5] of `points` (N, 3) seen by a sensor that turns about its z axis.
 
-    `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`.
+    `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`, or, where that is
+    None, at either side of the widest sector that holds no point.
     """
-    return _azimuth_times(np.ascontiguousarray(points), turn, np.radians(seam_deg))
+    points = np.ascontiguousarray(points)
+    if seam_deg is not None:
+        return _azimuth_times(points, turn, np.radians(seam_deg), 1.0)
+    low, high = gap_edges(points)  # turns; the sweep goes from one edge of the gap all round to the other
+    start, span = (high, 1.0 - (high - low)) if turn > 0 else (low, 1.0 - (high - low))
+    return _azimuth_times(points, turn, 2.0 * np.pi * start, span)
 
 
 def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:
@@ -97,11 +127,11 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
+def _azimuth_times(points, turn, seam, span):  # type: ignore[no-untyped-def]
     out = np.empty(len(points), np.float32)
     for i in range(len(points)):
         angle = turn * (np.arctan2(points[i, 1], points[i, 0]) - seam) / (2.0 * np.pi)
-        out[i] = angle - np.floor(angle) - 0.5
+        out[i] = min((angle - np.floor(angle)) / span, 1.0) - 0.5
     return out
 
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_exp, se3_log
-from automos.odometry.refine import adjoint
+from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.scan import Pose
 
 Array = npt.NDArray[np.float64]

@@ -13,11 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_exp, se3_log, skew
+from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.odometry.links import Consistency, choose_links, fit_links
 from automos.odometry.stretch import Stretch
 from automos.odometry.submap import Fit
-from automos.scan import Pose
 from automos.settings import RefineSettings
 
 Array = npt.NDArray[np.float64]
@@ -126,12 +125,3 @@ def _add_even_motion(
                 rows.append(first + a)
                 columns.append(first + b)
                 blocks.append(np.swapaxes(A, 1, 2) @ (weight[:, :, None] * B))
-
-
-def adjoint(T: Pose) -> Array:
-    """Return the (..., 6, 6) adjoints of `T` (..., 4, 4): they turn small motions of the source into the target's."""
-    R, t = T[..., :3, :3], T[..., :3, 3]
-    out = np.zeros((*T.shape[:-2], 6, 6))
-    out[..., :3, :3] = out[..., 3:, 3:] = R
-    out[..., :3, 3:] = skew(t) @ R
-    return out

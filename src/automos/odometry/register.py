@@ -24,9 +24,14 @@ from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.odometry.sweeps import surfels_of, usable_points
 from automos.scan import Scan, Sequence
-from automos.settings import OdometrySettings
+from automos.settings import OdometrySettings, RefineSettings
 
 Array = npt.NDArray[np.float64]
+
+START_REFINEMENT = RefineSettings(
+    kernels=(0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=1200
+)
+"""How poses from each start are made to fit: wide enough not to overlook what does not."""
 
 
 def register_scans(
@@ -80,7 +85,7 @@ class _Trial:
         points, times = usable_points(scan, timing, np.zeros(6), settings)
         rows = rows_of_first_in_voxel(points, 0.5 * map_voxel(settings))
         thin = Scan(points[rows], time=None if times is None else timing.duration * (times[rows] + np.float32(0.5)))
-        return _Trial(thin, surfels_of(points, times, settings.timing_refinement))
+        return _Trial(thin, surfels_of(points, times, START_REFINEMENT))
 
 
 def _twist_from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
@@ -109,6 +114,6 @@ def _fold_from(
     T = chain(np.eye(4), np.array(steps[1:]))
     gaps = gaps[: n - 1]
     raw = Stretch([scan.surfels for scan in scans], np.zeros((n, 6)), T, gaps, USUAL_PERIOD, timing.share)
-    folded, _, links = refine_poses(raw.moved(T), np.zeros(n, bool), settings.timing_refinement)
+    folded, _, links = refine_poses(raw.moved(T), np.zeros(n, bool), START_REFINEMENT)
     T = folded.T_world_sensor
     return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit

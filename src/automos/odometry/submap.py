@@ -81,7 +81,7 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: 
     near : metres.
     """
     n = sum(len(part) for part in parts)
-    size = 1 << max(int(np.ceil(np.log2(max(n, 16)))), 4)
+    size = 1 << max(n, 16).bit_length()  # one slot more than there are surfels at least: a search ends at an empty one
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     sums = np.empty((n, 10))
     m = 0
@@ -161,8 +161,12 @@ def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m): 
 def _eigen(c, values, vectors):  # type: ignore[no-untyped-def]
     """Eigenvalues (ascending) and eigenvectors (rows) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
     a00, a01, a02, a11, a12, a22 = c[0], c[1], c[2], c[3], c[4], c[5]
-    A = np.array([[a00, a01, a02], [a01, a11, a12], [a02, a12, a22]])
-    V = np.eye(3)
+    A = np.empty((3, 3))
+    A[0, 0], A[0, 1], A[0, 2] = a00, a01, a02
+    A[1, 0], A[1, 1], A[1, 2] = a01, a11, a12
+    A[2, 0], A[2, 1], A[2, 2] = a02, a12, a22
+    V = np.zeros((3, 3))
+    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
     for _ in range(12):
         off = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
         if off < 1e-20:

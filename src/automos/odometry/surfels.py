@@ -12,6 +12,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import whole_below
 from automos.scan import Points
 
 N_LEVELS = 4
@@ -78,9 +79,9 @@ def level_of(x, y, z, near):  # type: ignore[no-untyped-def]
 def voxel_key(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
     """Return the int64 that names a voxel: 18 bits per axis and the level."""
     scale = inverse_voxel / (1 << level)
-    kx = np.int64(np.floor(x * scale)) + 131072
-    ky = np.int64(np.floor(y * scale)) + 131072
-    kz = np.int64(np.floor(z * scale)) + 131072
+    kx = whole_below(x * scale) + 131072
+    ky = whole_below(y * scale) + 131072
+    kz = whole_below(z * scale) + 131072
     return (((kx << 18) | ky) << 18 | kz) << 3 | level
 
 
@@ -115,6 +116,8 @@ def _sum_moments(points, times, voxel, near, max_range, size):  # type: ignore[n
         if not (x * x + y * y + z * z < max_range * max_range):
             continue
         key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        if times[i] > 0.0:  # where the sweep ends beside its start, what it saw first and last lies apart
+            key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot] = key

@@ -16,12 +16,17 @@ def usable_points(
     scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
-    rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+    rows = rows_in_range(scan, settings)
     points, times = np.take(scan.points, rows, axis=0), sweep_times(scan, timing)  # [rows] takes five times as long
     if times is None:
         return points, None
     times = np.take(times, rows)
     return compensate(points, times, twist), times
+
+
+def rows_in_range(scan: Scan, settings: OdometrySettings) -> npt.NDArray[np.int32]:
+    """Return (M,) the rows of the points that a registration can use."""
+    return _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
 
 
 @numba.njit(cache=True, nogil=True)

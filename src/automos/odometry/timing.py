@@ -1,8 +1,9 @@
 """Finding out when in the sweep each point was measured, where the recording does not say.
 
-Wrongly timed sweeps are bent, and bent sweeps do not fold onto each other once the sensor has come some way: walls
-half a second to two apart are then thicker than they need be, or not met at all. So each way to time the points is
-tried at a few places at which the sensor moves, and the one that makes walls thinnest and best met is taken.
+Wrongly timed sweeps are bent, and the poses made from them are wrong in a way that suits them: a driver that cuts its
+stream every 1.09 turns makes every step 8 % too short, and neighbouring scans agree perfectly. So each hypothesis about
+the times is carried through registration anew: a few seconds of scans are laid on their neighbours, then on what was
+seen half a second to two apart, and the hypothesis under which walls are thinnest and best met is taken.
 """
 
 from __future__ import annotations
@@ -11,32 +12,62 @@ import functools
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
+from automos.odometry.moving_windows import Window, moving_windows
 from automos.odometry.refine import refine_poses
-from automos.odometry.register import register_scans
-from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
-from automos.odometry.sweeps import surfels_of, usable_points
-from automos.scan import ArraySequence, Pose, Scan, Sequence
-from automos.settings import OdometrySettings
+from automos.odometry.sweep_order import learn_drifting_gap, learn_order
+from automos.scan import Pose, Sequence
+from automos.settings import OdometrySettings, RefineSettings
 
 _log = logging.getLogger(__name__)
 
-Doubt = Callable[[SweepTiming], float]
-
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start."""
-NEAR = 15.0
-"""Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
+N_LIKELY = 3
+"""Of them, looked at closely."""
+GAIN = 0.01
+"""By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
+CLEAR_GAIN = 0.03
+"""By which more for what is seldom true: halved or reversed sweeps."""
+ON_NEIGHBOURS = RefineSettings(
+    kernels=(0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600
+)
+"""Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
+ON_SUBMAPS = RefineSettings(
+    kernels=(0.2, 0.2), noise=0.05, submap_every=0.2, submap_length=0.5, max_distance=40.0, max_surfels=800
+)
+"""Each scan on what was seen half a second to two apart: wide enough not to overlook what does not fit."""
+
+
+@dataclass(frozen=True)
+class TimingChoice:
+    """The timing that was taken, and what it was measured against.
+
+    Attributes
+    ----------
+    timing : the best.
+    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met;
+        empty where nothing had to be, or could be, decided.
+    """
+
+    timing: SweepTiming
+    misfits: dict[str, float] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what was chosen, and by how many percent its rivals are worse, the next best first."""
+        best = self.misfits.get(str(self.timing), 0.0)
+        rivals = {name: round(100.0 * float(np.expm1(m - best)), 1) for name, m in self.misfits.items()}
+        rivals.pop(str(self.timing), None)
+        return {"chosen": str(self.timing), "worse_percent": dict(sorted(rivals.items(), key=lambda item: item[1]))}
 
 
 def choose_timing(
@@ -45,38 +76,110 @@ def choose_timing(
     poses: Pose | None,
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
-) -> SweepTiming:
+) -> TimingChoice:
     """Return how the time of each point within its sweep is known, as `settings.time` asks.
 
     Raises
     ------
     InputError
-        When the file's times are asked for and there are none.
+        When the file's times are asked for and there are none, or the order of points and it tells nothing.
     """
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
-        return SweepTiming()
+        return TimingChoice(SweepTiming())
     from_file = _file_timing(sequence, clock)
     if wanted == "file":
         if from_file is None:
-            raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, azimuth or none.")
-        return from_file
-    is_raw = sequence.is_compensated is False
-    untimed = [] if is_raw or wanted == "azimuth" else [SweepTiming()]
-    if wanted == "auto" and from_file is not None:
-        # Some keep the times although the points are compensated, and a recording may have been turned round.
-        guesses = [from_file, *untimed, replace(from_file, share=-from_file.share)]
-        doubt = _doubt_of(_moving_stretches(sequence, settings, poses, clock, pool), settings)
-        return _best_folding(guesses, doubt, settings.timing_gain, pool)
-    if wanted == "auto" and not _sees_all_round(sequence):
-        return SweepTiming()
-    doubt = _doubt_of(_moving_stretches(sequence, settings, poses, clock, pool), settings)
+            raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
+        return TimingChoice(from_file)
+    from_order = _order_timing(sequence)
+    if wanted == "order":
+        if from_order is None:
+            raise InputError(
+                f"in {sequence.name} the azimuth does not run on from point to point, so their order tells no time; "
+                "set odometry.time to auto, azimuth or none."
+            )
+        return TimingChoice(from_order)
+    is_round = _sees_all_round(sequence)
+    if wanted == "auto" and from_file is None and from_order is None and not is_round:
+        return TimingChoice(SweepTiming())
+    known = {"raw": SweepTiming()}
+    known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
+    windows = moving_windows(sequence, settings, poses, clock, known, pool)
+    windows = [window for window in windows if np.isfinite(_misfit(window, SweepTiming(), is_rough=True))]
+    untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
+    timed = [known[source] for source in ("file", "order") if source in known]
+    if not windows:  # nothing bends where nothing moves, or nothing is there to tell
+        return TimingChoice([*timed[:1], *untimed, _rear()][0] if "file" in known or not untimed else untimed[0])
+    search = _Search(windows, pool)
+    backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
+    best = search.best([*timed, *untimed], backwards)
+    if is_round and (best is None or best.source == "none"):
+        best = _best_seam(search, sequence, untimed)
+    if best is not None and best.source != "none":
+        best = search.best([best], [replace(best, share=0.5 * best.share)])  # every second scan was left out
+    choice = TimingChoice(best or _rear(), search.misfits)
+    _log.info("sweep timing: %s", choice.to_dict())
+    return choice
+
+
+class _Search:
+    """Asks every window once for each hypothesis."""
+
+    def __init__(self, windows: list[Window], pool: ThreadPoolExecutor | None):
+        self._windows = windows
+        self._map: Callable = map if pool is None else pool.map
+        self._misfit = functools.cache(lambda guess, k, is_rough: _misfit(windows[k], guess, is_rough))
+        self.misfits: dict[str, float] = {}
+
+    def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
+        ks = range(len(self._windows))
+        asked = [(guess, k, is_rough) for guess in guesses for k in ks]
+        return np.reshape(list(self._map(lambda one: self._misfit(*one), asked)), (-1, len(ks))).mean(axis=1)
+
+    def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
+        """Return the `n` of `guesses` under which the windows fit best as their poses are."""
+        return [guesses[i] for i in np.argsort(self._ask(guesses, is_rough=True), kind="stable")[:n]]
+
+    def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
+        """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
+
+        What is `seldom` true must be better by more. None where there is no hypothesis.
+        """
+        guesses = [*likely, *(seldom or [])]
+        if not guesses:
+            return None
+        found = self._ask(guesses, is_rough=False)
+        finite = zip(map(str, guesses), found.tolist(), np.isfinite(found), strict=True)
+        self.misfits.update((guess, misfit) for guess, misfit, is_finite in finite if is_finite)
+        found[1:] += GAIN
+        found[len(likely) :] += CLEAR_GAIN
+        return guesses[int(np.argmin(found))]
+
+
+def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
+    """Return the best timing that follows from the direction of points alone, or `untimed`."""
+    if turn := learn_drifting_gap(sequence):
+        return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    rough = _best_folding(circle, doubt, 0.0, pool)
-    finer = [replace(rough, seam_deg=(rough.seam_deg + turn + 180.0) % 360.0 - 180.0) for turn in (-45.0, 45.0)]
-    found = _best_folding([*untimed, rough, *finer], doubt, settings.timing_gain, pool)
-    halved = replace(rough, share=0.5)  # every second scan was left out
-    return _best_folding([found, halved], doubt, settings.timing_gain, pool)
+    found = search.best([*untimed, *search.likeliest(circle, N_LIKELY)])
+    if found is None or found.source == "none":
+        return found
+    around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
+    return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
+
+
+def _rear() -> SweepTiming:
+    return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
+
+
+def _order_timing(sequence: Sequence) -> SweepTiming | None:
+    order = learn_order(sequence)
+    return (
+        None
+        if order is None
+        else SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
+    )
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
@@ -98,92 +201,26 @@ def _sees_all_round(sequence: Sequence) -> bool:
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
 
 
-def _moving_stretches(
-    sequence: Sequence, settings: OdometrySettings, poses: Pose | None, clock: Clock, pool: ThreadPoolExecutor | None
-) -> list[Stretch]:
-    """Return stretches of the recording in which the sensor moves, as surfels of the points as they came."""
-    length = min(settings.timing_scans, len(sequence))
-    if length < settings.timing_scans // 2:
-        return []
-    starts = list(dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0)))
-    file_timing = _file_timing(sequence, clock) or SweepTiming()
+def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
+    """Return how badly the window fits together once its poses are made anew under the guess.
 
-    def look(start: int) -> Stretch | None:
-        # Speeds are tried at one place only: where nothing moves, that would be done at all of them.
-        trying = settings if start == starts[0] else settings.model_copy(update={"start_steps": ()})
-        ids = range(start, start + length)
-        part = None if poses is None else poses[start : start + length]
-        return _moving_stretch(
-            [sequence[i] for i in ids], part, clock.gaps[start : start + length - 1], file_timing, clock, trying
-        )
-
-    found: list[Stretch] = []
-    at = 0
-    while len(found) < settings.timing_stretches and at < len(starts):
-        wanted = starts[at : at + settings.timing_stretches - len(found)]
-        looks = map(look, wanted) if pool is None else pool.map(look, wanted)
-        found += [stretch for stretch in looks if stretch is not None]
-        at += len(wanted)
-    return found
-
-
-def _moving_stretch(
-    scans: list[Scan],
-    poses: Pose | None,
-    gaps: npt.NDArray[np.float64],
-    timing: SweepTiming,
-    clock: Clock,
-    settings: OdometrySettings,
-) -> Stretch | None:
-    """Return consecutive `scans` with poses that fold them, None where the sensor hardly moves."""
-    T = poses
-    if T is None:
-        steps = [scan.T_last_this for scan in register_scans(ArraySequence(scans), settings, SweepTiming(), gaps)]
-        T = chain(np.eye(4), np.array(steps[1:]))
-    twists = se3_log(inverse(T[:-1]) @ T[1:])
-    bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
-    if bend.mean() < settings.timing_motion:
-        return None
-    raw = [usable_points(scan, timing, np.zeros(6), settings) for scan in scans]
-    surfels = [surfels_of(*part, settings.timing_refinement) for part in raw]
-    stretch = Stretch(surfels, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-    if poses is None:
-        stretch = stretch.moved(lengthen(T, missing_distance(stretch, settings.refinement)))
-    return refine_poses(stretch, np.zeros(len(scans), bool), settings.refinement)[0]
-
-
-def _doubt_of(stretches: list[Stretch], settings: OdometrySettings) -> Doubt:
-    """Return how badly the stretches fold under a guess, as a function that asks them once for each."""
-
-    @functools.cache
-    def doubt(guess: SweepTiming) -> float:
-        return float(np.mean([_misfit(stretch, guess, settings) for stretch in stretches])) if stretches else 0.0
-
-    return doubt
-
-
-def _best_folding(
-    guesses: list[SweepTiming], doubt: Doubt, gain: float, pool: ThreadPoolExecutor | None
-) -> SweepTiming:
-    """Return the guess under which scans fold best; the first one unless another is better by the share `gain`."""
-    scores = np.array(list(map(doubt, guesses) if pool is None else pool.map(doubt, guesses)))
-    scores[0] += np.log1p(-gain)
-    best = guesses[int(np.argmin(scores))]
-    _log.info("sweep timing %s of %s", best, dict(zip(map(str, guesses), np.exp(scores).round(4), strict=True)))
-    return best
-
-
-def _misfit(stretch: Stretch, guess: SweepTiming, settings: OdometrySettings) -> float:
-    """Return how badly the stretch folds once the poses suit the guess."""
-    twists = guess.share * step_twists(stretch.T_world_sensor, stretch.gaps)
-    surfels = [_timed(s, guess, twist) for s, twist in zip(stretch.surfels, twists, strict=True)]
-    timed = Stretch(surfels, twists, stretch.T_world_sensor, stretch.gaps, stretch.period, guess.share)
-    return refine_poses(timed, np.zeros(len(timed), bool), settings.timing_refinement)[2].misfit or 0.0
+    Infinite where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, in a third of the time.
+    """
+    twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
+    raw = window.surfels.get(guess.source, window.surfels["raw"])
+    surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
+    timed = Stretch(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
+    is_fixed = np.zeros(len(timed), bool)
+    if not is_rough:
+        timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
+    links = refine_poses(timed, is_fixed, ON_SUBMAPS)[2]
+    # Of each link, not of all together: where hypotheses differ little, only like compared with like tells.
+    return float(np.log(links.thickness / links.share).mean()) if len(links.share) else np.inf
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
-    """Return surfels of the points as they came with times as guessed, compensated for `twist` (6,)."""
+    """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
     if guess.source == "none":
         return raw
-    times = raw.time if guess.source == "file" else azimuth_times(raw.mean, guess.turn, guess.seam_deg)
+    times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
     return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)

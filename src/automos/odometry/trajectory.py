@@ -35,6 +35,10 @@ class Trajectory:
     T_level_world: Pose
     diagnostics: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        way = np.linalg.norm(np.diff(self.T_world_sensor[:, :3, 3], axis=0), axis=1).sum()
+        return f"<Trajectory: {len(self.stamps)} poses, {way:.1f} m in {np.ptp(self.stamps) if way else 0.0:.1f} s>"
+
     def __post_init__(self) -> None:
         n = len(self.T_world_sensor)
         shapes = {"T_world_sensor": (n, 4, 4), "stamps": (n,), "sweep_motion": (n, 6), "T_level_world": (4, 4)}
@@ -70,7 +74,7 @@ class Trajectory:
             np.asarray(arrays["T_world_sensor"]),
             np.asarray(arrays["stamps"]),
             np.asarray(arrays["sweep_motion"]),
-            SweepTiming(**notes["timing"]),
+            SweepTiming.from_dict(notes["timing"]),
             np.asarray(arrays["T_level_world"]),
             notes["diagnostics"],
         )

@@ -21,6 +21,7 @@ import automos
 from automos.scale.executors import Executor
 from automos.scale.machine import thread_limits
 from automos.scale.orders import Ended, Order, Report
+from automos.working_folder import SAFE_PATH
 
 
 class LocalPool(Executor):
@@ -72,12 +73,13 @@ class LocalPool(Executor):
 class _Worker:
     def __init__(self, limits: dict[str, str], said: queue.Queue[tuple[_Worker, Report | None]]):
         source = str(Path(automos.__file__).parents[1])
-        path = os.pathsep.join(filter(None, [source, os.environ.get("PYTHONPATH", "")]))
+        # An empty entry would be the working folder.
+        path = os.pathsep.join(filter(None, [source, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]))
         self.process = subprocess.Popen(
             [sys.executable, "-m", "automos.scale.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **limits, "PYTHONPATH": path},
+            env={**os.environ, **limits, **SAFE_PATH, "PYTHONPATH": path},
         )
         self.order: Order | None = None
         self._said = said

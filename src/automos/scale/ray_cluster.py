@@ -7,9 +7,11 @@ import socket
 from typing import Any
 
 from automos.errors import InputError, MissingExtraError
+from automos.extras import pip_install
 from automos.scale.executors import Executor
 from automos.scale.machine import thread_limits
 from automos.scale.orders import Ended, Order, Report
+from automos.working_folder import SAFE_PATH, standing_elsewhere
 
 _log = logging.getLogger(__name__)
 
@@ -28,12 +30,13 @@ class RayCluster(Executor):
         try:
             import ray
         except ImportError:
-            raise MissingExtraError("--ray needs Ray, which is not installed: pip install 'automos[scale]'") from None
+            raise MissingExtraError(f"--ray needs Ray, which is not installed: {pip_install('scale')}") from None
         try:
             if not ray.is_initialized():
                 _probe(address)
-                environment = {"env_vars": thread_limits(1)}
-                ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=environment)
+                environment = {"env_vars": {**thread_limits(1), **SAFE_PATH}}
+                with standing_elsewhere():  # Ray's workers look for modules where its driver stands when it joins
+                    ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=environment)
         except (ConnectionError, ValueError, RuntimeError, OSError) as error:
             raise InputError(f"no Ray cluster answers at {address} ({error}): start one: ray start --head") from None
         self._ray, self._memory = ray, memory

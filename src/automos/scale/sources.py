@@ -103,7 +103,7 @@ def _recordings_or_none(path: Path, format: str | None) -> list[Path]:
 def _in_list(path: Path, format: str | None) -> list[str]:
     """Return the recordings that the lines of a list name; one that is not there is found out later."""
     try:
-        lines = [line.split("#")[0].strip() for line in path.read_text().splitlines()]
+        lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
     found: list[str] = []

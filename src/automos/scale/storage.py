@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from automos.errors import AutomosError, InputError, MissingExtraError
+from automos.extras import pip_install
 
 _log = logging.getLogger(__name__)
 Found = TypeVar("Found")
@@ -188,7 +189,7 @@ def _open(url: str) -> tuple[Any, str]:
     try:
         import fsspec
     except ImportError:
-        raise MissingExtraError("reading from stores needs fsspec; run: pip install 'automos[scale]'") from None
+        raise MissingExtraError(f"reading from stores needs fsspec; run: {pip_install('scale')}") from None
     scheme = url.partition("://")[0] if is_url(url) else "file"
     options: dict[str, Any] = {}
     if scheme in ("s3", "s3a"):
@@ -198,7 +199,7 @@ def _open(url: str) -> tuple[Any, str]:
         fs, root = fsspec.url_to_fs(url, **options)
     except ImportError:
         extra = _EXTRAS.get(scheme, "scale")
-        raise MissingExtraError(f"{scheme}:// needs another package; run: pip install 'automos[{extra}]'") from None
+        raise MissingExtraError(f"{scheme}:// needs another package; run: {pip_install(extra)}") from None
     except ValueError as error:
         raise InputError(f"{shown(url)} cannot be opened: {_told(error)}") from None
     return fs, root

@@ -1,10 +1,11 @@
 """Every number that shapes a result, with its unit, range and, where it comes from the paper, its section.
 
-One module for each stage, one group for each idea. Lengths are metres, angles degrees, times seconds. Order of
-precedence: preset < settings file < command line.
+One module for each stage, one group for each idea. Lengths are metres, angles degrees (radians where published
+parameters are), times seconds. Order of precedence: preset < settings file < command line.
 """
 
 from automos.settings.baselines import (
+    AlongRaySettings,
     BaselinesSettings,
     BatchSettings,
     DufomapSettings,
@@ -52,13 +53,13 @@ from automos.settings.tree import Settings
 
 __all__ = [
     "PRESETS",
-    "AssociationSettings", "AugmentationSettings", "BaselinesSettings", "BatchSettings", "CandidatesSettings",
-    "CleanUpSettings", "CompletionSettings", "DetectSettings", "DufomapSettings", "EgoBodySettings", "ErasorSettings",
-    "ExtensionSettings", "FilterSettings", "FollowSettings", "FreeSpaceSettings", "GroundSettings", "HdbscanSettings",
-    "HmmMosSettings", "ImageSettings", "InstancesSettings", "JudgeSettings", "LabelsSettings", "LoopSettings",
-    "MDetectorSettings", "MapSettings", "ModelSettings", "NetworkSettings", "OctomapSettings", "OdometrySettings",
-    "OnlineSettings", "OutputSettings", "PfreundschuhSettings", "RefineSettings", "RemovertSettings",
-    "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings", "SmoothingSettings",
-    "TrackingSettings", "TrainingSettings", "VerdictSettings", "YoonSettings",
+    "AlongRaySettings", "AssociationSettings", "AugmentationSettings", "BaselinesSettings", "BatchSettings",
+    "CandidatesSettings", "CleanUpSettings", "CompletionSettings", "DetectSettings", "DufomapSettings",
+    "EgoBodySettings", "ErasorSettings", "ExtensionSettings", "FilterSettings", "FollowSettings", "FreeSpaceSettings",
+    "GroundSettings", "HdbscanSettings", "HmmMosSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
+    "LabelsSettings", "LoopSettings", "MDetectorSettings", "MapSettings", "ModelSettings", "NetworkSettings",
+    "OctomapSettings", "OdometrySettings", "OnlineSettings", "OutputSettings", "PfreundschuhSettings",
+    "RefineSettings", "RemovertSettings", "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings",
+    "SmoothingSettings", "TrackingSettings", "TrainingSettings", "VerdictSettings", "YoonSettings",
     "dump_yaml", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

@@ -84,23 +84,74 @@ class DufomapSettings(Group):
     max_range: float = Field(50.0, gt=0, description="m, points used")
 
 
-class MDetectorSettings(Group):
-    """M-detector (Wu et al., Nature Communications 2024): occlusion against past depth images, then clusters."""
+class AlongRaySettings(Group):
+    """M-detector's cases 2 and 3: what goes away along a ray, or comes nearer, twice and about as fast."""
 
-    images: int = Field(10, ge=2, description="past depth images asked")
+    width: float = Field(0.01, gt=0, description="rad, half of it; the same direction")
+    height: float = Field(gt=0, description="rad, half of it; the same direction")
+    depth: float = Field(ge=0, description="m from a point to what hides it, at least")
+    share: float = Field(ge=0, description="of the range, added to it")
+    reach: float = Field(gt=0, description="m from a point to what hides it, at most")
+    min_speed: float = Field(gt=0, description="m/s")
+    max_acceleration: float = Field(gt=0, description="m/s^2")
+    stands_width: float = Field(0.01, gt=0, description="rad, half of it; where what stood is looked for")
+    stands_height: float = Field(gt=0, description="rad, half of it; likewise")
+    tolerance: float = Field(0.2, gt=0, description="m, what lies as near to something that stood stands")
+    even_window: float = Field(0.01, gt=0, description="rad, half its side; where a surface must not be slanted")
+    even_depth: float = Field(gt=0, description="m by which the points there may differ on average")
+    even_reach: float = Field(gt=0, description="m, points further off are of another surface")
+
+
+class MDetectorSettings(Group):
+    """M-detector (Wu et al., Nature Communications 2024): three tests of occlusion, then clusters.
+
+    The values are the authors' for KITTI. A sensor whose rays lie further apart gets windows as much wider.
+    """
+
+    images: int = Field(15, ge=3, description="past depth images asked")
     gap: float = Field(0.1, gt=0, description="s between them")
-    row_deg: float = Field(0.6, gt=0, description="deg, pixel of a depth image in elevation")
-    column_deg: float = Field(0.4, gt=0, description="deg, pixel in azimuth")
-    depth: float = Field(0.3, gt=0, description="m, points whose depths differ by more occlude one another")
-    depth_share: float = Field(0.01, ge=0, description="of the range, added to it")
-    min_occluded: int = Field(3, ge=1, description="images whose points are occluded, of those that see the place")
-    max_agreeing: int = Field(0, ge=0, description="images on whose static points it lies, at most")
-    chain: int = Field(3, ge=1, description="how often in a row something goes behind (or before) itself")
-    max_speed: float = Field(40.0, gt=0, description="m/s, of what goes along a ray")
-    cluster_voxel: float = Field(0.3, gt=0, description="m, events in touching voxels are one cluster")
-    cluster_points: int = Field(10, ge=1, description="events that make a cluster")
-    cluster_steps: int = Field(2, ge=0, description="voxels by which clusters are completed, over what is not ground")
-    max_range: float = Field(80.0, gt=0, description="m, points used")
+    row: float = Field(0.007, gt=0, description="rad, pixel of a depth image in elevation")
+    column: float = Field(0.005, gt=0, description="rad, pixel in azimuth")
+    min_range: float = Field(2.0, ge=0, description="m, nearer points are no events: the vehicle itself")
+    depth: float = Field(0.15, gt=0, description="m, case 1: what lies so much before an image hides it")
+    hidden_images: int = Field(2, ge=1, description="images that something hides to be an event")
+    stands_width: float = Field(0.01, gt=0, description="rad, half of it; where what stood is looked for")
+    stands_height: float = Field(0.015, gt=0, description="rad, half of it; likewise")
+    stands_metres: float = Field(0.15, ge=0, description="m, half of both, at least")
+    tolerance: float = Field(0.15, gt=0, description="m, what lies as near to something that stood stands")
+    surface_width: float = Field(0.015, gt=0, description="rad, half of it; corners of a surface that stood")
+    surface_height: float = Field(0.007, gt=0, description="rad, half of it; likewise")
+    surface_reach: float = Field(10.0, gt=0, description="m from a point to such corners, at most")
+    surface_near: float = Field(0.5, gt=0, description="m, what lies as near to the surface stands; up to ...")
+    surface_from: float = Field(10.0, ge=0, description="m, this range")
+    surface_far: float = Field(0.5, gt=0, description="m, likewise beyond that range, and ...")
+    surface_per_metre: float = Field(0.1, ge=0, description="m more for each metre beyond it")
+    away: AlongRaySettings = AlongRaySettings(
+        height=0.015,
+        depth=0.0,
+        share=0.005,
+        reach=10.15,
+        min_speed=1.0,
+        max_acceleration=7.0,
+        stands_height=0.01,
+        even_depth=0.1,
+        even_reach=0.5,
+    )
+    nearer: AlongRaySettings = AlongRaySettings(
+        height=0.01,
+        depth=0.15,
+        share=0.0,
+        reach=100.0,
+        min_speed=0.5,
+        max_acceleration=15.0,
+        stands_height=0.008,
+        even_depth=0.3,
+        even_reach=1.0,
+    )
+    cluster_voxel: float = Field(0.3, gt=0, description="m")
+    cluster_reach: int = Field(2, ge=1, description="voxels, over which events are of one cluster")
+    cluster_voxels: int = Field(8, ge=1, description="voxels that make a cluster")
+    cluster_share: float = Field(0.3, ge=0, le=1, description="of the objects' points in its box that are events")
 
 
 class HmmMosSettings(Group):

@@ -126,19 +126,11 @@ class OdometrySettings(Group):
     start_gain: float = Field(0.2, ge=0, lt=1, description="share by which they must fold better")
     max_acceleration: float = Field(4.0, gt=0, description="m/s^2, a speed that rises faster was wrong before")
     leap_time: float = Field(0.5, gt=0, description="s, for which it must")
-    time: Literal["auto", "file", "azimuth", "none"] = Field(
+    time: Literal["auto", "file", "order", "azimuth", "none"] = Field(
         "auto",
-        description="where the points' times come from for motion compensation: the file, the azimuth, or none "
-        "(already compensated); auto takes the file's, else finds out which of the others folds the scans best",
+        description="where the points' times come from for motion compensation: the file, the order of the points, "
+        "their azimuth, or none (already compensated); auto finds out under which of them the scans fit together best",
     )
-    timing_stretches: int = Field(2, ge=1, description="places of the recording where ways to time points are tried")
-    timing_scans: int = Field(16, ge=3, description="scans at each")
-    timing_refinement: RefineSettings = Field(
-        RefineSettings(kernels=(0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=1200),
-        description="how poses are made to suit each way: wide enough not to overlook what does not fit",
-    )
-    timing_motion: float = Field(0.3, ge=0, description="m that the motion in a sweep must bend it for a place to tell")
-    timing_gain: float = Field(0.03, ge=0, lt=1, description="share by which another way must fold scans better")
     max_wall_thickness: float = Field(0.08, gt=0, description="m over one second, thicker walls are warned of")
     max_disagreement: float = Field(
         0.1, gt=0, description="m between short and second-long baselines, more is warned of"

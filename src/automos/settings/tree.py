@@ -25,3 +25,6 @@ class Settings(Group):
     self_training: SelfTrainingSettings = SelfTrainingSettings()
     baselines: BaselinesSettings = BaselinesSettings()
     map: MapSettings = MapSettings()
+
+    def __repr__(self) -> str:
+        return f"<Settings: {', '.join(type(self).model_fields)}; automos.settings.dump_yaml shows all values>"

@@ -6,8 +6,22 @@
 """
 
 from automos.simulation.annotations import Annotations
-from automos.simulation.api import SCENARIOS, SENSORS, simulate
+from automos.simulation.api import SCENARIOS, SENSORS, record, simulate
+from automos.simulation.conditions import Conditions
+from automos.simulation.recorders import Convention, write_recorded
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 from automos.simulation.write import write
 
-__all__ = ["FORMAT", "SCENARIOS", "SENSORS", "Annotations", "SimulatedSequence", "simulate", "write"]
+__all__ = [
+    "FORMAT",
+    "SCENARIOS",
+    "SENSORS",
+    "Annotations",
+    "Conditions",
+    "Convention",
+    "SimulatedSequence",
+    "record",
+    "simulate",
+    "write",
+    "write_recorded",
+]

@@ -5,6 +5,9 @@ from __future__ import annotations
 from difflib import get_close_matches
 
 from automos.errors import InputError
+from automos.simulation.conditions import MOUNTS, Conditions
+from automos.simulation.merged import MergedSequence
+from automos.simulation.recorders import Convention, Recorded
 from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
 from automos.simulation.sensing.sensors import SENSORS as _SENSORS
 from automos.simulation.sequence import SimulatedSequence
@@ -33,13 +36,58 @@ def simulate(
     InputError
         A name is unknown or a number out of range.
     """
+    return _sequence(scenario, sensor, n_scans, seed, compensated, Conditions())
+
+
+def record(
+    scenario: str,
+    sensor: str = "HDL-64E",
+    n_scans: int = 100,
+    seed: int = 0,
+    *,
+    convention: Convention | None = None,
+    conditions: Conditions | None = None,
+    n_lidars: int = 1,
+) -> Recorded:
+    """Return a simulated recording as some recorder would have kept it.
+
+    Parameters
+    ----------
+    scenario, sensor, seed : as for `simulate`.
+    n_scans : sweeps of the sensor; the recording has as many scans as the convention cuts of them.
+    convention : where scans are cut, in what order and with which times points are kept, which scans are lost.
+    conditions : what carries the sensor, the weather, whether bright signs bleed.
+    n_lidars : how many sensors of the kind the vehicle has, their clouds merged.
+
+    Raises
+    ------
+    InputError
+        A name is unknown or a number out of range.
+
+    Examples
+    --------
+    >>> from automos.simulation import Conditions, Convention, record
+    >>> recording = record("city", "VLP-16", 20, convention=Convention(turns=1.09), conditions=Conditions("truck"))
+    >>> len(recording)
+    18
+    """
+    if not 1 <= n_lidars <= len(MOUNTS):
+        raise InputError(f"n_lidars is {n_lidars}; give 1 to {len(MOUNTS)}.")
+    sequence = _sequence(scenario, sensor, n_scans, seed, False, conditions or Conditions())
+    turns = sequence if n_lidars == 1 else MergedSequence(sequence, n_lidars)
+    return Recorded(turns, convention or Convention(), seed)
+
+
+def _sequence(
+    scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool, conditions: Conditions
+) -> SimulatedSequence:
     _check_name("scenario", scenario, SCENARIOS)
     _check_name("sensor", sensor, SENSORS)
     if n_scans < 1:
         raise InputError(f"n_scans is {n_scans}; a simulation needs at least 1 scan.")
     if seed < 0:
         raise InputError(f"seed is {seed}; give 0 or a positive integer.")
-    return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated)
+    return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated, conditions)
 
 
 def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:

@@ -5,7 +5,6 @@ Nothing is kept but names and numbers; a scan is cast when it is asked for, alwa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,10 +14,14 @@ from automos.geometry import inverse, make_transform, rotation_between
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan, Sequence
 from automos.simulation.annotations import Annotations, upright_boxes
+from automos.simulation.conditions import Conditions
+from automos.simulation.rigs import ride_on, rigs
 from automos.simulation.scenarios import build_world
 from automos.simulation.sensing.cast import Caster
+from automos.simulation.sensing.disturbances import add_dust, add_rain, bleed
+from automos.simulation.sensing.readout import Cast, compensate, read_out
 from automos.simulation.sensing.returns import measure
-from automos.simulation.sensing.scene import EGO
+from automos.simulation.sensing.scene import EGO, Hits
 from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.truth import Verdicts, judge
@@ -36,31 +39,32 @@ CASTS_KEPT = 3
 """How many casts a process remembers, so that a scan and its truth cost one."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Cast:
-    """A scan and, for each of its points, the object it is on (0 scenery, EGO) and whether that can be told."""
-
-    scan: Scan
-    object: npt.NDArray[np.int32]
-    is_clear: npt.NDArray[np.bool_]
-
-
 class SimulatedSequence(Sequence):
     """Scans of a simulated world, cast on demand; equal arguments give equal bytes. Made by `simulate`.
 
     The world frame is the sensor's at the middle of scan 0, as for every sequence; `T_level_world` stands it upright.
     """
 
-    def __init__(self, scenario: str, sensor: Sensor, n_scans: int, seed: int, compensated: bool):
+    def __init__(
+        self,
+        scenario: str,
+        sensor: Sensor,
+        n_scans: int,
+        seed: int,
+        compensated: bool,
+        conditions: Conditions | None = None,
+    ):
         self.scenario = scenario
         self.sensor = sensor
         self.seed = seed
         self.name = f"{scenario}_{sensor.name}_{seed}".replace(" ", "_")
         self._n_scans = n_scans
         self._compensated = compensated
+        self.conditions = conditions or Conditions()
 
     def __reduce__(self) -> tuple:
-        return _restore, (self.scenario, self.sensor.name, self._n_scans, self.seed, self._compensated)
+        what = (self.scenario, self.sensor.name, self._n_scans, self.seed, self._compensated, self.conditions)
+        return _restore, what
 
     def __len__(self) -> int:
         return self._n_scans
@@ -74,6 +78,11 @@ class SimulatedSequence(Sequence):
         return (np.arange(len(self), dtype=np.float64) + 0.5) * self.sensor.period
 
     @property
+    def period(self) -> float:
+        """Seconds of a sweep."""
+        return self.sensor.period
+
+    @property
     def is_compensated(self) -> bool:
         """As asked for."""
         return self._compensated
@@ -81,7 +90,11 @@ class SimulatedSequence(Sequence):
     @property
     def reference_poses(self) -> Pose:
         """(len, 4, 4) true T_world_sensor at mid-sweep."""
-        return inverse(self._T_site_sensor(self.stamps[:1])) @ self._T_site_sensor(self.stamps)
+        return self.poses_at(self.stamps)
+
+    def poses_at(self, times: npt.ArrayLike) -> Pose:
+        """Return the (..., 4, 4) true T_world_sensor at `times` seconds."""
+        return inverse(self._T_site_sensor(self.stamps[0])) @ self._T_site_sensor(times)
 
     @property
     def T_level_world(self) -> Pose:
@@ -104,6 +117,11 @@ class SimulatedSequence(Sequence):
         moving = self._moving_now(index)
         return self._labels(index, moving, ~moving)
 
+    def own_body(self, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) bool: the points of scan `index` that are on what carries the sensor."""
+        cast = self._cast(index)
+        return (cast.object == EGO) & cast.scan.is_valid
+
     def boxes(self, index: int) -> Annotations:
         """Return the objects of which scan `index` holds points."""
         cast = self._cast(index)
@@ -122,23 +140,26 @@ class SimulatedSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
-        return f"{super().fingerprint()}:{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}"
+        made = f"{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}:{self.conditions}"
+        return f"{super().fingerprint()}:{made}"
 
     # ------------------------------------------------------------------------------------------------ inner workings
     @property
     def world(self) -> World:
         """The world; built when first asked for, once per process."""
-        return build_world(self.scenario, self.seed, len(self) * self.sensor.period)
+        return _world(self.scenario, self.seed, len(self) * self.sensor.period, self.conditions.rig)
 
     @property
     def _verdicts(self) -> Verdicts:
-        return _verdicts(self.scenario, self.sensor.name, len(self), self.seed)
+        return _verdicts(self.scenario, self.sensor.name, len(self), self.seed, self.conditions.rig)
 
     @property
     def _T_body_sensor(self) -> Pose:
         rng = np.random.default_rng([self.seed, 5])
         tilt = MOUNT_TILT * rng.standard_normal(2)
-        return transforms(np.array([self.sensor.forward, 0.0, self.sensor.height, 0.0, *tilt]))
+        place = rigs()[self.conditions.rig].mount or (self.sensor.forward, 0.0, self.sensor.height)
+        T = transforms(np.array([*place, 0.0, *tilt]))
+        return T @ self.conditions.T_first_mount if self.conditions.mount else T
 
     def _T_site_sensor(self, time: npt.ArrayLike) -> Array:
         return self.world.ego.at(time) @ self._T_body_sensor
@@ -160,7 +181,7 @@ class SimulatedSequence(Sequence):
         labels = np.where(cast.is_clear & (cast.object != EGO), of_object[on_object], Label.UNLABELED)
         return pack(labels, np.where(cast.is_clear, on_object, 0))
 
-    def _cast(self, index: int) -> _Cast:
+    def _cast(self, index: int) -> Cast:
         if not -len(self) <= index < len(self):
             raise IndexError(f"scan {index} of {len(self)}")
         return _cast(self, index % len(self))
@@ -172,24 +193,31 @@ class SimulatedSequence(Sequence):
         return hash(self.__reduce__()[1])
 
 
-def _restore(scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool) -> SimulatedSequence:
-    return SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, compensated)
+def _restore(
+    scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool, conditions: Conditions
+) -> SimulatedSequence:
+    return SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, compensated, conditions)
 
 
 @lru_cache(maxsize=2)
-def _verdicts(scenario: str, sensor: str, n_scans: int, seed: int) -> Verdicts:
-    sequence = SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, False)
+def _world(scenario: str, seed: int, duration: float, rig: str) -> World:
+    return ride_on(build_world(scenario, seed, duration), rigs()[rig])
+
+
+@lru_cache(maxsize=2)
+def _verdicts(scenario: str, sensor: str, n_scans: int, seed: int, rig: str) -> Verdicts:
+    sequence = SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, False, Conditions(rig))
     T = sequence._T_site_sensor(sequence.stamps)
-    return judge(sequence.world, _caster(sequence.world).still, sequence.sensor, T, sequence.stamps)
+    return judge(sequence.world, _caster(sequence.world, rig).still, sequence.sensor, T, sequence.stamps)
 
 
 @lru_cache(maxsize=2)
-def _caster(world: World) -> Caster:
-    return Caster(world)
+def _caster(world: World, rig: str) -> Caster:
+    return Caster(world, rigs()[rig])
 
 
 @lru_cache(maxsize=CASTS_KEPT)
-def _cast(sequence: SimulatedSequence, index: int) -> _Cast:
+def _cast(sequence: SimulatedSequence, index: int) -> Cast:
     sensor, world = sequence.sensor, sequence.world
     rng = np.random.default_rng([sequence.seed, index, 11])
     pattern = sensor.pattern(index)
@@ -198,31 +226,25 @@ def _cast(sequence: SimulatedSequence, index: int) -> _Cast:
     T_site_sensor = sequence._T_site_sensor(column_times)
     times = (middle - 0.5 * sensor.period, middle + 0.5 * sensor.period)
     chance = rng.random(len(pattern.direction), np.float32)
-    hits = _caster(world).sweep(pattern, T_site_sensor, sequence._T_body_sensor, times, sensor.max_range, chance)
+    caster = _caster(world, sequence.conditions.rig)
+    hits = caster.sweep(pattern, T_site_sensor, sequence._T_body_sensor, times, sensor.max_range, chance)
+    _disturb(sequence, index, pattern, hits)
     returns = measure(sensor, pattern, hits, rng)
     points = returns.distance[:, None] * pattern.direction
     if sequence.is_compensated:
-        points = _compensate(points, pattern, T_site_sensor, sequence._T_site_sensor(middle))
-    object_ = np.where(returns.is_return, hits.object, EGO).astype(np.int32)
-    straddling = returns.straddles >= 0
-    is_clear = returns.is_return & ~(straddling & (hits.object != hits.object[returns.straddles]))
-    if sensor.organised:
-        points[~returns.is_return] = 0.0
-        rows = np.arange(len(points)).reshape(sensor.columns, sensor.beams).T.ravel()
-    else:
-        rows = np.flatnonzero(returns.is_return)
-    scan = Scan(
-        np.ascontiguousarray(points[rows], np.float32),
-        intensity=np.where(returns.is_return, returns.intensity, 0.0).astype(np.float32)[rows],
-        time=((pattern.phase[rows] + 0.5) * sensor.period).astype(np.float32),
-        ring=pattern.ring[rows],
-        stamp=middle,
-        name=sequence.names[index],
-    )
-    return _Cast(scan, object_[rows], is_clear[rows])
+        points = compensate(points, pattern, T_site_sensor, sequence._T_site_sensor(middle))
+    return read_out(sensor, pattern, hits, returns, points, middle, sequence.names[index])
 
 
-def _compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_site_middle: Array) -> npt.NDArray:
-    """Return the points as seen from where the sensor is at mid-sweep."""
-    T = (inverse(T_site_middle) @ T_site_sensor)[pattern.column]
-    return (np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]).astype(np.float32)
+def _disturb(sequence: SimulatedSequence, index: int, pattern: Pattern, hits: Hits) -> None:
+    """Let weather and bright signs spoil what the beams of a sweep hit."""
+    about, rng = sequence.conditions, np.random.default_rng([sequence.seed, index, 12])
+    if about.blooming and not sequence.sensor.rosette:
+        bleed(hits, sequence.sensor, rng)
+    if about.weather == "rain":
+        add_rain(hits, rng)
+    if about.weather == "dust":
+        T = sequence._T_site_sensor(sequence.stamps)
+        direction = pattern.direction @ T[index, :3, :3].T.astype(np.float32)
+        time = float(sequence.stamps[index])
+        add_dust(hits, T[index, :3, 3], direction, T[:, :3, 3], time, sequence.seed, rng)

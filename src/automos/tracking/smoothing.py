@@ -40,7 +40,7 @@ def smooth_tracks(
     return replace(tracks, center=center, velocity=velocity)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # times may be so near that their difference is lost
 def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     """Return position and velocity (T,) at times `t` (T,) that `z` (T,) suggests: NaN where nothing was measured.
 
@@ -50,7 +50,7 @@ def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     n = len(t)
     ahead, now = np.zeros((n, 5)), np.zeros((n, 5))  # x, v, a, b, c before and after each measurement
     first = 0
-    while np.isnan(z[first]):
+    while first < n - 1 and np.isnan(z[first]):
         first += 1
     x, v, a, b, c = z[first], 0.0, 1e4, 0.0, 1e4
     for i in range(n):

@@ -35,6 +35,9 @@ class Tracks:
     def __len__(self) -> int:
         return int(self.track[-1]) + 1 if len(self.track) else 0
 
+    def __repr__(self) -> str:
+        return f"<Tracks: {len(self)} objects in {len(self.track)} boxes>"
+
     def __getitem__(self, rows: npt.NDArray) -> Tracks:
         return Tracks(*(getattr(self, f.name)[rows] for f in fields(self)))
 

@@ -28,6 +28,9 @@ class Verdicts:
     verdict: npt.NDArray[np.int8]
     confidence: npt.NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        return f"<Verdicts: {', '.join(f'{(self.verdict == v).sum()} {v.name.lower()}' for v in Verdict)}>"
+
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
         return {"verdict": self.verdict, "confidence": self.confidence}

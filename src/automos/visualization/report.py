@@ -7,7 +7,7 @@ five megabytes, and none of them draws a map that plays back beside its charts.
 from __future__ import annotations
 
 import html
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 from automos import __version__
@@ -17,7 +17,7 @@ from automos.visualization.page_files import inline, page_text, script_json
 from automos.visualization.survey import survey
 
 
-def write_report(run: RunFiles, path: Path) -> None:
+def write_report(run: RunFiles, path: str | Path) -> None:
     """Write the report of `run` to the HTML file `path`, whole or not at all.
 
     Raises
@@ -26,7 +26,7 @@ def write_report(run: RunFiles, path: Path) -> None:
         Results that are missing or damaged, or a file that cannot be written.
     """
     data = survey(run)
-    data["made"] = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    data["made"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     data["version"] = __version__
     page = inline(page_text("report.html")).replace("{{title}}", html.escape(str(data["name"])))
-    write_text(path, page.replace("{{data}}", script_json(data)))
+    write_text(Path(path), page.replace("{{data}}", script_json(data)))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from automos.errors import MissingExtraError
 from automos.evaluation.moving import count
 from automos.export.run_files import VERDICTS, RunFiles
+from automos.extras import pip_install
 from automos.geometry import transform
 from automos.labels import Label, to_mos
 from automos.scan import Pose
@@ -45,7 +46,7 @@ def load_rerun() -> Any:
         import rerun
         import rerun.blueprint
     except ImportError:
-        raise MissingExtraError("the viewer needs Rerun: pip install 'automos[view]'") from None
+        raise MissingExtraError(f"the viewer needs Rerun: {pip_install('view')}") from None
     return rerun
 
 
@@ -57,18 +58,19 @@ def make_recording(run: RunFiles) -> rerun.RecordingStream:
     return stream
 
 
-def blueprint(T_level_sensor: Pose, has_truth: bool) -> Any:
+def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) -> Any:
     """Return the layout: the world beside what is known of the run, and curves.
 
-    The eye stands behind and above the middle of the drive `T_level_sensor` (N, 4, 4), further off the longer it is.
+    The eye stands behind and above the sensor and goes along with it, further off the longer the drive `T_level_sensor`
+    (N, 4, 4) is. It plays from the first to the last scan of `moving`, those in which something moves.
     """
     rr = load_rerun()
     rrb = rr.blueprint
     hidden = rrb.EntityBehavior(visible=False)
     path = T_level_sensor[:, :3, 3]
-    target = path[len(path) // 2]
+    target = path[moving[0]]
     away = float(np.clip(np.ptp(path[:, :2], axis=0).max(), *EYE))
-    heading = T_level_sensor[len(path) // 2, :2, 0]
+    heading = T_level_sensor[moving[0], :2, 0]
     eye = target + away * np.array([-0.75 * heading[0], -0.75 * heading[1], 0.65])
     world = rrb.Spatial3DView(
         name="world",
@@ -82,6 +84,7 @@ def blueprint(T_level_sensor: Pose, has_truth: bool) -> Any:
             position=eye,
             look_target=target,
             eye_up=[0.0, 0.0, 1.0],
+            tracking_entity="/world/sensor",
         ),
     )
     names = {"moving_points": "points that move, %", "moving_objects": "objects that move"}
@@ -92,7 +95,14 @@ def blueprint(T_level_sensor: Pose, has_truth: bool) -> Any:
     side = rrb.Vertical(rrb.TextDocumentView(name="run", origin="/run"), *curves)
     return rrb.Blueprint(
         rrb.Horizontal(world, side, column_shares=[3, 1]),
-        rrb.TimePanel(state="collapsed", timeline="scan", fps=10.0),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline="scan",
+            fps=10.0,
+            play_state="Playing",
+            loop_mode="Selection",
+            time_selection=rr.encodings.AbsoluteTimeRange(*moving),
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
@@ -109,7 +119,7 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
     rr = load_rerun()
     has_truth = run.sequence.truth(0) is not None if len(run) else False
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(len(run))])
-    stream.send_blueprint(blueprint(T_level_sensor, has_truth))
+    stream.send_blueprint(blueprint(T_level_sensor, has_truth, moving_scans(run)))
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     classes = [(k, name, color) for k, (name, color) in enumerate(zip(KINDS, COLORS, strict=True))]
     stream.log("world", rr.AnnotationContext(classes), static=True)
@@ -128,6 +138,13 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
         stream.set_time("scan", sequence=i)
         stream.set_time("time", duration=float(run.stamps[i] - run.stamps[0]))
         _log_scan(rr, stream, run, i, max_static)
+
+
+def moving_scans(run: RunFiles) -> tuple[int, int]:
+    """Return the first and the last scan in which something moves; all of them where nothing does."""
+    moving = [track for track in run.tracks_file["tracks"] if track["verdict"] == "moving"]
+    scans = [box["scan"] for track in moving for box in track["boxes"]]
+    return (min(scans), max(scans)) if scans else (0, max(len(run) - 1, 0))
 
 
 def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int, max_static: int) -> None:
@@ -154,6 +171,13 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
         boxes = objects.boxes[rows]
         angles = [rr.RotationAxisAngle([0, 0, 1], rr.Angle(rad=float(yaw))) for yaw in boxes.yaw]
         texts = [f"{track} · {score:.2f}" for track, score in zip(objects.ids[rows], boxes.score, strict=True)]
+        if name == "moving":
+            speeds = np.linalg.norm(objects.velocity[rows], axis=1)
+            texts = [f"{speed:.1f} m/s" for speed in speeds]
+            arrows = rr.Arrows3D(
+                origins=boxes.center, vectors=objects.velocity[rows], colors=VERDICT_COLORS[name], radii=0.05
+            )
+            stream.log("world/velocities", arrows)
         stream.log(
             f"world/boxes/{name}",
             rr.Boxes3D(
@@ -162,7 +186,7 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
                 rotation_axis_angles=angles,
                 colors=VERDICT_COLORS[name],
                 labels=texts,
-                show_labels=False,
+                show_labels=name == "moving",
                 radii=0.03,
             ),
         )

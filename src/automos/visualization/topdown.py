@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +88,21 @@ def draw_views(
         axis.set_aspect("equal")
         axis.set_title(view.title)
         axis.set(xticks=[], yticks=[])
+        _draw_scale(axis, radius)
     handles = [Line2D([], [], marker="o", linestyle="", color=color, label=kind) for kind, color in COLORS.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(COLORS), frameon=False)
+    if tracks:
+        handles.append(Line2D([], [], color="black", alpha=0.5, label="path of what moves"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         FigureCanvasAgg(figure).print_png(file)
+
+
+def _draw_scale(axis: Any, radius: float) -> None:
+    """Draw a bar of a round number of metres, about a fifth of the picture long, into its lower left corner."""
+    length = max(step for step in (1, 2, 5, 10, 20, 50, 100, 200) if step <= max(0.4 * radius, 1.0))
+    share = length / (2.0 * radius)
+    bar = {"transform": axis.transAxes, "color": "black", "solid_capstyle": "butt"}
+    axis.plot([0.03, 0.03 + share], [0.03, 0.03], linewidth=7, **{**bar, "color": "white"})
+    axis.plot([0.03, 0.03 + share], [0.03, 0.03], linewidth=3, **bar)
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+    axis.text(0.03 + 0.5 * share, 0.045, f"{length} m", transform=axis.transAxes, ha="center", bbox=box)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse
-from automos.simulation.ego import ego_body
+from automos.simulation.rigs import Rig, placed, rigs
 from automos.simulation.sensing.scene import EGO, Hits, Scene
 from automos.simulation.sensing.sensors import SECTORS, Pattern
 from automos.simulation.traffic.motion import transforms
@@ -69,11 +69,11 @@ class _Body:
 class Caster:
     """Casts beams into a world. Holds the ray tracer's trees: cheap to use, not to be pickled."""
 
-    def __init__(self, world: World):
+    def __init__(self, world: World, rig: Rig | None = None):
         """Build the tree of what stands still in `world`; those of moving bodies are built when first needed."""
         self._world = world
+        self._rig = rig or rigs()["car"]
         self.still = Scene(world.static, world.static_object)
-        self._ego = Scene(ego_body(), EGO)
         self._scenes: dict[tuple[str, int, int], Scene] = {}
 
     def sweep(
@@ -97,9 +97,12 @@ class Caster:
         chance : (N,) in [0, 1), decides what panes do with each beam.
         """
         hits = Hits.none(len(pattern.direction), reach)
-        own = (pattern.direction @ T_body_sensor[:3, :3].T).astype(np.float32)
-        mount = np.broadcast_to(T_body_sensor[:3, 3].astype(np.float32), own.shape).copy()
-        self._ego.cast(mount, own, hits, None, chance.copy())
+        for k, part in enumerate(self._rig.parts):
+            frame, T_body_part = placed(part, self._world.ego, 0.5 * sum(times))
+            T = inverse(T_body_part) @ T_body_sensor
+            own = (pattern.direction @ T[:3, :3].T).astype(np.float32)
+            mount = np.broadcast_to(T[:3, 3].astype(np.float32), own.shape).copy()
+            self._scene(("rig", k, frame)).cast(mount, own, hits, None, chance.copy())
         beams = Beams.of(pattern, T_site_sensor)
         self.still.cast(beams.origin, beams.direction, hits, None, chance.copy())
         for body in self._bodies(*times):
@@ -124,7 +127,9 @@ class Caster:
     def _scene(self, key: tuple[str, int, int]) -> Scene:
         if key not in self._scenes:
             kind, k, frame = key
-            if kind == "sway":
+            if kind == "rig":
+                self._scenes[key] = Scene(self._rig.parts[k].frames[frame], EGO)
+            elif kind == "sway":
                 self._scenes[key] = Scene(self._world.swaying[k].mesh, 0)
             else:
                 self._scenes[key] = Scene(self._world.movers[k].frames[frame], len(self._world.parked) + k + 1)

@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Format
+from automos.cli.consoles import console, output
+from automos.cli.options import Format
 
 formats_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Results = Annotated[Path, typer.Argument(help="a results folder of automos label")]
 Recording = Annotated[Path, typer.Argument(help="the recording that the results were made from")]
@@ -22,9 +20,11 @@ Recording = Annotated[Path, typer.Argument(help="the recording that the results 
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
     from automos.export.listing import format_tables
+    from automos.extras import pip_install
 
     for table in format_tables():
         output.print(table)
+    output.print(f"An extra is installed by  {pip_install('EXTRA')}")
 
 
 @formats_app.command()
@@ -33,6 +33,7 @@ def export(
     recording: Recording,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
     out: Annotated[Path | None, typer.Option(help="file or folder to write; default: RESULTS/export/FORMAT")] = None,
+    deskewed: Annotated[bool, typer.Option("--deskewed", help="points without the sensor's motion in a sweep")] = False,
     format: Format = None,
 ) -> None:
     """Write labels, boxes and tracks in the format of another tool.
@@ -40,6 +41,8 @@ def export(
     [bold]Examples[/bold]
 
     automos export automos_runs/log my_log/ --to pcd                points with their labels
+
+    automos export automos_runs/log my_log/ --to ply --deskewed     ... each sweep as seen from one place
 
     automos export automos_runs/log my_log/ --to cvat --out task/   boxes to correct in CVAT
 
@@ -50,7 +53,7 @@ def export(
     from automos.progress import StageProgress
 
     with StageProgress(console, to) as progress:
-        for written in export_run(results, open_recordings(recording, format), to, out, progress):
+        for written in export_run(results, open_recordings(recording, format), to, out, progress, deskewed):
             output.print(written)
 
 

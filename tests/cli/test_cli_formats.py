@@ -9,6 +9,7 @@ from automos.cli import app
 from automos.datasets import CODECS, FORMATS
 from automos.errors import InputError
 from automos.export import EXPORTS
+from automos.extras import pip_install
 
 
 def run(*words):
@@ -26,12 +27,13 @@ def labelled(tmp_path_factory):
 
 
 def test_formats_lists_all_that_is_read_and_written_and_what_each_needs(monkeypatch):
-    monkeypatch.setattr("automos.cli_formats.output", Console(width=200, markup=False))
+    monkeypatch.setattr("automos.cli.formats.output", Console(width=200, markup=False))
     done = run("formats")
     assert done.exit_code == 0, done.output
     words = set(done.output.split())
     assert {*FORMATS, *CODECS, *EXPORTS} <= words
-    assert {"automos[arrow]", "automos[ros]", "automos[las]", "automos[velodyne]"} <= words
+    assert {"arrow", "ros", "las", "velodyne"} <= words
+    assert pip_install("EXTRA") in done.output
 
 
 def test_export_says_where_it_wrote(labelled, tmp_path):

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Calib, Format, Poses, Recording, Workers
+from automos.cli.consoles import console, output
+from automos.cli.options import Calib, Format, Poses, Recording, Workers
 
 compare_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run goes on there")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, baselines.removert.voxel=0.1, ...")]

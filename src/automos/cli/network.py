@@ -6,16 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Format, Recording, SettingsFile
+from automos.cli.consoles import console, output
+from automos.cli.options import Format, Recording, SettingsFile
 
 if TYPE_CHECKING:
     from automos.settings import Settings
 
 network_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. network.model.channels=8")]
 Device = Annotated[str, typer.Option(help="auto, cpu or gpu")]

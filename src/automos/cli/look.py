@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Format
+from automos.cli.consoles import console, output
+from automos.cli.options import Format
 
 look_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 Results = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder of automos label")]
 Recording = Annotated[

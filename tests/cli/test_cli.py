@@ -388,3 +388,16 @@ def test_every_command_explains_itself(automos, command):
     ended = automos(command, "--help")
     assert ended.code == 0
     assert command in ended.out
+
+
+def test_simulate_keeps_a_recording_as_a_recorder_would(automos):
+    ended = automos("simulate", "log", "--scenario", "canyon", "--sensor", "VLP-16", "--scans", 3, "--rig", "truck",
+                    "--convention", "turns=1.5", "--convention", "order=random")  # fmt: skip
+    assert ended.code == 0
+    assert "2 scans in log (turns=1.5, order=random)" in ended.out
+    scans, labels = sorted(Path("log/velodyne").iterdir()), sorted(Path("log/labels").iterdir())
+    assert [s.stat().st_size // 16 for s in scans] == [t.stat().st_size // 4 for t in labels]
+    refused = automos("simulate", "other", "--convention", "tuns=2")
+    assert refused.code == 2
+    assert "did you mean turns?" in refused.err
+    assert not Path("other").exists()

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from automos.cli_options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+from automos.cli.consoles import console, output
+from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
 
 label_app = typer.Typer()
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
 
 NOT_ALL = 3
 """Exit code of a run that labelled some recordings and not others."""
@@ -56,6 +55,7 @@ def label(
 
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
+    from automos.compiling import compiling_beside
     from automos.datasets import open_sequence
     from automos.errors import InputError
     from automos.labeling import label_recording, summary
@@ -64,6 +64,7 @@ def label(
     from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
     from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
+    from automos.workspace import Workspace
 
     given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
     values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
@@ -81,8 +82,11 @@ def label(
         return
     if part is None and has_one_process_enough(found, target, means):
         sequence = open_sequence(found[0].source, found[0].format)
-        run = label_recording(sequence, Path(target), chosen, poses, calib, workers, console)
-        output.print(summary(run, Path(target)))
+        folder = Path(target)
+        began, before = time.perf_counter(), Workspace(folder).read_run()
+        with compiling_beside(console.print, knows_poses=True):
+            run = label_recording(sequence, folder, chosen, poses, calib, workers, console)
+        output.print(summary(run, folder, time.perf_counter() - began, run == before))
         return
     with StageProgress(console, shown(recording), "recordings") as progress:
         outcome = label_fleet(
@@ -110,3 +114,11 @@ def status(
 
     found = read_status(run)
     output.print(found.to_json() if as_json else "\n".join(found.lines()))
+
+
+@label_app.command("settings")
+def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
+    """Print all settings as YAML; the output is a settings file."""
+    from automos.settings import dump_yaml, load_settings, read_overrides
+
+    output.print(dump_yaml(load_settings(preset, settings, read_overrides(set_))), end="")

@@ -13,7 +13,7 @@ from automos.cli import main
 from automos.labels import pack
 from automos.pose_files import write_kitti
 
-HAS_SHIPPED = (Path(__file__).parents[1] / "src" / "automos" / "network" / "lmnet.onnx").exists()
+HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()
 TINY = [
     *("--set", "network.image.height=16", "--set", "network.image.width=64", "--set", "network.image.residuals=2"),
     *("--set", "network.model.channels=4", "--set", "network.training.epochs=1", "--set", "odometry.time=none"),
@@ -75,7 +75,7 @@ def test_help_shows_examples(automos):
 )
 def test_a_mistake_is_one_sentence(automos, log, words, said):
     if words[0] == "train":
-        pytest.importorskip("torch", reason="training needs PyTorch: pip install 'automos[train]'")
+        pytest.importorskip("torch", reason="training needs PyTorch: pip install '.[train]'")
     code, _, error = automos(*(word.replace("LOG", str(log)) for word in words))
     assert code == 2
     assert said in error
@@ -83,7 +83,7 @@ def test_a_mistake_is_one_sentence(automos, log, words, said):
 
 
 def test_recordings_without_labels_are_not_trained_on(automos, log):
-    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install '.[train]'")
     code, _, error = automos("train", "--data", log, "--out", "network", *TINY)
     assert code == 2
     assert "log came without labels: label it first" in error
@@ -91,7 +91,7 @@ def test_recordings_without_labels_are_not_trained_on(automos, log):
 
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
 def test_train_segment_and_evaluate_from_the_command_line(automos, labelled):
-    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install '.[train]'")
     code, out, error = automos("train", "--data", labelled, "--out", "network", "--device", "cpu", *TINY)
     assert code == 0, error
     assert "network/best.pt" in out
@@ -108,7 +108,7 @@ def test_train_segment_and_evaluate_from_the_command_line(automos, labelled):
 @pytest.mark.skipif(not HAS_SHIPPED, reason="no network came along")
 def test_a_recording_is_segmented_out_of_the_box(automos, log):
     if not any(find_spec(name) for name in ("openvino", "onnxruntime")):
-        pytest.skip("running the network that came along needs OpenVINO or ONNX Runtime: pip install 'automos[deploy]'")
+        pytest.skip("running the network that came along needs OpenVINO or ONNX Runtime: pip install '.[deploy]'")
     code, out, error = automos("segment", log, "--out", "run")
     assert code == 0, error
     for name in ("000000", "000004"):
@@ -119,7 +119,7 @@ def test_a_recording_is_segmented_out_of_the_box(automos, log):
 
 @pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
 def test_experiments_run_on_recordings_of_ones_own_and_go_on_where_they_were(automos, labelled):
-    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install 'automos[train]'")
+    pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install '.[train]'")
     home = [word for part in ("train", "validation", "test") for word in (f"--{part}", labelled)]
     away = [word for part in ("train", "validation", "test") for word in (f"--away-{part}", labelled)]
     # a lane of five scans has no automatic label that moves: what is there of an earlier run is taken

@@ -1,0 +1,21 @@
+# AutoMOS on a CPU, kernels compiled ahead:
+#
+#   docker build --tag automos .
+#   docker run --rm --volume "$PWD:/work" automos label my_log/
+FROM python:3.12-slim
+
+WORKDIR /opt/automos
+COPY pyproject.toml README.md LICENSE ./
+COPY src src
+# hdbscan comes without a wheel for some processors and is compiled then
+RUN apt-get update && apt-get install --yes --no-install-recommends build-essential \
+    && pip install --no-cache-dir ".[formats]" \
+    && apt-get purge --yes --auto-remove build-essential && rm -rf /var/lib/apt/lists/*
+
+# where numba keeps what it compiles, whoever runs the container
+ENV NUMBA_CACHE_DIR=/opt/automos/kernels
+RUN python -m automos.compiling && automos demo --out /tmp/demo && rm -rf /tmp/demo && chmod -R a+rwX /opt/automos/kernels
+
+WORKDIR /work
+ENTRYPOINT ["automos"]
+CMD ["--help"]

@@ -1,0 +1,92 @@
+"""Scores of the installed code, kept by its contents: a second run labels only what is missing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from suite import measure
+
+import automos
+from automos.atomic import write_text
+from automos.errors import InputError
+from automos.progress import StageProgress
+from automos.scan import Sequence
+from automos.simulation import FORMAT
+
+PACKAGE = Path(automos.__file__).parent
+
+
+class Scores:
+    """Rows of `suite.measure`, one file a recording, in a folder of this very code; new ones unless `scored_only`."""
+
+    def __init__(self, store: Path, preset: str, workers: int, scored_only: bool = False):
+        self._scored_only = scored_only
+        self._folder = store / "scores" / f"{code_digest()}-{preset}"
+        self._preset, self._workers, self._is_warm = preset, workers, False
+
+    def of(self, name: str, open_recording: Callable[[StageProgress], Sequence], bodies: Any = None) -> dict:
+        """Return the row of recording `name`; `open_recording(progress)` gives it if need be.
+
+        A recording that is refused has a row with the reason only, one without scores that should not be labelled now
+        an empty one. `bodies` as for `suite.measure`.
+        """
+        file = self._folder / f"{name.replace(' ', '_').replace(',', '')}.json"
+        if not file.exists() and self._scored_only:
+            return {}
+        if not file.exists():
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with StageProgress(Console(stderr=True), name) as progress:
+                try:
+                    row = self._measured(open_recording(progress), bodies, progress)
+                except InputError as refusal:
+                    row = {"refused": str(refusal)}
+            write_text(file, json.dumps(row))
+        return json.loads(file.read_text())
+
+    def _measured(self, sequence: Sequence, bodies: Any, progress: StageProgress) -> dict:
+        run = self._folder / f"run-{os.getpid()}"
+        if not self._is_warm:  # kernels are compiled once; that is not what is measured
+            measure(_First(sequence, 12), self._preset, run, self._workers, progress)
+            self._is_warm = True
+        return measure(sequence, self._preset, run, self._workers, progress, bodies)
+
+
+class _First(Sequence):
+    """The first scans of a sequence."""
+
+    def __init__(self, inner: Sequence, n: int):
+        self._inner, self._n, self.name = inner, min(n, len(inner)), inner.name
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __getitem__(self, index: int) -> Any:
+        return self._inner[index]
+
+
+def code_digest() -> str:
+    """Return a text that changes with any source file of the method, and with the simulator's worlds."""
+    digest = hashlib.sha256(str(FORMAT).encode())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        name = path.relative_to(PACKAGE).as_posix()
+        if not name.startswith(("cli", "simulation/")):
+            digest.update(name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def commit() -> str:
+    """Return the short commit of the package's source, with a + where files differ from it."""
+    found = subprocess.run(
+        ["git", "-C", PACKAGE, "describe", "--always", "--abbrev=7", "--match", "-", "--dirty=+"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return found.stdout.strip() or code_digest()

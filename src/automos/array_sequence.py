@@ -1,0 +1,102 @@
+"""A recording held in memory: scans or plain arrays, as a sequence like any that is read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from collections.abc import Sequence as Sequence_
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.scan import Mask, Scan, Sequence
+
+
+class ArraySequence(Sequence):
+    """A sequence held in memory, from scans or plain arrays."""
+
+    def __init__(
+        self,
+        scans: Sequence_[Scan | npt.ArrayLike],
+        stamps: npt.ArrayLike | None = None,
+        name: str = "memory",
+        is_compensated: bool | None = None,
+    ):
+        """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
+        self.name = name
+        self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
+        if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
+            stamps = np.array([s.stamp for s in self._scans], np.float64)
+        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
+        self._is_compensated = is_compensated
+        if self._stamps is not None and self._stamps.shape != (len(self._scans),):
+            raise ValueError(f"stamps must be ({len(self._scans)},), got shape {self._stamps.shape}")
+
+    def __len__(self) -> int:
+        return len(self._scans)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._scans[index]
+
+    @property
+    def names(self) -> list[str]:
+        """The scans' own names where each has another, else their numbers."""
+        names = [scan.name for scan in self._scans]
+        return names if all(names) and len(set(names)) == len(names) else super().names
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds or None."""
+        return self._stamps
+
+    @property
+    def repeats(self) -> Mask:
+        """(len,) bool: scans whose points are those of the one before."""
+        pairs = zip(self._scans[:-1], self._scans[1:], strict=True)
+        return np.array([False, *(len(a) > 0 and np.array_equal(a.points, b.points) for a, b in pairs)][: len(self)])
+
+    @property
+    def is_compensated(self) -> bool | None:
+        """As given to the constructor."""
+        return self._is_compensated
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when any point, time or stamp does."""
+        digest = hashlib.sha256(repr(self._is_compensated).encode())
+        for scan in self._scans:
+            for column in (scan.points, scan.time, scan.sensor, scan.T_scan_sensor):
+                if column is not None:
+                    digest.update(f"{column.dtype}{column.shape}".encode())
+                    digest.update(np.ascontiguousarray(column).tobytes())
+        if self._stamps is not None:
+            digest.update(self._stamps.tobytes())
+        return f"{super().fingerprint()}:{digest.hexdigest()}"
+
+
+def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequence:
+    """Return `recording` itself where it is a sequence, else the sequence of these scans or arrays.
+
+    Raises
+    ------
+    InputError : it is a path, one single array of points, or holds what is no scan.
+    """
+    if isinstance(recording, Sequence):
+        return recording
+    if isinstance(recording, str | Path):
+        raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
+    if isinstance(recording, np.ndarray) and recording.ndim == 2:
+        raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
+    try:
+        return ArraySequence(list(recording))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
+
+
+def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
+    array = np.asarray(array, np.float32)
+    if array.ndim != 2 or array.shape[1] not in (3, 4):
+        raise ValueError(f"scan {index} must be (N, 3) or (N, 4), got shape {array.shape}")
+    intensity = np.ascontiguousarray(array[:, 3]) if array.shape[1] == 4 else None
+    return Scan(np.ascontiguousarray(array[:, :3]), intensity, name=f"{index:06d}")

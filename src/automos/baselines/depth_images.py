@@ -1,0 +1,207 @@
+"""Past scans as depth images: all their points in pixels, so that what lies around a direction is found at once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
+from automos.candidates.free_space_pattern import turn_of
+from automos.scan import Mask, Pose
+
+_FULL_TURN = np.float32(2.0 * np.pi)
+_MOST = 64  # points around a direction that a surface is laid through
+
+
+class DepthImage(NamedTuple):
+    """One scan.
+
+    Attributes
+    ----------
+    T_level_sensor : (4, 4) where it was seen from.
+    stamp : seconds.
+    start : (rows * columns + 1,) int32, where each pixel's points begin in `rays`.
+    rays : (M, 4) float32 by pixel: azimuth and elevation (rad), range (m), 1 where the point moves and 0 else.
+    nearest : (rows, columns) float32, the shortest range in each pixel and the eight around it, inf where none is.
+    """
+
+    T_level_sensor: Pose
+    stamp: float
+    start: npt.NDArray[np.int32]
+    rays: npt.NDArray[np.float32]
+    nearest: npt.NDArray[np.float32]
+
+
+class Stack(NamedTuple):
+    """Depth images one behind the other, from new to old: `start` (I, ...) counts through all of their `rays`."""
+
+    start: npt.NDArray[np.int32]
+    rays: npt.NDArray[np.float32]
+    nearest: npt.NDArray[np.float32]
+
+
+class Window(NamedTuple):
+    """What counts as the same direction: half its width and height, rad, and at least so many metres to each side."""
+
+    width: float
+    height: float
+    metres: float = 0.0
+
+
+def draw(points: npt.NDArray, is_moving: Mask, pose: Pose, stamp: float, shape: ImageShape) -> DepthImage:
+    """Return the depth image of `points` (M, 3), sensor frame; those outside `shape` are left out."""
+    return DepthImage(pose, stamp, *_sort_into_pixels(points, is_moving, shape))
+
+
+def stack(images: list[DepthImage]) -> Stack:
+    """Return `images` as one."""
+    before = np.cumsum([0] + [len(image.rays) for image in images[:-1]])
+    start = np.stack([image.start + offset for image, offset in zip(images, before, strict=True)])
+    return Stack(
+        start.astype(np.int32),
+        np.concatenate([image.rays for image in images]),
+        np.stack([image.nearest for image in images]),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _sort_into_pixels(points, is_moving, shape):  # type: ignore[no-untyped-def]
+    h, w = shape.rows, shape.columns
+    pixel = np.full(len(points), -1, np.int32)
+    start = np.zeros(h * w + 1, np.int32)
+    alone, nearest = np.full((h, w), NOTHING), np.full((h, w), NOTHING)
+    for i in range(len(points)):
+        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+        if v >= 0:
+            pixel[i] = v * w + u
+            start[pixel[i] + 1] += 1
+            alone[v, u] = min(alone[v, u], r)
+    for p in range(h * w):
+        start[p + 1] += start[p]
+    rays, free = np.empty((start[-1], 4), np.float32), start.copy()
+    for i in range(len(points)):
+        if pixel[i] >= 0:
+            k = free[pixel[i]]
+            free[pixel[i]] += 1
+            rays[k, 0], rays[k, 1], rays[k, 2] = direction_of(points[i, 0], points[i, 1], points[i, 2])
+            rays[k, 3] = 1.0 if is_moving[i] else 0.0
+    for v in range(h):
+        for u in range(w):
+            for b in range(max(v - 1, 0), min(v + 2, h)):
+                for a in range(u - 1, u + 2):
+                    nearest[v, u] = min(nearest[v, u], alone[b, a % w])
+    return start, rays, nearest
+
+
+@numba.njit(cache=True, nogil=True)
+def direction_of(x, y, z):  # type: ignore[no-untyped-def]
+    """Return azimuth and elevation (rad) and range (m) of a point (float32)."""
+    level = np.sqrt(x * x + y * y)
+    half = np.float32(0.5)
+    return (
+        (turn_of(x, y) - half) * _FULL_TURN,
+        (turn_of(level, z) - half) * _FULL_TURN,
+        np.sqrt(x * x + y * y + z * z),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def seen_from(T, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the direction (`direction_of`) of a point from where `T` (3, 4) float32 leads to."""
+    return direction_of(
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def pixels_around(azimuth, elevation, width, height, shape):  # type: ignore[no-untyped-def]
+    """Return first and last row, first and last column (which may be out of the image: modulo) around a direction."""
+    per_column = shape.columns / _FULL_TURN
+    first = int(np.floor((elevation - height - shape.lowest) / shape.row_height))
+    last = int(np.floor((elevation + height - shape.lowest) / shape.row_height))
+    left = int(np.floor((azimuth - width) * per_column + 0.5 * shape.columns))
+    right = int(np.floor((azimuth + width) * per_column + 0.5 * shape.columns))
+    return max(first, 0), min(last, shape.rows - 1), left, right
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_between(a, b):  # type: ignore[no-untyped-def]
+    """Return the azimuth `a` minus `b`, rad, in [-pi, pi]."""
+    turn = a - b
+    if turn > 0.5 * _FULL_TURN:
+        return turn - _FULL_TURN
+    return turn + _FULL_TURN if turn < -0.5 * _FULL_TURN else turn
+
+
+@numba.njit(cache=True, nogil=True)
+def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # type: ignore[no-untyped-def]
+    """Tell whether a point that stands lies in that direction at that range; `start` is one image's."""
+    width = max(window.width, window.metres / max(r, 0.3))
+    height = max(window.height, window.metres / max(r, 0.3))
+    first, last, left, right = pixels_around(azimuth, elevation, width, height, shape)
+    for v in range(first, last + 1):
+        for u in range(left, right + 1):
+            p = v * shape.columns + u % shape.columns
+            for k in range(start[p], start[p + 1]):
+                if rays[k, 3] > 0.0 or abs(rays[k, 2] - r) >= tolerance:
+                    continue
+                if abs(turn_between(rays[k, 0], azimuth)) <= width and abs(rays[k, 1] - elevation) <= height:
+                    return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def lies_on_surface(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
+    """Tell whether a point lies on the triangle of standing points around its direction, no further than `reach` off.
+
+    A corner is the point nearest to the direction; with the first two others that enclose it, the depth there is known.
+    """
+    near = np.empty((_MOST, 3), np.float32)
+    n, corner = 0, 0
+    first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
+    for v in range(first, last + 1):
+        for u in range(left, right + 1):
+            p = v * shape.columns + u % shape.columns
+            for k in range(start[p], start[p + 1]):
+                a, b = turn_between(rays[k, 0], azimuth), rays[k, 1] - elevation
+                if rays[k, 3] > 0.0 or abs(a) > window.width or abs(b) > window.height or n == _MOST:
+                    continue
+                if abs(rays[k, 2] - r) <= reach:
+                    near[n, 0], near[n, 1], near[n, 2] = a, b, rays[k, 2]
+                    if a * a + b * b < near[corner, 0] ** 2 + near[corner, 1] ** 2:
+                        corner = n
+                    n += 1
+    ax, ay = near[corner, 0], near[corner, 1]
+    for j in range(n):
+        for k in range(j + 1, n):
+            bx, by, cx, cy = near[j, 0] - ax, near[j, 1] - ay, near[k, 0] - ax, near[k, 1] - ay
+            area = bx * cy - by * cx
+            if abs(area) > 1e-8:
+                s, t = (ay * cx - ax * cy) / area, (ax * by - ay * bx) / area
+                if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
+                    depth = near[corner, 2] + s * (near[j, 2] - near[corner, 2]) + t * (near[k, 2] - near[corner, 2])
+                    return abs(depth - r) < tolerance
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
+    """Tell whether the points around that are within `reach` of range `r` differ from it little, on average."""
+    n, sum_ = 0, np.float32(0.0)
+    first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
+    for v in range(first, last + 1):
+        for u in range(left, right + 1):
+            p = v * shape.columns + u % shape.columns
+            for k in range(start[p], start[p + 1]):
+                away = abs(rays[k, 2] - r)
+                if away >= reach or abs(rays[k, 1] - elevation) > window.height:
+                    continue
+                if abs(turn_between(rays[k, 0], azimuth)) <= window.width:
+                    n += 1
+                    sum_ += away
+    return sum_ <= tolerance * n

@@ -1,0 +1,71 @@
+"""The command line: one module a group of commands, each of which parses, calls one function and prints."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from automos.cli.compare import compare_app
+from automos.cli.consoles import console, output
+from automos.cli.formats import formats_app
+from automos.cli.label import label_app
+from automos.cli.look import look_app
+from automos.cli.network import network_app
+from automos.cli.score import score_app
+from automos.cli.worlds import worlds_app
+from automos.errors import AutomosError
+from automos.working_folder import SAFE_PATH
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Automatic moving/static labels for every point of a LiDAR recording.",
+)
+for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, worlds_app):
+    app.add_typer(group)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from automos import __version__
+
+        output.print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option(help="show tracebacks and log messages")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")
+    ] = False,
+) -> None:
+    logging.basicConfig(level=logging.DEBUG if debug else logging.ERROR, format="%(name)s: %(message)s")
+    _Debug.on = debug
+
+
+class _Debug:
+    on = False
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one sentence and exit code 2."""
+    os.environ.update(SAFE_PATH)  # for every process that is started from here, by whatever library
+    try:
+        app(prog_name="automos")
+    except AutomosError as error:
+        if _Debug.on:
+            raise
+        console.print(Text.assemble(("error: ", "red"), str(error)), soft_wrap=True)
+        sys.exit(2)
+    except SystemExit as leaving:
+        if leaving.code == 130:  # what typer makes of Ctrl-C
+            console.print("interrupted; the same command goes on from here", soft_wrap=True)
+        raise

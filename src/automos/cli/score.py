@@ -1,0 +1,49 @@
+"""The commands that score labels and poses against a truth: parse, call one function, print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from automos.cli.consoles import output
+from automos.cli.options import Format, Recording
+
+score_app = typer.Typer()
+
+
+@score_app.command()
+def evaluate(
+    predictions: Annotated[Path, typer.Argument(help="a results folder, or a folder of .label files")],
+    recording: Recording,
+    format: Format = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
+) -> None:
+    """Score labels against the truth that came with a recording, as SemanticKITTI's moving-object benchmark does."""
+    from automos.atomic import write_text
+    from automos.datasets import open_recordings
+    from automos.evaluation.report import evaluate_recordings
+    from automos.export.flow import score_flow
+
+    recordings = open_recordings(recording, format)
+    report, flow = evaluate_recordings(predictions, recordings), score_flow(predictions, recordings)
+    output.print(report.table())
+    if flow is not None:
+        output.print(flow.table())
+    if json_file is not None:
+        scores = {**report.to_dict(), **({} if flow is None else {"flow": flow.to_dict()})}
+        write_text(json_file, json.dumps(scores, indent=2, allow_nan=False) + "\n")
+
+
+@score_app.command()
+def drift(
+    estimate: Annotated[Path, typer.Argument(help="poses.txt or poses.tum of a run")],
+    reference: Annotated[Path, typer.Argument(help="reference poses of the same scans: KITTI or TUM")],
+    calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the reference is the camera's")] = None,
+) -> None:
+    """Score poses against a reference: absolute and relative errors, KITTI's t_err and r_err."""
+    from automos.evaluation.drift_report import compare_trajectories
+
+    output.print(compare_trajectories(estimate, reference, calib))

@@ -1,0 +1,51 @@
+"""Boxes beside the scans, boxes/NAME.json, as `automos simulate` writes them: every object, in the level frame."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.box_truth import motion_with_boxes
+from automos.errors import InputError
+from automos.geometry import Boxes, transform
+from automos.labels import Label
+from automos.scan import Pose, Scan
+
+FOLDER = "boxes"
+
+
+def motion_beside(
+    source: Path, names: list[str], index: int, scan: Scan, truth: npt.NDArray[np.uint32] | None
+) -> npt.NDArray[np.float32] | None:
+    """Return what `Sequence.truth_motion` does, of the boxes in `source`; None without boxes or instance ids.
+
+    Raises
+    ------
+    InputError : a file of boxes that is damaged.
+    """
+    if truth is None or not (source / FOLDER / f"{names[index]}.json").exists():
+        return None
+    ids, boxes, T_level_sensor = _read(source / FOLDER / f"{names[index]}.json")
+    later = (np.zeros(0, np.int64), Boxes.empty())
+    if index + 1 < len(names) and (source / FOLDER / f"{names[index + 1]}.json").exists():
+        later = _read(source / FOLDER / f"{names[index + 1]}.json")[:2]
+    points = transform(T_level_sensor, scan.points)
+    instance = (truth >> 16).astype(np.int64)
+    motion = motion_with_boxes(points, instance, (ids, boxes), later) @ T_level_sensor[:3, :3].astype(np.float32)
+    motion[(truth & 0xFFFF) == Label.UNLABELED] = np.nan
+    return motion
+
+
+def _read(path: Path) -> tuple[npt.NDArray[np.int64], Boxes, Pose]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        rows = document["boxes"]
+        columns = [np.array([row[key] for row in rows], np.float64) for key in ("center", "size", "yaw")]
+        ids = np.array([row["id"] for row in rows], np.int64)
+        boxes = Boxes(columns[0].reshape(-1, 3), columns[1].reshape(-1, 3), columns[2], np.ones(len(ids)))
+        return ids, boxes, np.array(document["T_level_sensor"], np.float64).reshape(4, 4)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no file of boxes ({error!r}); simulate the recording again") from None

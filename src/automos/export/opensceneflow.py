@@ -1,0 +1,61 @@
+"""OpenSceneFlow's HDF5: a file a recording, a group a scan, and the index of scans that its data loader starts from.
+
+Points, poses and flow are in the sensor's frame; poses are float32 there, so they start at the recording's beginning.
+Labels here have no classes: the category of every point is 0, "none".
+"""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+
+from automos.atomic import atomic_path
+from automos.datasets.formats import import_extra
+from automos.export.flow import scan_flow, timestamps
+from automos.export.formats import Export
+from automos.export.run_files import RunFiles
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write `out / <recording>.h5`, index_total.pkl (all scans) and index_flow.pkl (all but the last) into `out`."""
+    h5py = import_extra("h5py", "flow")
+    out.mkdir(parents=True, exist_ok=True)
+    name, stamps = run.sequence.name, timestamps(run)
+    with atomic_path(out / f"{name}.h5") as temporary, h5py.File(temporary, "w") as file:
+        for index in run.each("writing flow"):
+            for key, values in _group(run, index).items():
+                file.create_dataset(f"{stamps[index]}/{key}", data=values)
+    rows = [[name, stamp] for stamp in stamps]
+    for index_file, listed in (("index_total.pkl", rows), ("index_flow.pkl", rows[:-1])):
+        with atomic_path(out / index_file) as temporary, temporary.open("wb") as file:
+            pickle.dump(listed, file)
+
+
+def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
+    scan = run.scan(index)
+    T_world_sensor = run.T_world_sensor
+    points = run.points_at_pose(scan, index)
+    intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
+    group = {
+        "lidar": np.column_stack([points, intensity]).astype(np.float32),
+        "ground_mask": run.is_ground(scan, index),
+        "pose": T_world_sensor[index].astype(np.float32),
+        "lidar_id": np.ones(len(scan), np.uint8),
+        "lidar_dt": np.zeros(len(scan), np.float32) if scan.time is None else scan.time.astype(np.float32),
+    }
+    if index + 1 == len(run):
+        return group
+    found = scan_flow(run, index)
+    return {
+        **group,
+        "flow": found.flow,
+        "flow_is_valid": found.is_known,
+        "flow_category_indices": np.zeros(len(scan), np.uint8),
+        "flow_instance_id": found.instances.astype(np.int16),
+        "ego_motion": found.T_next_this.astype(np.float32),
+    }
+
+
+EXPORT = Export(writes="scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it", write=write, needs="flow")

@@ -1,0 +1,195 @@
+"""When each point was measured, from the order of a scan's points.
+
+Drivers append what the sensor fires: along the file the azimuth runs on, turn after turn, and how far it has come is
+the time, wherever the driver cut its stream. Some files are sorted by beam instead: then it runs on within each beam.
+Beams that look aside blur the azimuth but not its progress, so that is read from blocks of neighbours. A file
+that was shuffled, or sorted otherwise, shows no progress and says nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.odometry.azimuths import (
+    BACKWARD,
+    N_SECTORS,
+    between_blocks,
+    block_azimuths,
+    follow_gaps,
+    seen_sectors,
+    turns_by_beam,
+    unwrap,
+)
+from automos.scan import Points, Scan, Sequence
+
+N_BLOCKS = 400
+"""Blocks a scan is read in: a thousandth of a turn's time matters little, and a block still holds every beam."""
+MIN_BLOCK = 128
+"""Points in a block, at least: beams that look aside must even out."""
+SAMPLES = 5
+"""Neighbouring scans of a recording that are read to learn its order."""
+MIN_CONCENTRATION = 0.9
+"""Length of the mean direction within a block, at least: 1 where all look the same way, 0 where a file is shuffled."""
+MIN_STEADY = 0.95
+"""Share of blocks that must go on in the same direction as all."""
+FIXED = 0.005
+"""Turns by which the start may drift from one scan to the next and still be the same."""
+MIN_GAP = 0.01
+"""Turns, narrower gaps are shadows of things."""
+TURNS = (0.2, 3.0)
+"""Turns in a scan, least and most: less may be a sensor that looks one way, more is a file sorted by beam."""
+
+
+@dataclass(frozen=True)
+class PointOrder:
+    """How the azimuth runs along the files of a recording.
+
+    Attributes
+    ----------
+    by : "firing": over all beams at once; "beam": within one beam after the other.
+    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise.
+    turns : that a scan spans, from its first point to its last.
+    turns_per_scan : from one scan's first point to the next one's.
+    start : azimuth in turns at which all scans begin; None where it drifts from scan to scan.
+    """
+
+    by: Literal["firing", "beam"]
+    turn: int
+    turns: float
+    turns_per_scan: float
+    start: float | None = None
+
+    @property
+    def span(self) -> float:
+        """Turns from the beginning of a scan to its end, whether or not anything was seen then."""
+        return max(self.turns, self.turns_per_scan)
+
+
+def learn_order(sequence: Sequence) -> PointOrder | None:
+    """Return how the azimuth runs along the files of `sequence`; None where order says nothing of time."""
+    n = len(sequence)
+    firsts = np.unique(np.linspace(0, max(n - 2, 0), SAMPLES).round().astype(int))
+    found = []
+    for i in firsts:
+        pair = [_read(sequence[j]) for j in range(int(i), min(int(i) + 2, n))]
+        if len(pair) == 2 and None not in pair and pair[0][:2] == pair[1][:2]:  # type: ignore[index]
+            found.append((*pair[0], pair[1][2]))  # type: ignore[misc, index]
+    if 2 * len(found) <= len(firsts):
+        return None
+    kinds = [f[:2] for f in found]
+    by, turn = max(sorted(set(kinds)), key=kinds.count)
+    found = [f for f in found if f[:2] == (by, turn)]
+    turns = float(np.median([f[3] for f in found]))
+    drift = np.array([turn * (f[4] - f[2]) for f in found])
+    # The seam goes on by the turns of a scan less whole ones: of these, as many as bring it next to what a scan spans.
+    whole = np.round(turns - drift)
+    whole += drift + whole < 0.5 * turns  # a sensor that looks one way still turns once
+    per_scan = float(np.median(drift + whole))
+    starts = np.exp(2j * np.pi * np.array([f[2] for f in found]))
+    is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
+    return PointOrder(by, turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)
+
+
+def learn_drifting_gap(sequence: Sequence) -> int:
+    """Return which way the sensor turns (+1, -1), told by a sector without points that wanders; 0 where none does.
+
+    Whoever cuts the stream before a turn is complete leaves out a sector, and the next scan begins with it.
+    """
+    n = len(sequence)
+    turns = []
+    for i in np.unique(np.linspace(0, max(n - 2, 0), SAMPLES).round().astype(int)):
+        if i + 1 >= n:
+            return 0
+        (low, high), (next_low, next_high) = (gap_edges(sequence[int(j)].points) for j in (i, i + 1))
+        width, step = 0.5 * (high - low + next_high - next_low), 0.5 * (next_low - low + next_high - high)
+        step -= round(step)
+        is_next = MIN_GAP < width < 0.8 and abs(abs(step) - width) < 0.3 * width
+        turns.append((-1 if step > 0.0 else 1) if is_next else 0)
+    return max((-1, 0, 1), key=turns.count) if turns else 0
+
+
+def gap_edges(points: Points) -> tuple[float, float]:
+    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
+    is_seen = seen_sectors(np.ascontiguousarray(points))
+    seen = np.flatnonzero(is_seen)
+    if len(seen) == 0:
+        return 0.0, 0.0
+    width = np.diff(np.append(seen, seen[0] + N_SECTORS))
+    k = int(np.argmax(width))
+    return float((seen[k] + 1) / N_SECTORS - 0.5), float((seen[k] + width[k]) / N_SECTORS - 0.5)
+
+
+def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
+    """Return (N,) float32: by how far the sensor had turned since the scan's first point when it measured each one.
+
+    Points that are not valid have the turns of their neighbours.
+    """
+    if order.by == "beam":
+        return turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
+    block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
+    azimuth, _ = block_azimuths(scan.points, block)
+    turned = between_blocks(unwrap(azimuth, order.turn), block, len(scan))
+    follow_gaps(scan.points, azimuth, order.turn, block, turned)
+    first = np.flatnonzero(np.isfinite(azimuth))[:1]
+    if order.start is None or len(first) == 0:
+        return turned
+    # Where all scans begin at the same azimuth, one that begins later has lost its first points.
+    late = order.turn * (azimuth[first[0]] - order.start) - turned[min(first[0] * block + block // 2, len(scan) - 1)]
+    return np.maximum(turned + np.float32(late - round(late)), np.float32(0.0))
+
+
+def _read(scan: Scan) -> tuple[str, int, float, float] | None:
+    """Return what one scan's order says: by what, which way, azimuth of the first point and turns spanned (turns)."""
+    block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
+    azimuth, concentration = block_azimuths(scan.points, block)
+    is_known = np.isfinite(azimuth)
+    if is_known.sum() < 10:
+        return None
+    steps = np.diff(azimuth[is_known])
+    steps -= np.round(steps)
+    turn = 1 if steps.sum() > 0.0 else -1
+    if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > MIN_STEADY:
+        whole = between_blocks(unwrap(azimuth, turn), block, len(scan))
+        if TURNS[0] < whole[-1] < TURNS[1]:
+            first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
+            return "firing", turn, float(first % 1.0), float(whole[-1])
+    return _read_by_beam(scan)
+
+
+def _read_by_beam(scan: Scan) -> tuple[str, int, float, float] | None:
+    """Return the same of a file sorted by beam whose beams span more than a turn; others tell nothing new."""
+    valid = np.flatnonzero(scan.is_valid)
+    if len(valid) < N_BLOCKS:
+        return None
+    azimuth = np.arctan2(scan.points[valid, 1], scan.points[valid, 0]) / (2.0 * np.pi)
+    steps = np.diff(azimuth)
+    steps -= np.round(steps)
+    turn = 1 if np.median(steps) > 0.0 else -1
+    is_back = turn * steps < -BACKWARD
+    n_beams = is_back.sum() + 1
+    if n_beams < 4 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
+        return None
+    start = _start_of_beams(scan.points, turn)
+    turns = turns_by_beam(scan.points, turn, start)
+    ends = np.append(turns[valid[:-1]][is_back], turns[valid[-1]])
+    span = float(np.percentile(ends, 90))
+    return ("beam", turn, start % 1.0, span) if 1.0 < span < TURNS[1] else None
+
+
+def _start_of_beams(points: Points, turn: int) -> float:
+    """Return the azimuth, in turns, at which most beams of a file that is sorted by beam begin."""
+    azimuth = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
+    azimuth = azimuth[np.isfinite(azimuth) & (np.abs(points[:, :2]).sum(axis=1) > 0.0)]
+    steps = np.diff(azimuth)
+    steps -= np.round(steps)
+    starts = np.append(azimuth[:1], azimuth[1:][turn * steps < -BACKWARD])
+    if len(starts) == 0:
+        return 0.0
+    # The earliest that many share: a beam whose first rays met nothing begins later.
+    around = np.angle(np.exp(2j * np.pi * starts).mean()) / (2.0 * np.pi)
+    off = turn * (starts - around)
+    return float(around + turn * np.percentile(off - np.round(off), 10))

@@ -1,0 +1,181 @@
+"""A recording as a recorder keeps it: cut, ordered, timed and numbered by a convention, labels with their points.
+
+What a sensor measures is a stream of points. It comes here as sweeps of one turn each; when a point was measured, in
+turns since the recording's start, is its sweep's number and the share of the turn that had passed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import inverse, se3_exp, se3_log
+from automos.scan import Pose, Scan, Sequence
+from automos.simulation.recorders.convention import Convention
+from automos.simulation.recorders.keeping import joined, kept_cuts, kept_rows, rows_of, times_in_file, with_specks
+
+
+class Turns(Protocol):
+    """Raw sweeps of one turn each, with times (seconds after the turn's start) and beams."""
+
+    name: str
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int) -> Scan: ...
+
+    @property
+    def period(self) -> float:
+        """Seconds of a turn."""
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds of the turns' middles."""
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return the (N,) labels of a turn's points, if known."""
+
+    def poses_at(self, times: npt.NDArray[np.float64]) -> Pose:
+        """Return the (len(times), 4, 4) true poses T_world_sensor; ValueError where they are not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """Points of a scan as they are kept: the scan, when each was measured (turns), labels."""
+
+    scan: Scan
+    when: npt.NDArray[np.float64]
+    truth: npt.NDArray[np.uint32] | None
+
+
+class Recorded(Sequence):
+    """The sequence `turns` as a recorder of `convention` keeps it; nothing is computed until a scan is asked for."""
+
+    def __init__(self, turns: Turns, convention: Convention, seed: int = 0):
+        self.turns, self.convention, self.seed = turns, convention, seed
+        self.name = turns.name
+        n_cuts = int((len(turns) - convention.first_cut) / convention.turns + 1e-9)
+        self._cuts = kept_cuts(n_cuts, convention)
+
+    def __len__(self) -> int:
+        return len(self._cuts)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._keep(index).scan
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return the (N,) labels of scan `index`, each its point's."""
+        return self._keep(index).truth
+
+    def when(self, index: int) -> npt.NDArray[np.float64]:
+        """Return (N,) seconds on the recording's clock at which the points of scan `index` were truly measured."""
+        return self.clock(self._keep(index).when)
+
+    def clock(self, turns: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Return seconds on the recording's clock at `turns` since its start."""
+        middles, stamps = np.arange(len(self.turns)) + 0.5, self.turns.stamps
+        if len(stamps) < 2:
+            return stamps[0] + (np.asarray(turns) - 0.5) * self.turns.period
+        turns = np.asarray(turns, np.float64)
+        before, after = np.minimum(turns - 0.5, 0.0), np.maximum(turns - middles[-1], 0.0)
+        ends = before * (stamps[1] - stamps[0]) + after * (stamps[-1] - stamps[-2])
+        return np.interp(turns, middles, stamps) + ends
+
+    @property
+    def cuts(self) -> npt.NDArray[np.float64]:
+        """(len, 2) turns at which each scan begins and ends."""
+        start = self.convention.first_cut + self._cuts * self.convention.turns
+        return np.column_stack([start, start + self.convention.turns])
+
+    @property
+    def true_stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds of the scans' middles, as they are; in order or not."""
+        return self.clock(self.cuts.mean(axis=1))
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds of the scans' middles; None without a clock, or where scans are out of order."""
+        in_order = np.all(np.diff(self.true_stamps) > 0)
+        return self.true_stamps if self.convention.stamps and in_order else None
+
+    @property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) true T_world_sensor at the time that the points of each scan are given from, or its middle."""
+        try:
+            poses = self.turns.poses_at(self._reference_times())
+        except ValueError:
+            return None
+        return inverse(poses[0]) @ poses
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the recording does."""
+        inner = getattr(self.turns, "fingerprint", lambda: self.name)()
+        return f"{super().fingerprint()}:{inner}:{self.convention}:{self.seed}"
+
+    # ------------------------------------------------------------------------------------------------ inner workings
+    def _reference_times(self) -> npt.NDArray[np.float64]:
+        start, end = self.cuts.T
+        at = {"start": start, "end": end}.get(self.convention.reference, 0.5 * (start + end))
+        return self.clock(at)
+
+    def _keep(self, index: int) -> _Kept:
+        return _keep(self, range(len(self))[index])
+
+    def _measured(self, index: int) -> tuple[Scan, npt.NDArray[np.float64], npt.NDArray[np.uint32] | None]:
+        """Return all points measured between the cuts of scan `index`, sweep by sweep, when, and their labels."""
+        start, end = self.cuts[index]
+        scans, times, truths = [], [], []
+        for sweep in range(int(start), min(int(np.ceil(end - 1e-9)), len(self.turns))):
+            scan = self.turns[sweep]
+            assert scan.time is not None
+            when = sweep + scan.time.astype(np.float64) / self.turns.period
+            rows = np.flatnonzero((when >= start) & (when < end))
+            scans.append(rows_of(scan, rows))
+            times.append(when[rows])
+            truth = self.turns.truth(sweep)
+            truths.append(None if truth is None else truth[rows])
+        truth = None if any(t is None for t in truths) else np.concatenate([t for t in truths if t is not None])
+        return joined(scans), np.concatenate(times), truth
+
+    def _carried(self, index: int, points: npt.NDArray, when: npt.NDArray[np.float64]) -> npt.NDArray:
+        """Return the points as seen from where the sensor was at the scan's reference time."""
+        firings, at = np.unique(when, return_inverse=True)
+        poses = self.turns.poses_at(np.append(self.clock(firings), self._reference_times()[index]))
+        T = inverse(poses[-1]) @ poses[:-1]
+        if self.convention.reference_speed != 1.0:
+            T = se3_exp(self.convention.reference_speed * se3_log(T))
+        T = T[at]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]
+
+
+@lru_cache(maxsize=2)
+def _keep(recorded: Recorded, index: int) -> _Kept:
+    about = recorded.convention
+    scan, when, truth = recorded._measured(index)
+    chance = [recorded.seed, int(recorded._cuts[index])]  # a scan that is there twice is the same twice
+    rows = kept_rows(scan, when, about, np.random.default_rng([*chance, 21]))
+    scan, when, truth = rows_of(scan, rows), when[rows], None if truth is None else truth[rows]
+    points: npt.NDArray[np.floating] = scan.points
+    if about.reference != "raw":
+        points = recorded._carried(index, points.astype(np.float64), when)
+        points[~scan.is_valid] = scan.points[~scan.is_valid]
+    if about.specks:
+        points, truth = with_specks(points, truth, about.specks, np.random.default_rng([*chance, 22]))
+    if about.rounding:
+        points = np.round(points / about.rounding) * about.rounding
+    stamps = recorded.stamps
+    kept = Scan(
+        np.ascontiguousarray(points / about.unit, np.float32),
+        intensity=scan.intensity,
+        time=times_in_file(recorded.clock(when), about.times),
+        ring=scan.ring,
+        stamp=None if stamps is None else float(stamps[index]),
+        name=f"{index:06d}",
+        sensor=scan.sensor,
+        T_scan_sensor=scan.T_scan_sensor,
+    )
+    return _Kept(kept, when, truth)

@@ -1,0 +1,80 @@
+"""A recorded sequence on disk, in KITTI's layout: what a user of that recorder would have, and the truth beside it.
+
+OUT/velodyne/000000.bin   float32 x, y, z, intensity; or .npy with named columns where points have times
+OUT/labels/000000.label   where the sweeps have labels, each its point's
+OUT/times.txt             where the recorder keeps a clock; OUT/poses.txt: true poses, the sensor's, where known
+OUT/convention.json       what the recorder did
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import write_text
+from automos.errors import InputError
+from automos.pose_files import write_kitti
+from automos.scan import Scan
+from automos.simulation.recorders.recorded import Recorded
+
+EPOCH = 1_700_000_000.0
+"""Seconds since 1970 at which recordings with absolute times begin."""
+MARKER = "convention.json"
+
+
+def write_recorded(recorded: Recorded, out: str | Path) -> Path:
+    """Write `recorded` with its truth to folder `out` and return the folder.
+
+    Raises
+    ------
+    InputError
+        `out` holds something else.
+    """
+    out = Path(out)
+    if out.exists() and any(out.iterdir()) and not (out / MARKER).exists():
+        raise InputError(f"{out} exists and holds no recording of this kind; choose a new folder.")
+    for name in ("velodyne", "labels"):
+        (out / name).mkdir(parents=True, exist_ok=True)
+        for old in (out / name).iterdir():
+            old.unlink()
+    for beside in ("times.txt", "poses.txt"):
+        (out / beside).unlink(missing_ok=True)
+    write_text(out / MARKER, json.dumps(asdict(recorded.convention), indent=2) + "\n")
+    for index, name in enumerate(recorded.names):
+        scan, truth = recorded[index], recorded.truth(index)
+        if recorded.convention.times == "none":
+            intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
+            np.column_stack([scan.points, intensity]).astype(np.float32).tofile(out / "velodyne" / f"{name}.bin")
+        else:
+            np.save(out / "velodyne" / f"{name}.npy", _named(recorded, index, scan))
+        if truth is not None:
+            truth.astype(np.uint32).tofile(out / "labels" / f"{name}.label")
+    if recorded.convention.stamps:
+        write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in recorded.true_stamps))
+    poses = recorded.reference_poses
+    if poses is not None:
+        write_kitti(out / "poses.txt", poses)
+    return out
+
+
+def _named(recorded: Recorded, index: int, scan: Scan) -> npt.NDArray:
+    """Return the scan's points as rows of named columns, times in the unit and type of the convention."""
+    times: npt.NDArray = np.zeros(0) if scan.time is None else scan.time
+    if recorded.convention.times == "absolute":
+        times = EPOCH + recorded.when(index)
+    elif recorded.convention.times == "milliseconds":
+        times = 1e3 * times
+    kinds = [*((axis, "f4") for axis in "xyz"), ("intensity", "f4"), ("ring", "u2"), ("timestamp", times.dtype.str)]
+    rows = np.zeros(len(scan), [(n, k) for n, k in kinds if n != "ring" or scan.ring is not None])
+    for axis, column in zip("xyz", scan.points.T, strict=True):
+        rows[axis] = column
+    if scan.intensity is not None:
+        rows["intensity"] = scan.intensity
+    if scan.ring is not None:
+        rows["ring"] = scan.ring
+    rows["timestamp"] = times
+    return rows

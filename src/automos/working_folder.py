@@ -1,0 +1,60 @@
+"""The folder that the user stands in: recordings lie there, which may come from anywhere, so nothing in it is obeyed.
+
+Python puts the working folder first where it looks for modules when it is started with `-m` or `-c`, as worker
+processes are; numba and Matplotlib read settings from it, numba's can name a folder of compiled code to load. Here is
+what keeps them from it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""Environment under which a Python process does not look for modules in its working folder."""
+
+_SETTINGS = {".numba_config.yaml": "numba", "matplotlibrc": "matplotlib"}
+
+
+@contextmanager
+def standing_elsewhere() -> Iterator[None]:
+    """Stand in the package's own folder until the block ends."""
+    here = os.open(".", os.O_RDONLY) if hasattr(os, "fchdir") else os.getcwd()
+    os.chdir(Path(__file__).parent)
+    try:
+        yield
+    finally:
+        os.chdir(here)
+        if isinstance(here, int):
+            os.close(here)
+
+
+@contextmanager
+def starting_processes() -> Iterator[None]:
+    """Let no Python process that is started until the block ends look for modules in the working folder."""
+    before = {name: os.environ.get(name) for name in SAFE_PATH}
+    os.environ.update(SAFE_PATH)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def ignore_settings_here() -> None:
+    """Import the libraries whose settings lie in the working folder while standing elsewhere."""
+    for file, library in _SETTINGS.items():
+        if not os.path.lexists(file):
+            continue
+        with standing_elsewhere():
+            import_module(library)
+        if library == "numba":  # which would look again whenever it compiles
+            config: Any = import_module("numba.core.config")
+            config._config_fname = ""

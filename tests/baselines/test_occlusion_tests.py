@@ -1,0 +1,104 @@
+"""M-detector's depth images, tests and clusters, on cases computed by hand."""
+
+import numpy as np
+import pytest
+
+from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, lies_on_surface, stack
+from automos.baselines.event_clusters import complete_clusters
+from automos.baselines.m_detector import _Tests
+from automos.baselines.range_image import image_shape
+from automos.scan import Frame
+from automos.settings import MDetectorSettings
+
+SETTINGS = MDetectorSettings()
+SHAPE = image_shape(float(np.degrees(SETTINGS.row)), float(np.degrees(SETTINGS.column)), -30.0, 30.0)
+HERE = np.eye(4)
+
+
+def screen(r: float, half_width: float = 0.1, half_height: float = 0.06) -> np.ndarray:
+    """Return points at range `r` in a patch of directions (rad) ahead, as close as rays of a HDL-64E."""
+    azimuth, elevation = np.meshgrid(
+        np.arange(-half_width, half_width, 0.0035), np.arange(-half_height, half_height, 0.007)
+    )
+    flat = r * np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    return flat.reshape(3, -1).T.astype(np.float32)
+
+
+def image(points, stamp=0.0, moving=False):
+    return draw(points, np.full(len(points), moving), HERE, stamp, SHAPE)
+
+
+def events(points, past):
+    """Return which of `points`, seen now, are events against the scans `past`, each 0.1 s older than the one before."""
+    images = [image(was, -0.1 * i) for i, was in enumerate(past, start=1)]
+    frame = Frame(points, np.arange(len(points)), len(points), HERE, 0.0)
+    return _Tests(SETTINGS, SHAPE).find_events(frame, 0.0, images)
+
+
+def test_what_lies_around_a_direction_is_found_across_the_seam():
+    behind = np.array([[-10.0, 0.001, 0.0], [-10.0, -0.001, 0.0]], np.float32)
+    drawn = image(behind[:1])
+    azimuth, elevation, r = direction_of(*behind[1])
+    assert agrees(drawn.start, drawn.rays, azimuth, elevation, r, Window(0.01, 0.01), 0.15, SHAPE)
+    assert not agrees(drawn.start, drawn.rays, azimuth, elevation, r + 0.2, Window(0.01, 0.01), 0.15, SHAPE)
+
+
+def test_what_was_found_to_move_does_not_stand():
+    points = screen(10.0)
+    drawn = image(points, moving=True)
+    assert not agrees(drawn.start, drawn.rays, 0.0, 0.0, 10.0, Window(0.01, 0.01), 0.15, SHAPE)
+
+
+def test_a_point_between_the_corners_of_a_slanted_surface_lies_on_it():
+    corners = np.array([[10.0, -0.1, -0.05], [12.0, 0.12, -0.06], [11.0, 0.0, 0.07]], np.float32)
+    drawn = image(corners)
+    window = Window(0.02, 0.02)
+    depth = 10.97  # the triangle's three depths, weighted by what lies opposite, where it is crossed straight ahead
+    assert lies_on_surface(drawn.start, drawn.rays, 0.0, 0.0, depth, window, 0.1, 10.0, SHAPE)
+    assert not lies_on_surface(drawn.start, drawn.rays, 0.0, 0.0, depth - 1.0, window, 0.1, 10.0, SHAPE)
+    assert not lies_on_surface(drawn.start, drawn.rays, 0.1, 0.0, depth, window, 0.1, 10.0, SHAPE)  # not enclosed
+
+
+def test_a_slanted_surface_is_not_even():
+    slanted = screen(10.0)
+    slanted[:, 0] += 3.0 * slanted[:, 2]
+    for points, even in ((screen(10.0), True), (slanted, False)):
+        now = stack([image(points)])
+        assert is_even(now.start[0], now.rays, 0.0, 0.0, 10.0, Window(0.01, 0.01), 0.05, 0.5, SHAPE) == even
+
+
+def test_case_1_what_hides_the_wall_of_two_images_is_an_event_and_of_one_is_none():
+    wall, mover = screen(20.0), screen(10.0, 0.03, 0.03)
+    assert events(mover, [wall, wall, wall]).all()
+    assert not events(mover, [wall]).any()
+    assert not events(wall, [wall, wall, wall]).any()
+
+
+def test_case_1_what_stood_there_in_any_image_is_none():
+    wall, car = screen(20.0), screen(10.0, 0.03, 0.03)
+    assert not events(car, [wall, wall, wall, np.concatenate([wall, car])]).any()
+
+
+@pytest.mark.parametrize("speed", [8.0, -8.0])
+def test_cases_2_and_3_what_goes_along_the_ray_is_an_event(speed):
+    seen = [screen(15.0 - 0.1 * i * speed) for i in range(4)]
+    middle = events(seen[0], seen[1:])[np.abs(seen[0][:, 1:]).max(axis=1) < 0.5]
+    assert middle.all()
+
+
+def test_cases_2_and_3_what_leaps_once_is_none():
+    assert not events(screen(15.8), [screen(15.0)] * 4).any()  # not hidden twice
+    assert not events(screen(15.8), [screen(15.0), screen(11.0), screen(11.0)]).any()  # not about as fast
+
+
+def test_clusters_are_completed_and_scattered_events_dropped():
+    step = np.arange(0.0, 1.5, 0.1)
+    car = np.stack(np.meshgrid(step, step, [0.5, 0.8]), -1).reshape(-1, 3).astype(np.float32)
+    bush = car + np.float32([10.0, 0.0, 0.0])
+    points = np.concatenate([car, bush])
+    is_event = np.zeros(len(points), bool)
+    is_event[: len(car)] = np.random.default_rng(0).random(len(car)) < 0.5
+    is_event[len(car) :: 40] = True  # every fortieth of the bush
+    found = complete_clusters(points, is_event, np.ones(len(points), bool), SETTINGS)
+    assert found[: len(car)].mean() > 0.9
+    assert not found[len(car) :].any()

@@ -1,0 +1,285 @@
+"""What damaged files hold where coordinates should be, and every compiled kernel called with it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+import automos
+from automos.baselines import height_images, hmm_mos, m_detector, octomap, range_image, removert, yoon
+from automos.baselines.brick_grid import BrickGrid
+from automos.candidates import ego_body, erasor, free_space_pattern, free_space_vote, free_space_weigh
+from automos.candidates.free_space_image import make_image, pyramid_shape
+from automos.candidates.free_space_pattern import BeamPattern, raw_points
+from automos.candidates.ground import fit_ground, is_on_ground
+from automos.candidates.region_ground import fit_region_ground
+from automos.candidates.voxel_map import VoxelMap
+from automos.datasets import lzf, pcap, text, velodyne_sweeps
+from automos.datasets import range_image as waymo_image
+from automos.geometry import Boxes, iou_3d, points_in_boxes, transform
+from automos.instances import detect, hierarchy
+from automos.instances.boxes import fit_boxes
+from automos.instances.segments import segment_points
+from automos.network import cleanup, projection, residuals
+from automos.odometry import azimuths, level, speed
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate
+from automos.odometry.submap import fit_surfels, make_submap
+from automos.odometry.surfels import make_surfels
+from automos.odometry.sweeps import usable_points
+from automos.scan import Frame, Scan
+from automos.settings import load_settings
+from automos.tracking.completion import paint_objects
+from automos.tracking.smoothing import smooth
+from automos.tracking.tracks import Tracks
+
+SOURCE = Path(automos.__file__).parent
+SETTINGS = load_settings("default")
+
+_EDGES = (0.0, -0.0, 1e-45, 1e-38, 0.05, 1.0, 19_999.0, 2.0**31, 5e18, 9.3e18, 1.7e19, 1.9e19, 3.4e38, np.inf)
+HOSTILE = (
+    st.sampled_from([*_EDGES, *(-edge for edge in _EDGES), np.nan]) | st.floats(width=32) | st.floats(-60, 60, width=32)
+)
+CLOUDS = st.integers(1, 40).flatmap(lambda n: hnp.arrays(np.float32, (n, 3), elements=HOSTILE))
+"""(N, 3) float32: ordinary numbers, those at which arithmetic or a whole number overflows, and no numbers."""
+
+
+def _pattern(row_of_sine: np.ndarray | None = None) -> BeamPattern:
+    rows = np.linspace(-2.0, 18.0, 4097, dtype=np.float32) if row_of_sine is None else row_of_sine
+    return BeamPattern(16, 64, 0.02, 2.0 * np.pi / 64, rows, np.linspace(-0.5, 0.5, 360).astype(np.float32))
+
+
+def _frame(points: np.ndarray) -> Frame:
+    n = len(points)
+    motion = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.1])
+    return Frame(points, np.arange(n), n, np.eye(4), 0.0, points[:, 0].copy(), motion)
+
+
+def _boxes(points: np.ndarray) -> Boxes:
+    return Boxes(
+        points.astype(float), np.roll(points, 1, 0).astype(float), points[:, 0].astype(float), np.ones(len(points))
+    )
+
+
+def _tracks(points: np.ndarray) -> Tracks:
+    n, wide = len(points), points.astype(float)
+    return Tracks(np.arange(n), np.zeros(n, int), np.arange(n) - 1, wide, np.roll(wide, 1, 0), wide[:, 0], wide)
+
+
+def _ground(points: np.ndarray) -> None:
+    surface = fit_ground(points, points[0], SETTINGS.candidates.ground)
+    is_on_ground(points, points[0], surface, SETTINGS.candidates.ground)
+    surface.height_at(points)
+
+
+def _free_space(points: np.ndarray) -> None:
+    raw_points(_frame(points))
+    seen, _, _ = free_space_pattern._latest_times(points, points[:, 2].copy(), 360)
+    free_space_pattern._is_last_look(points, points[:, 2].copy(), seen)
+    pattern, kind = _pattern(), np.zeros(len(points), np.uint8)
+    pyramid = pyramid_shape(pattern)
+    image = make_image(points, kind, pattern, pyramid)
+    make_image(points, kind, _pattern(np.resize(points[:, 0], 4097)), pyramid)
+    columns, motion, T = np.ascontiguousarray(points.T), np.resize(points, 6), np.resize(points, (3, 4))
+    n = len(points)
+    codes, ranges, misses = np.zeros(n, np.uint8), np.zeros(n, np.float32), np.zeros(n, np.float32)
+    for each in (T, np.eye(4, dtype=np.float32)[:3]):
+        for pattern in (_pattern(), _pattern(np.resize(points[:, 0], 4097))):
+            free_space_vote.find_supported(columns, motion, pattern, image, np.float32(0.2), np.float32(0.01))
+            arguments = (pattern, pyramid, image, (np.float32(0.1),) * 5, codes, ranges, misses)
+            free_space_vote.look_through(columns, each, motion, *arguments)
+    votes = np.zeros((3, n), np.int8)
+    heights, own = points[:, 2], points[:, 1]
+    free_space_weigh.weigh_looks(codes, own, misses, own, heights, 0.02, 0.1, 0.5, np.arange(n), votes[0])
+    free_space_weigh.find_open(votes, np.ones(3, bool), 2)
+    ids = free_space_weigh.find_seen_through(votes)
+    free_space_weigh.weaken_lone(votes, ids, np.zeros(len(ids), bool), 0.5)
+    free_space_weigh.sum_votes(votes, 1, 0.5, own.copy(), codes, codes.copy())
+
+
+def _ego_body(points: np.ndarray) -> None:
+    is_ground, sectors = np.arange(len(points)) % 2 == 0, np.full(90, np.float32(8.0))
+    ego_body._nearest_ground(points, points[0], is_ground, sectors)
+    image = np.zeros((16, 64), np.float32)
+    ego_body._nearest_ranges(points, points[0], sectors, is_ground, _pattern(), image)
+    ego_body._find_constant(np.resize(points, (3, 4, 5)), 0.1, 0.5, np.zeros((4, 5), np.float32))
+    for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
+        ego_body.EgoBody(reach, _pattern()).covers(points)
+
+
+def _erasor(points: np.ndarray) -> None:
+    n = len(points)
+    erasor._voxels_near(points, points[0], np.float32(80.0))
+    volume = (np.float32(80.0), 20, 108, -1.0, 3.0)
+    erasor.polar_bins(points, *volume)
+    ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
+    for version in (2, 3):
+        arguments = erasor._kernel_arguments(SETTINGS.candidates.erasor) | {"version": version, "min_points": 1}
+        scan_ids = ids.astype(np.int32)
+        erasor._compare(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, **arguments)
+    fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
+    voxels = VoxelMap(0.2, points[0])
+    voxels.add(points)
+    voxels._reserve(1 << 16)
+    assert len(voxels.mean) == len(voxels)
+
+
+def _instances(points: np.ndarray) -> None:
+    n, ids = len(points), (np.arange(len(points)) % 3 - 1).astype(np.int32)
+    fit_boxes(points, ids, np.ones(ids.max() + 1))
+    segment_points(points, points[:, 2], points[:, 0], 0.02, 0.003, SETTINGS.instances.components.segments)
+    detect._summarise(ids, points, ids > 0, ids > 1)
+    hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
+    hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
+
+
+def _tracking(points: np.ndarray) -> None:
+    ids = (np.arange(len(points)) % 3 - 1).astype(np.int32)
+    some = ids > 0
+    tracks = _tracks(points[:3])
+    paint_objects(points, ids, ids[::-1].copy(), some, ~some, tracks, SETTINGS.tracking.completion)
+    box = Tracks(
+        np.zeros(1, int),
+        np.zeros(1, int),
+        np.full(1, -1),
+        np.zeros((1, 3)),
+        np.ones((1, 3)),
+        np.zeros(1),
+        np.zeros((1, 3)),
+    )
+    paint_objects(points * np.float32(0.1), ids, ids, np.ones_like(some), some, box, SETTINGS.tracking.completion)
+    smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
+    smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
+    smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
+
+
+def _odometry(points: np.ndarray) -> None:
+    about = SETTINGS.odometry
+    times = azimuth_times(points, 1, float(points[0, 0]))
+    compensate(points, times, np.resize(points, 6))
+    for block in (1, 7):
+        azimuth, _ = azimuths.block_azimuths(points, block)
+        for each in (azimuth, points[:, 0].astype(float)):
+            turned = azimuths.between_blocks(azimuths.unwrap(each, 1), block, len(points))
+        azimuths.follow_gaps(points, azimuth, 1, block, turned)
+    azimuths.seen_sectors(points)
+    azimuths.turns_by_beam(points, -1, float(points[0, 0]))
+    compensate(points, points[:, 0].copy(), np.ones(6))
+    usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
+    level._nearest_to_middle(points, about.ground_range, about.ground_voxel)
+    level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
+    hostile_T = np.eye(4)
+    hostile_T[:3] = np.resize(points, (3, 4))
+    surfels = make_surfels(points, times, 0.4, 20.0, 1e30)
+    for T in (np.eye(4), hostile_T):
+        submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]), 0.8, 20.0)
+        fit_surfels(submap, surfels, T, 0.2, 0.03, 0.1)
+        distances = np.resize(points, 5).astype(float)
+        scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
+        speed._score(
+            submap.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
+            T[:3, 3].copy(), way, distances, distances, 0.15, 2.7, scores,
+        )  # fmt: skip
+
+
+def _baselines(points: np.ndarray) -> None:
+    n, is_member = len(points), np.arange(len(points)) % 2 == 0
+    grid = BrickGrid(0.3, np.zeros((2, 3)), 40.0)
+    ids = grid.add(points)
+    passed = np.full(len(grid) + 1, -1, np.int32)
+    grid.pass_rays(np.zeros(3), points, 1, passed)
+    grid.pass_rays(points[0], points, 1, passed)
+    grid.neighbours(ids[ids >= 0], grid.indices(), 1)
+    octomap._update(points[:, 0].copy(), ids, ids, 0, 0.1, -0.1, -2.0, 2.0)
+    near = np.zeros((n, 27), np.int32)
+    likelihood = hmm_mos._likelihood(near, np.zeros(n, np.int32), 0, 0.25, points[0, 0] or 1.0, 0.1)
+    states = np.zeros((n, 3), np.float32), np.zeros(n, np.int8), np.zeros(n, np.int32)
+    hmm_mos._filter(np.arange(n), likelihood, *states, 0, 0.1, 0.9)
+    height_images.find_ground(points, SETTINGS.baselines.octomap.model_copy(update={"image_range": 4.0}))
+    shape = range_image.image_shape(2.0, 4.0, -60.0, 60.0)
+    seen = range_image.nearest_ranges(points, shape)
+    range_image.shortest_around(seen, 1, 1)
+    span = m_detector._span_around(points, shape)
+    counts, ranges = np.zeros((2, n), np.int32), np.resize(points, (n, 3))
+    m_detector._compare(points, span, span, shape, 0.2, 0.01, *counts, ranges.copy(), 1)
+    m_detector._goes_along_ray(ranges, np.array([0.0, 0.1, 0.2]), 0.2, 0.01, 40.0, 2)
+    for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
+        for only_nearest in (False, True):
+            removert._mark_seen_through(points, T, seen, shape, 80.0, 0.1, only_nearest, is_member.copy())
+    yoon._find_free(points, seen, shape, 0.3, 60.0, is_member.copy())
+    yoon._has_company(points, is_member, shape, 2, 2)
+
+
+def _network(points: np.ndarray) -> None:
+    for grid in (projection.even_grid(16, 64, 3.0, -25.0), projection.ImageGrid(16, 64, np.resize(points, 4097))):
+        pixels, ranges = projection.project(points, grid)
+        index = projection.nearest_points(pixels, ranges, grid.size)
+        now = np.resize(points[:, 0], (16, 64))
+        residuals.residual_images(now, [points], np.stack([np.eye(4)]), grid, (1.0, 80.0))
+        residuals.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid, (1.0, 80.0))
+        image = SimpleNamespace(pixels=pixels, ranges=ranges, channels=np.stack([now]), index=index)
+        cleanup.vote(image, np.resize(points[:, 1], (16, 64)), SETTINGS.network.cleanup)
+
+
+def _geometry(points: np.ndarray) -> None:
+    transform(np.resize(points, (4, 4)), points)
+    points_in_boxes(points, _boxes(points))
+    iou_3d(_boxes(points), _boxes(points[::-1]))
+
+
+def _datasets(points: np.ndarray) -> None:
+    pose = np.resize(points, (2, 3, 6)).astype(np.float32)
+    waymo_image.place_pixels(pose[..., 0].copy(), pose, np.resize(points, 2).astype(float), np.eye(4), np.eye(4))
+    raw = points.tobytes()
+    data = np.frombuffer(raw, np.uint8)
+    for n_bytes in (0, 8, 300):
+        lzf._decompress(data, np.empty(n_bytes, np.uint8))
+    for is_big in (False, True):
+        packets = [np.empty(len(data), kind) for kind in (np.int64, np.int64, np.float64, np.int64)]
+        pcap._walk(data, 8, is_big, 1e-6, 14, *packets)
+        data = np.concatenate([np.array([0x45, 0, 0, 0, 0, 0, 0, 0, 0, 17], np.uint8), data])  # IPv4, UDP
+        record = np.array([0, 0, len(data), len(data)], ">u4" if is_big else "<u4").view(np.uint8)
+        pcap._walk(np.concatenate([record, data]), 8, is_big, 1e-6, 0, *packets)
+    velodyne_sweeps._mark_first(points[:, 0], points[:, 1], np.zeros(3), np.zeros(len(points), bool))
+    for written in (raw, " ".join(map(str, points.ravel())).encode()):
+        try:
+            text.parse_table(written)
+        except ValueError:
+            continue
+
+
+ROOMS: dict[str, Callable[[np.ndarray], None]] = {
+    "geometry": _geometry,
+    "ground": _ground,
+    "free space": _free_space,
+    "ego body": _ego_body,
+    "erasor": _erasor,
+    "instances": _instances,
+    "tracking": _tracking,
+    "odometry": _odometry,
+    "baselines": _baselines,
+    "network": _network,
+    "datasets": _datasets,
+}
+"""What calls the kernels of a room with hostile points."""
+
+
+WHOLE_NUMBERS = {"_keep_nearest"}
+"""Kernels that take no floats."""
+
+
+def kernels() -> Iterator[tuple[Path, str]]:
+    """Yield the file and name of every compiled kernel that may be given what was read."""
+    for path in sorted(set(SOURCE.rglob("*.py")) - set((SOURCE / "simulation").rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if (
+                isinstance(node, ast.FunctionDef)
+                and any("njit" in ast.unparse(d) for d in node.decorator_list)
+                and node.name not in WHOLE_NUMBERS
+            ):
+                yield path, node.name

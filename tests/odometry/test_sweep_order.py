@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from automos.array_sequence import ArraySequence
+from automos.odometry.sweep_order import gap_edges, learn_drifting_gap, learn_order, turns_since_start
+from automos.scan import Scan
+
+BEAMS = 16
+FIRINGS = 1800  # a turn
+RNG = np.random.default_rng(0)
+
+
+def stream(first, n, turn=1, offsets_deg=0.0):
+    """Firings `first` to `first + n` of a sensor that begins at azimuth 180 degrees: points, turns, beam of each."""
+    firing, beam = np.repeat(np.arange(first, first + n), BEAMS), np.tile(np.arange(BEAMS), n)
+    azimuth = np.pi + turn * 2.0 * np.pi * firing / FIRINGS + np.radians(offsets_deg) * (beam - 7.5) / 7.5
+    ranges = RNG.uniform(3.0, 60.0, len(firing))
+    points = np.stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), 0.1 * beam], axis=1)
+    return points.astype(np.float32), (firing - first) / FIRINGS, beam
+
+
+def recording(turns, n=8, arrange=lambda points, times, beam: (points, times), **kwargs):
+    length = round(turns * FIRINGS)
+    parts = [arrange(*stream(k * length, length, **kwargs)) for k in range(n)]
+    return ArraySequence([points for points, _ in parts]), [times for _, times in parts]
+
+
+def by_beam(points, times, beam):
+    order = np.argsort(beam, kind="stable")
+    return points[order], times[order]
+
+
+def shuffled(points, times, beam):
+    order = RNG.permutation(len(points))
+    return points[order], times[order]
+
+
+def half_lost(points, times, beam):
+    kept = (RNG.random(len(points)) < 0.5) & ~((times > 0.3) & (times < 0.5))  # and nothing at all in a sector
+    return points[kept], times[kept]
+
+
+@pytest.mark.parametrize("turn", [1, -1], ids=["counter-clockwise", "clockwise"])
+@pytest.mark.parametrize("turns", [0.6, 0.92, 1.0, 1.09, 2.0])
+def test_a_stream_may_be_cut_anywhere(turns, turn):
+    sequence, times = recording(turns, turn=turn, offsets_deg=4.0)
+    order = learn_order(sequence)
+    assert (order.by, order.turn) == ("firing", turn)
+    assert order.turns == pytest.approx(turns, abs=0.005)
+    assert order.turns_per_scan == pytest.approx(turns, abs=0.002)
+    np.testing.assert_allclose(turns_since_start(sequence[3], order), times[3], atol=0.01)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.45, 0.6])
+def test_a_sensor_that_looks_one_way_still_turns_once_a_scan(share):
+    def ahead(points, times, beam):
+        seen = np.abs(times - 0.5) < 0.5 * share
+        return points[seen], times[seen] - times[seen][0]
+
+    sequence, times = recording(1.0, arrange=ahead)
+    order = learn_order(sequence)
+    assert order.turns_per_scan == pytest.approx(1.0, abs=0.01)
+    np.testing.assert_allclose(turns_since_start(sequence[3], order), times[3], atol=0.01)
+
+
+def test_points_that_never_returned_leave_no_trace_in_the_times_of_others():
+    sequence, times = recording(1.0, arrange=half_lost)
+    np.testing.assert_allclose(turns_since_start(sequence[2], learn_order(sequence)), times[2], atol=0.01)
+
+
+def test_a_scan_whose_first_points_are_lost_begins_late():
+    sequence, times = recording(1.0)
+    order = learn_order(sequence)
+    cut = Scan(sequence[1].points[5000:])
+    np.testing.assert_allclose(turns_since_start(cut, order), times[1][5000:], atol=0.01)
+
+
+def test_files_sorted_by_beam_tell_the_times_of_scans_of_more_than_a_turn():
+    sequence, times = recording(1.09, arrange=by_beam)
+    order = learn_order(sequence)
+    assert (order.by, order.turn) == ("beam", 1)
+    np.testing.assert_allclose(turns_since_start(sequence[4], order), times[4], atol=0.01)
+
+
+@pytest.mark.parametrize("turns", [0.92, 1.0])
+def test_files_sorted_by_beam_tell_nothing_new_of_scans_up_to_a_turn(turns):
+    assert learn_order(recording(turns, arrange=by_beam)[0]) is None
+
+
+def test_a_shuffled_file_tells_nothing():
+    assert learn_order(recording(1.0, arrange=shuffled)[0]) is None
+
+
+def test_a_sensor_whose_pattern_never_repeats_tells_nothing():
+    ahead = [np.random.default_rng(i).uniform([5, -5, -1], [30, 5, 3], (20_000, 3)) for i in range(8)]
+    assert learn_order(ArraySequence(ahead)) is None
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_sector_left_out_that_wanders_tells_which_way_the_sensor_turns(turn):
+    assert learn_drifting_gap(recording(0.92, arrange=shuffled, turn=turn)[0]) == turn
+
+
+def test_a_sector_that_is_always_hidden_tells_nothing():
+    assert learn_drifting_gap(recording(1.0, arrange=half_lost)[0]) == 0
+
+
+def test_the_widest_empty_sector_is_found_across_the_seam():
+    azimuth = np.radians(np.arange(-150.0, 160.0, 0.5))
+    low, high = gap_edges(np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], 1).astype(np.float32))
+    assert (low, high) == pytest.approx((159.5 / 360, 210 / 360), abs=0.002)
+
+
+@given(hnp.arrays(np.float32, (300, 3), elements=st.floats(width=32)))
+def test_whatever_the_points_are_every_one_has_a_time(points):
+    order = learn_order(recording(1.0)[0])
+    for by in ("firing", "beam"):
+        turned = turns_since_start(Scan(points), order.__class__(by, 1, 1.0, 1.0))
+        assert turned.shape == (300,)
+        assert np.isfinite(turned).all()
+    learn_order(ArraySequence([Scan(points), Scan(points)]))
+    assert np.isfinite(gap_edges(points)).all()
