@@ -1,9 +1,10 @@
 import numpy as np
 from worlds import Block, cast, van
 
+from automos.array_sequence import ArraySequence
 from automos.labels import Label
 from automos.pipeline import label
-from automos.scan import ArraySequence, Scan
+from automos.scan import Scan
 from automos.tracking.unfollowed import can_follow
 
 
