@@ -1,7 +1,7 @@
-"""Table I: every method on recordings with truth and on the scenario suite, all from the same estimated poses.
+"""Table I: every method on recordings with truth and on the scenario suite, from estimated poses.
 
     python benchmarks/table1.py [RECORDING ...] [--scenarios all | none | NAME ...] [--sensor HDL-64E] [--scans 40]
-                                [--seed 0] [--methods ...] [--cache FOLDER] [--json FILE] [--markdown FILE]
+                                [--seed 0] [--methods ...] [--repeat 1] [--cache FOLDER] [--json FILE] [--markdown FILE]
 
 Labels, costs and simulated recordings are kept in the cache folder; a second run, or one after an interruption, makes
 only what is missing or was made with other settings. Empty the folder after a change of the code. The first run after
@@ -37,6 +37,7 @@ def main() -> None:
     parser.add_argument("--scans", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--methods", nargs="+")
+    parser.add_argument("--repeat", type=int, default=1, help="how often each method is timed on recordings")
     parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "table1")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path, help="the table of all recordings, for the docs")
@@ -47,7 +48,13 @@ def main() -> None:
     for recording in chain(arguments.recordings, (_simulated(arguments, scenario) for scenario in named)):
         sequence = open_sequence(recording)
         name = sequence.name.split(f"-{arguments.sensor}-")[0]
-        runs = MethodRuns(sequence, arguments.cache / "runs" / sequence.name, own_process=name not in SCENARIOS)
+        is_real = name not in SCENARIOS
+        runs = MethodRuns(
+            sequence,
+            arguments.cache / "runs" / sequence.name,
+            own_process=is_real,
+            repeats=arguments.repeat if is_real else 1,
+        )
         columns[name] = compare(runs, methods)
         write_comparison(runs, columns[name])
         for table in columns[name].tables()[:1]:

@@ -14,6 +14,7 @@ BASE = {
     "scan",
     "array_sequence",
     "geometry",
+    "upright_boxes",
     "settings",
     "errors",
     "extras",

@@ -7,13 +7,10 @@ from scipy.spatial.transform import Rotation
 from shapely.geometry import Polygon
 
 from automos.geometry import (
-    Boxes,
     adjoint,
     inverse,
-    iou_3d,
     is_rigid,
     make_transform,
-    points_in_boxes,
     rotation_between,
     se3_exp,
     se3_log,
@@ -21,6 +18,7 @@ from automos.geometry import (
     transform,
     wrap_angle,
 )
+from automos.upright_boxes import Boxes, iou_3d, points_in_boxes
 
 YAWS = np.radians([-180.0, -90.0, -30.0, 0.0, 12.5, 45.0, 90.0, 135.0])
 

@@ -92,7 +92,7 @@ def test_otsu_tells_two_classes_apart_whatever_their_scale():
     for scale in (1, 20):
         low, high = scale * np.array([1, 2, 2, 1]), scale * np.array([30, 40, 35])
         assert low.max() < otsu_threshold(np.concatenate([low, high])) <= high.min()
-    assert otsu_threshold(np.array([5, 5, 5])) == 0.0
+    assert otsu_threshold(np.array([5, 5, 0])) == 5.0  # one class: all of it
     assert otsu_threshold(np.zeros(0, np.int64)) == 0.0
 
 

@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from automos.cli import app
 from automos.comparison import runs as runs_module
 from automos.comparison.agreement import Agreement, measure_agreement
 from automos.comparison.compare import Comparison, compare, write_comparison
+from automos.comparison.effort import Effort
 from automos.comparison.labelers import TITLES, choose_methods
-from automos.comparison.memory import PeakMemory
 from automos.comparison.runs import Cost, MethodRuns
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
@@ -116,10 +117,12 @@ def test_the_pipeline_is_given_the_same_poses(recording, world, tmp_path, in_thi
 def test_tables_of_all_methods_have_whole_words_in_80_columns():
     everyone = list(TITLES)
     iou = np.full((len(everyone), len(everyone)), 0.99)
-    costs = {name: Cost(1234.5, 12e9) for name in everyone}
+    costs = {name: Cost([123.4, 123.5], [200.0] * 2, [12e9] * 2, [0.0] * 2) for name in everyone}
     scores = {name: Scores(1, 0, 0, 1, 0) for name in everyone}
     missing = {"dufomap": "pip install '.[dufomap]'"}
-    comparison = Comparison("log", 9999, "own poses", scores, costs, missing, Agreement(tuple(everyone), iou))
+    agreement = Agreement(tuple(everyone), iou)
+    futures = dict.fromkeys(everyone, True)
+    comparison = Comparison("log", 9999, "own poses", dict(TITLES), futures, scores, costs, missing, agreement)
     console = Console(width=80, record=True, file=io.StringIO())
     for table in comparison.tables():
         console.print(table)
@@ -158,11 +161,10 @@ def test_agreement_is_intersection_over_union_over_all_scans():
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_peak_memory_sees_what_was_held_for_a_while():
-    import time
 
-    with PeakMemory() as before:
+    with Effort() as before:
         time.sleep(0.3)
-    with PeakMemory() as memory:
+    with Effort() as memory:
         held = np.ones(40_000_000)  # 320 MB
         time.sleep(0.5)
         del held
@@ -176,3 +178,84 @@ def test_the_command_runs_methods_in_processes_of_their_own_and_says_where_resul
     assert "Yoon's" in done.output
     assert (tmp_path / "out" / "compare.png").exists()
     assert (tmp_path / "out" / "compare.json").exists()
+
+
+def write_predictions(folder, world, label=lambda truth: truth):
+    folder.mkdir(parents=True)
+    for i, truth in enumerate(world.truth):
+        label(truth).astype(np.uint32).tofile(folder / f"{i:06d}.label")
+    return folder
+
+
+def test_labels_of_any_program_are_compared_like_a_method(recording, world, tmp_path, in_this_process):
+    # another network's classes: a moving car is 252, and instances sit in the upper bits
+    theirs = write_predictions(
+        tmp_path / "theirs" / "predictions", world, lambda truth: np.where(truth == 251, (7 << 16) | 252, 40)
+    )
+    runs = MethodRuns(
+        open_sequence(recording), tmp_path / "out", {}, world.poses, 1, predictions={"Theirs": theirs.parent}
+    )
+    comparison = compare(runs, ["yoon"])
+    assert list(comparison.costs) == ["yoon", "Theirs"]
+    assert comparison.scores["Theirs"].iou == 1.0
+    found = comparison.to_dict()["methods"]
+    assert found["Theirs"]["needs_future"] is None
+    assert "seconds_per_scan" not in found["Theirs"]
+    assert found["yoon"]["needs_future"] is True
+    report, picture = write_comparison(runs, comparison)
+    assert "Theirs" in report.read_text()
+    assert picture.exists()
+
+
+def test_labels_that_do_not_fit_are_refused_before_anything_runs(recording, world, tmp_path):
+    def runs(**predictions):
+        return MethodRuns(open_sequence(recording), tmp_path / "out", {}, world.poses, 1, predictions=predictions)
+
+    short = write_predictions(tmp_path / "short", world)
+    np.zeros(3, np.uint32).tofile(short / "000005.label")
+    with pytest.raises(InputError, match=r"000005.label has 12 bytes"):
+        runs(Short=short)
+    (short / "000005.label").unlink()
+    with pytest.raises(InputError, match=r"000005.label is missing"):
+        runs(Short=short)
+    with pytest.raises(InputError, match=r"holds no predictions"):
+        runs(Nothing=tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"'yoon' is a method"):
+        runs(yoon=short)
+
+
+def test_each_preset_finds_its_own_poses_unless_one_odometry_is_for_all(recording, tmp_path):
+    own = MethodRuns(open_sequence(recording), tmp_path, {})
+    assert own.trajectory_of("yoon") is own.trajectory
+    assert own.trajectory_of("paper") is not own.trajectory  # its odometry does not refine
+    shared = MethodRuns(open_sequence(recording), tmp_path, {}, shared=True)
+    assert shared.trajectory_of("paper") is shared.trajectory
+
+
+def test_seconds_are_the_median_of_the_runs_and_say_whether_the_machine_was_busy(recording, world, tmp_path):
+    runs = MethodRuns(open_sequence(recording), tmp_path, {}, world.poses, 1, repeats=3)
+    cost = runs.cost("yoon")
+    assert len(cost.seconds) == len(cost.busy) == len(cost.memory) == len(cost.others) == 3
+    assert cost.seconds_per_scan == sorted(cost.seconds)[1]
+    assert cost.spread == max(cost.seconds) - min(cost.seconds)
+    assert runs.cost("yoon") == cost  # not run again
+    assert Cost([1.0], [1.0], [1.0], [0.0]).was_alone
+    assert not Cost([1.0], [1.0], [1.0], [1.5]).was_alone
+    assert not Cost([1.0], [1.0], [1.0], [float("nan")]).was_alone  # nobody knows
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processor time is read from /proc")
+def test_effort_tells_ones_own_work_from_that_of_others():
+    with Effort() as effort:
+        end = time.process_time() + 0.5
+        while time.process_time() < end:
+            pass
+    assert 0.4 < effort.busy < 0.8
+    assert effort.seconds >= effort.busy - 0.05
+    assert effort.others >= 0.0
+
+
+def test_a_name_and_a_folder_are_asked_of_predictions(recording, tmp_path):
+    words = ["compare", recording, "--out", tmp_path / "out", "--predictions", "somewhere"]
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert "give a name and a folder of .label files" in str(done.exception)

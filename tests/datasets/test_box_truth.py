@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
-from automos.geometry import Boxes, make_transform
+from automos.geometry import make_transform
 from automos.labels import Label
 from automos.scan import Scan
+from automos.upright_boxes import Boxes
 
 
 def judge(centers, period=0.1):

@@ -22,7 +22,7 @@ from automos.candidates.region_ground import fit_region_ground
 from automos.candidates.voxel_map import VoxelMap
 from automos.datasets import lzf, pcap, text, velodyne_sweeps
 from automos.datasets import range_image as waymo_image
-from automos.geometry import Boxes, iou_3d, points_in_boxes, transform
+from automos.geometry import transform
 from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
@@ -37,6 +37,7 @@ from automos.settings import load_settings
 from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
+from automos.upright_boxes import Boxes, iou_3d, points_in_boxes
 
 SOURCE = Path(automos.__file__).parent
 SETTINGS = load_settings("default")

@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import MultiPoint
 
-from automos.geometry import Boxes, points_in_boxes, wrap_angle
+from automos.geometry import wrap_angle
 from automos.instances.boxes import fit_boxes
+from automos.upright_boxes import Boxes, points_in_boxes
 
 
 def fit_one(points: np.ndarray) -> Boxes:

@@ -7,11 +7,12 @@ import pytest
 
 from automos import simulation
 from automos.evaluation.trajectory import path_length
-from automos.geometry import inverse, iou_3d, points_in_boxes, transform
+from automos.geometry import inverse, transform
 from automos.labels import Label
 from automos.odometry import estimate_trajectory
 from automos.settings import load_settings
 from automos.simulation.annotations import upright_boxes
+from automos.upright_boxes import iou_3d, points_in_boxes
 
 N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.geometry import Boxes
 from automos.settings import AssociationSettings
 from automos.tracking.association import assign, association_cost
+from automos.upright_boxes import Boxes
 
 OPEN = {"max_distance": 100.0, "max_overlap_cost": 1.0, "max_volume_cost": 1.0}
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from automos.detections import Detections
-from automos.geometry import Boxes
 from automos.settings import ExtensionSettings, FollowSettings
 from automos.tracking.extension import extend_tracks
 from automos.tracking.follow import follow_objects
+from automos.upright_boxes import Boxes
 
 CAR, POLE, PERSON = (4.0, 1.8, 1.5), (0.4, 0.4, 1.7), (0.6, 0.5, 1.7)
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.geometry import Boxes
 from automos.settings import load_settings
 from automos.tracking import filter as kalman
+from automos.upright_boxes import Boxes
 
 SETTINGS = load_settings("paper").tracking.filter
 P0, PV0 = SETTINGS.initial_variance, SETTINGS.initial_velocity_variance

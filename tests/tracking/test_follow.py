@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from automos.detections import Detections
-from automos.geometry import Boxes
 from automos.settings import FollowSettings
 from automos.tracking.follow import follow_objects
+from automos.upright_boxes import Boxes
 
 
 def seen(*things, size=(4.0, 1.8, 1.5), n_points=80):

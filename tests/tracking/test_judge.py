@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from automos.detections import Detections
-from automos.geometry import Boxes
 from automos.settings import JudgeSettings
 from automos.tracking.judge import judge_by_evidence, motion
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict
+from automos.upright_boxes import Boxes
 
 STAMPS = 0.1 * np.arange(20)
 FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from automos.geometry import Boxes, make_transform, wrap_angle
+from automos.geometry import make_transform, wrap_angle
 from automos.settings import load_settings
 from automos.tracking.tracker import track_objects
+from automos.upright_boxes import Boxes
 
 SETTINGS = load_settings("paper").tracking
 CAR = (4.5, 1.8, 1.5)

@@ -28,10 +28,12 @@ class Method:
     ----------
     title : in tables and pictures.
     find_moving : see `Labeler`.
+    needs_future : whether a scan's labels depend on scans after it.
     """
 
     title: str
     find_moving: Labeler
+    needs_future: bool = True
 
 
 def _find_with(module: str, *more: str) -> Labeler:
@@ -62,8 +64,8 @@ BASELINES = {
     "pfreundschuh": Method("Pfreundschuh's", _find_with("pfreundschuh", "visibility", "ground")),
     "yoon": Method("Yoon's", _find_with("yoon", "stamps", "ground")),
     "dufomap": Method("DUFOMap", _find_with("dufomap")),
-    "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground")),
-    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground")),
+    "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
+    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground"), needs_future=False),
 }
 """In the order of the paper's Table I, then the newer ones."""
 

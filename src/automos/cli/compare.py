@@ -24,7 +24,13 @@ def compare(
     out: Out = None,
     scan: Annotated[int | None, typer.Option(help="the scan that is drawn; default: the one with most movers")] = None,
     radius: Annotated[float, typer.Option(help="metres around the sensor that are drawn")] = 40.0,
-    poses: Poses = None,
+    poses: Annotated[
+        str, typer.Option(help="own: each preset's own, the default's for the rest; shared: one for all; or a file")
+    ] = "own",
+    predictions: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER, .label files that any other program made; repeatable")
+    ] = None,
+    repeat: Annotated[int, typer.Option(min=1, help="how often each method is run; seconds are the median")] = 1,
     calib: Calib = None,
     set_: Overrides = None,
     format: Format = None,
@@ -32,21 +38,36 @@ def compare(
 ) -> None:
     """Set every method of the paper's Table I, and newer ones, side by side on one recording.
 
-    All are given the same poses. Where the recording has truth they are scored; without, the picture and the table of
-    how far they agree remain.
+    Methods run one after the other, each in a process of its own. Where the recording has truth they are scored;
+    without, the picture and the table of how far they agree remain.
 
     [bold]Examples[/bold]
 
     automos compare kitti/sequences/07
 
     automos compare my_log/ --method removert --method dufomap --method default
+
+    automos compare kitti/sequences/08 --predictions 4DMOS=4dmos/08 --predictions MapMOS=mapmos/08 --repeat 3
     """
     from automos.comparison.compare import compare as compare_methods
     from automos.comparison.compare import write_comparison
     from automos.comparison.labelers import choose_methods
 
     chosen = choose_methods(methods)
-    runs = _runs(recording, out or Path("automos_compare"), out is None, poses, calib, set_, format, workers)
+    file = None if poses in ("own", "shared") else Path(poses)
+    runs = _runs(
+        recording,
+        out or Path("automos_compare"),
+        out is None,
+        file,
+        calib,
+        set_,
+        format,
+        workers,
+        shared=poses == "shared",
+        repeats=repeat,
+        predictions=_named_folders(predictions or []),
+    )
     comparison = compare_methods(runs, chosen)
     for table in comparison.tables():
         output.print(table)
@@ -110,6 +131,7 @@ def _runs(
     overrides: list[str] | None,
     format: str | None,
     workers: int,
+    **more: Any,
 ) -> Any:
     from automos.comparison.runs import MethodRuns
     from automos.datasets import open_sequence
@@ -122,7 +144,24 @@ def _runs(
         T_camera_sensor = None if calib is None else read_calib(calib)
         given = read_poses(poses, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
     folder = out / sequence.name if is_default else out
-    return MethodRuns(sequence, folder, read_overrides(overrides), given, workers, _say_when_started())
+    return MethodRuns(sequence, folder, read_overrides(overrides), given, workers, _say_when_started(), **more)
+
+
+def _named_folders(given: list[str]) -> dict[str, Path]:
+    """Return the folders of `given`, each NAME=FOLDER, by name."""
+    from automos.errors import InputError
+
+    folders: dict[str, Path] = {}
+    for text in given:
+        name, _, folder = text.partition("=")
+        if not name or not folder:
+            raise InputError(
+                f"--predictions {text}: give a name and a folder of .label files, as 4DMOS=results/4dmos/08"
+            )
+        if name in folders:
+            raise InputError(f"--predictions: two folders are called '{name}'; give each a name of its own")
+        folders[name] = Path(folder)
+    return folders
 
 
 def _say_when_started() -> Callable[[str, int, int], None]:

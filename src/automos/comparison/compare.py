@@ -1,10 +1,11 @@
-"""Table I of the paper on any recording: every method from the same poses, scored, timed, compared with each other."""
+"""Table I of the paper on any recording: every method scored, timed, compared with each other."""
 
 from __future__ import annotations
 
 import json
 import logging
 import math
+import statistics
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,9 +35,11 @@ class Comparison:
     Attributes
     ----------
     recording, n_scans : what was compared on.
-    poses : where the poses came from that all methods were given.
-    scores : of each method; empty where the recording has no truth.
-    costs : of each method that ran.
+    poses : where the poses came from that the methods were given.
+    titles : of all that was compared, by name.
+    needs_future : of each, None where it is not known.
+    scores : of each; empty where the recording has no truth.
+    costs : of each, None where another program made the labels.
     missing : methods that did not, and why.
     agreement : between those that ran.
     """
@@ -44,8 +47,10 @@ class Comparison:
     recording: str
     n_scans: int
     poses: str
+    titles: dict[str, str]
+    needs_future: dict[str, bool | None]
     scores: dict[str, Scores]
-    costs: dict[str, Cost]
+    costs: dict[str, Cost | None]
     missing: dict[str, str]
     agreement: Agreement
 
@@ -56,10 +61,10 @@ class Comparison:
             scores = self.scores.get(name)
             ratios = {} if scores is None else {key: _plain(getattr(scores, key)) for key in _RATIOS} | asdict(scores)
             methods[name] = {
-                "title": TITLES[name],
+                "title": self.titles[name],
                 **ratios,
-                "seconds_per_scan": cost.seconds_per_scan,
-                "peak_mb": _plain(cost.peak_memory / 1e6),
+                "needs_future": self.needs_future[name],
+                **({} if cost is None else _plain_cost(cost)),
             }
         return {
             "recording": self.recording,
@@ -76,17 +81,25 @@ class Comparison:
         from rich.table import Column, Table
         from rich.text import Text
 
-        why = "\n".join(f"{TITLES[name]}: {reason}" for name, reason in self.missing.items())
-        table = Table(title=f"{self.recording}: {self.n_scans} scans, {self.poses}", caption=Text(why) if why else None)
-        table.add_column("method")
-        for heading in ("IoU %", "precision %", "recall %", "s/scan", "peak MB"):
+        notes = [f"{TITLES[name]}: {reason}" for name, reason in self.missing.items()]
+        if not all(cost is None or cost.was_alone for cost in self.costs.values()):
+            notes.append("< : other programs kept the machine busy meanwhile; seconds are upper bounds")
+        caption = Text("\n".join(notes)) if notes else None
+        table = Table(
+            title=f"{self.recording}: {self.n_scans} scans, {self.poses}",
+            caption=caption,
+            box=SIMPLE_HEAD,
+            pad_edge=False,
+        )
+        table.add_column("method", no_wrap=True)
+        for heading in ("IoU %", "precision", "recall", "s/scan", "±", "MB", "future"):
             table.add_column(heading, justify="right")
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
             ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
-            memory = "" if math.isnan(cost.peak_memory) else f"{cost.peak_memory / 1e6:.0f}"
-            table.add_row(TITLES[name], *ratios, f"{cost.seconds_per_scan:.2f}", memory)
-        names = [TITLES[name] for name in self.agreement.methods]
+            future = {True: "needed", False: "no", None: ""}[self.needs_future[name]]
+            table.add_row(self.titles[name], *ratios, *_cost_cells(cost), future)
+        names = [self.titles[name] for name in self.agreement.methods]
         columns = (Column(f"{k + 1}", justify="right") for k in range(len(names)))
         matrix = Table(Column(no_wrap=True), *columns, title="agreement: IoU % of what moves", box=SIMPLE_HEAD)
         for k, (name, row) in enumerate(zip(names, self.agreement.iou, strict=True)):
@@ -106,9 +119,9 @@ def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Compariso
     InputError
         A method that there is not, or none that could be run.
     """
-    costs: dict[str, Cost] = {}
+    costs: dict[str, Cost | None] = {}
     missing: dict[str, str] = {}
-    for method in choose_methods(methods):
+    for method in [*choose_methods(methods), *runs.predictions]:
         try:
             costs[method] = runs.cost(method)
         except MissingExtraError as error:
@@ -120,7 +133,17 @@ def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Compariso
     agreement = measure_agreement(list(costs), _masks(runs, counts))
     has_truth = any(part.n_scans for part in counts.values())
     scores = {method: part.scores for method, part in counts.items()} if has_truth else {}
-    return Comparison(runs.sequence.name, len(runs.sequence), _describe_poses(runs), scores, costs, missing, agreement)
+    return Comparison(
+        runs.sequence.name,
+        len(runs.sequence),
+        _describe_poses(runs),
+        {name: runs.title(name) for name in costs},
+        {name: runs.needs_future(name) for name in costs},
+        scores,
+        costs,
+        missing,
+        agreement,
+    )
 
 
 def write_comparison(
@@ -156,8 +179,32 @@ def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDA
 def _describe_poses(runs: MethodRuns) -> str:
     about = runs.trajectory.diagnostics
     thickness = about.get("wall_thickness_m")
-    source = "poses given" if runs.has_given_poses else "poses by AutoMOS's odometry"
+    source = {
+        "given": "poses given",
+        "shared": "one odometry's poses for all",
+        "own": "poses by each preset's own odometry, the default's for the others",
+    }[runs.poses]
     return source if thickness is None else f"{source} (walls {100 * thickness:.1f} cm thick)"
+
+
+def _cost_cells(cost: Cost | None) -> tuple[str, str, str]:
+    """Return seconds, their spread and megabytes, as the table shows them."""
+    if cost is None:
+        return "", "", ""
+    spread = f"{cost.spread:.2f}" if len(cost.seconds) > 1 else ""
+    memory = "" if math.isnan(cost.peak_memory) else f"{cost.peak_memory / 1e6:.0f}"
+    return f"{'' if cost.was_alone else '< '}{cost.seconds_per_scan:.2f}", spread, memory
+
+
+def _plain_cost(cost: Cost) -> dict[str, Any]:
+    return {
+        "seconds_per_scan": cost.seconds_per_scan,
+        "seconds_spread": cost.spread,
+        "runs": len(cost.seconds),
+        "cpu_seconds_per_scan": _plain(statistics.median(cost.busy)),
+        "peak_mb": _plain(cost.peak_memory / 1e6),
+        "cores_of_others": _plain(max(cost.others)),
+    }
 
 
 def _percent(value: float) -> str:

@@ -25,6 +25,9 @@ TITLES = {name: method.title for name, method in BASELINES.items()} | {
 }
 """Names on the command line and in tables, in the order in which they are shown."""
 
+NEEDS_FUTURE = {name: method.needs_future for name, method in BASELINES.items()} | dict.fromkeys(PRESETS, True)
+"""Whether a scan's labels depend on scans after it."""
+
 
 def choose_methods(names: Iterable[str] | None) -> list[str]:
     """Return the methods named, each once, in the order of `TITLES`; all where none is named.
@@ -49,7 +52,7 @@ def label_scans(
 
     Parameters
     ----------
-    trajectory : the poses that all methods are given.
+    trajectory : the poses that the method is given.
     settings : of the preset, where `method` is one.
     scratch : a folder for what the pipeline keeps between its stages.
     """

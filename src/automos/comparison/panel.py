@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.comparison.labelers import TITLES
 from automos.comparison.runs import MethodRuns, is_moving
 from automos.labels import Label, to_mos
 from automos.visualization.topdown import View, draw_views
@@ -26,7 +25,7 @@ def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, p
         labels = runs.labels(method, scan, frame.n_points)[frame.kept].astype(np.uint8)
         if true is not None:
             labels[true == Label.UNLABELED] = Label.UNLABELED
-        views.append(View(TITLES[method], frame.points_level, labels, true))
+        views.append(View(runs.title(method), frame.points_level, labels, true))
     draw_views(views, path, frame.origin_level[:2], radius, columns=4)
 
 

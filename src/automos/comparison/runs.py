@@ -1,18 +1,20 @@
 """Methods run on one recording, each in a process of its own, their labels and cost kept in a folder.
 
-    FOLDER/poses/...              the poses that all methods are given, found once
+    FOLDER/poses/...              the poses that methods are given, found once for each way to find them
     FOLDER/METHOD/predictions/    a label file per scan
-    FOLDER/METHOD/cost.json       seconds, peak memory, and the fingerprint of what made them
+    FOLDER/METHOD/cost.json       seconds, memory, processor time, and the fingerprint of what made them
 
-What is there already, made with the same settings, is not made again.
+What is there already, made with the same settings, is not made again. Labels that another program made stand beside.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-import time
-from dataclasses import dataclass, replace
+import statistics
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +22,11 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.baselines.methods import BUILDS_ON
-from automos.comparison.labelers import label_scans
-from automos.comparison.memory import PeakMemory
+from automos.comparison.effort import Effort
+from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
-from automos.evaluation.report import read_prediction
-from automos.labels import Label
+from automos.evaluation.report import find_predictions, read_prediction
+from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
 from automos.pipeline import stage_keys
@@ -34,13 +36,46 @@ from automos.settings import PRESETS, Settings, load_settings
 from automos.working_folder import starting_processes
 from automos.workspace import Workspace, fingerprint
 
+ALONE = 0.1
+"""Processor cores that others may keep busy while something is timed; where more were, seconds are upper bounds."""
+
 
 @dataclass(frozen=True)
 class Cost:
-    """What a method took: seconds per scan (wall), and the process's peak memory in bytes, nan where unknown."""
+    """What a method took, once for each time it was run. Bytes, seconds and cores are nan where they cannot be told.
 
-    seconds_per_scan: float
-    peak_memory: float
+    Attributes
+    ----------
+    seconds : per scan, by the clock.
+    busy : per scan, seconds of processor time.
+    memory : bytes, at most, of the process and its children with all their libraries.
+    others : processor cores that other programs kept busy meanwhile.
+    """
+
+    seconds: list[float]
+    busy: list[float]
+    memory: list[float]
+    others: list[float]
+
+    @property
+    def seconds_per_scan(self) -> float:
+        """The median of the runs."""
+        return statistics.median(self.seconds)
+
+    @property
+    def spread(self) -> float:
+        """Seconds per scan between the quickest run and the slowest."""
+        return max(self.seconds) - min(self.seconds)
+
+    @property
+    def peak_memory(self) -> float:
+        """Bytes, the most of all runs."""
+        return max(self.memory)
+
+    @property
+    def was_alone(self) -> bool:
+        """Whether the machine had hardly anything else to do."""
+        return max(self.others) <= ALONE
 
 
 class MethodRuns:
@@ -55,14 +90,25 @@ class MethodRuns:
         workers: int = 0,
         progress: Progress | None = None,
         own_process: bool = True,
+        shared: bool = False,
+        repeats: int = 1,
+        predictions: Mapping[str, Path] | None = None,
     ):
         """Take a recording and where results are kept.
 
         `overrides` are settings that differ from the presets' ("baselines.removert.voxel": 0.1); `poses` (N, 4, 4)
-        T_world_sensor are used instead of odometry. Without `own_process` methods run in this one: short recordings
-        take less time, but peak memory is not known.
+        T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is no preset is
+        given the default's; `shared`: all are. Without `own_process` methods run in this one: short recordings take
+        less time, but what they cost is not known. `repeats` is how often each is run. `predictions` are
+        folders of label files that other programs made, by name.
         """
-        self.sequence, self.folder, self.has_given_poses = sequence, folder, poses is not None
+        self.sequence, self.folder, self.repeats = sequence, folder, repeats
+        self.poses = "given" if poses is not None else "shared" if shared else "own"
+        self._others = {
+            name: find_predictions(Path(root), sequence.name, is_only=True)
+            for name, root in (predictions or {}).items()
+        }
+        _check_predictions(sequence, self._others)
         self._settings = {preset: load_settings(preset, None, overrides) for preset in PRESETS}
         self._own_process = own_process
         self._workers, self._progress = workers, progress or (lambda name, done, total: None)
@@ -70,15 +116,46 @@ class MethodRuns:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{folder} cannot be made ({error.strerror}): choose another --out") from None
-        odometry = self._settings["default"].odometry
-        given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
-        self._key = fingerprint(sequence.fingerprint(), odometry.model_dump(mode="json"), given)
-        stage = Workspace(folder / "poses").stage("odometry", self._key)
-        if not stage.has("all"):
-            found = estimate_trajectory(sequence, odometry, poses, lambda done, n: self._progress("odometry", done, n))
-            stage.save("all", found.to_arrays())
-        self.trajectory = Trajectory.from_arrays(stage.load("all"))
+        self._given, self._trajectories = poses, dict[str, Trajectory]()
+        self.trajectory = self.trajectory_of("default")
         self.frames = SequenceFrames(sequence, self.trajectory)
+
+    def trajectory_of(self, method: str) -> Trajectory:
+        """Return the poses that `method` is given."""
+        key = self._pose_key(method)
+        if key not in self._trajectories:
+            stage = Workspace(self.folder / "poses").stage("odometry", key)
+            if not stage.has("all"):
+                found = estimate_trajectory(
+                    self.sequence,
+                    self._settings[self._pose_preset(method)].odometry,
+                    self._given,
+                    lambda done, n: self._progress("odometry", done, n),
+                )
+                stage.save("all", found.to_arrays())
+            self._trajectories[key] = Trajectory.from_arrays(stage.load("all"))
+        return self._trajectories[key]
+
+    def _pose_preset(self, method: str) -> str:
+        return method if self.poses == "own" and method in PRESETS else "default"
+
+    def _pose_key(self, method: str) -> str:
+        odometry = self._settings[self._pose_preset(method)].odometry.model_dump(mode="json", exclude={"threads"})
+        given = None if self._given is None else np.ascontiguousarray(self._given, np.float64).tobytes().hex()
+        return fingerprint(self.sequence.fingerprint(), odometry, given)
+
+    @property
+    def predictions(self) -> list[str]:
+        """The names of labels that other programs made."""
+        return list(self._others)
+
+    def title(self, method: str) -> str:
+        """Return what `method` is called in tables."""
+        return TITLES.get(method, method)
+
+    def needs_future(self, method: str) -> bool | None:
+        """Return whether `method` asks scans that come after; None of labels that another program made."""
+        return NEEDS_FUTURE.get(method)
 
     def settings(self, method: str) -> Settings:
         """Return the settings of `method`: a preset's own, the default's for baselines."""
@@ -88,41 +165,52 @@ class MethodRuns:
         """Return what changes with all that shapes what `method` finds."""
         settings = self.settings(method)
         if method in PRESETS:
-            return fingerprint(self._key, stage_keys(self.sequence, settings)["labels"])
+            return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
         chosen = settings.model_dump(mode="json")
         own = [chosen["baselines"].get(name) for name in (method, *BUILDS_ON.get(method, ()))]
-        return fingerprint(self._key, method, own, chosen["candidates"]["ground"], chosen["candidates"]["erasor"])
+        return fingerprint(
+            self._pose_key(method), method, own, chosen["candidates"]["ground"], chosen["candidates"]["erasor"]
+        )
 
-    def cost(self, method: str) -> Cost:
-        """Return what `method` took; it is run where its labels are not there yet.
+    def cost(self, method: str) -> Cost | None:
+        """Return what `method` took; it is run where its labels are not there yet. None of another program's labels.
 
         Raises
         ------
         MissingExtraError
             Its library is not installed.
         """
+        if method in self._others:
+            return None
         key = self._fingerprint(method)
         file = self.folder / method / "cost.json"
         cost = _read_cost(file, key)
-        if cost is None:
+        if cost is None or len(cost.seconds) < self.repeats:
             shutil.rmtree(self.folder / method, ignore_errors=True)
+            trajectory = self.trajectory_of(method)
             self._progress(method, 0, len(self.sequence))
-            task = (method, self.sequence, self.trajectory, self.settings(method), file.parent, self._workers)
-            cost = _in_own_process(*task) if self._own_process else replace(_run(*task), peak_memory=float("nan"))
-            write_text(file, json.dumps({"key": key, **cost.__dict__}))
+            task = (method, self.sequence, trajectory, self.settings(method), file.parent, self._workers)
+            if self._own_process:
+                runs = [_in_own_process(*task) for _ in range(self.repeats)]
+            else:
+                runs = [replace(_run(*task), memory=[float("nan")])]
+            cost = Cost(*(list(chain(*parts)) for parts in zip(*(asdict(run).values() for run in runs), strict=True)))
+            write_text(file, json.dumps({"key": key, **asdict(cost)}))
             self._progress(method, len(self.sequence), len(self.sequence))
         return cost
 
     def labels(self, method: str, index: int, n_points: int) -> npt.NDArray[np.uint32]:
         """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
         name = self.sequence.names[index]
+        if method in self._others:
+            return to_mos(read_prediction(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
         return read_prediction(self.folder / method / "predictions" / f"{name}.label", n_points)
 
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-        return Cost(found["seconds_per_scan"], found["peak_memory"]) if found["key"] == key else None
+        return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
     except (OSError, ValueError, KeyError):
         return None
 
@@ -140,13 +228,23 @@ def _run(
 ) -> Cost:
     predictions, scratch = folder / "predictions", folder / "scratch"
     predictions.mkdir(parents=True, exist_ok=True)
-    with PeakMemory() as memory:
-        start = time.perf_counter()
+    with Effort() as effort:
         for i, labels in label_scans(method, sequence, trajectory, settings, scratch, workers):
             labels.astype(np.uint32).tofile(predictions / f"{sequence.names[i]}.label")
-        seconds = time.perf_counter() - start
     shutil.rmtree(scratch, ignore_errors=True)
-    return Cost(seconds / len(sequence), memory.peak)
+    n = len(sequence)
+    return Cost([effort.seconds / n], [effort.busy / n], [effort.peak], [effort.others])
+
+
+def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
+    """Raise InputError where labels that another program made do not fit the recording, before anything is run."""
+    for name in folders:
+        if name in TITLES:
+            raise InputError(f"--predictions {name}=...: '{name}' is a method of AutoMOS; give it another name")
+    for i in range(len(sequence) if folders else 0):
+        n_points = len(sequence[i])
+        for folder in folders.values():
+            read_prediction(folder / f"{sequence.names[i]}.label", n_points)
 
 
 def is_moving(labels: npt.NDArray) -> npt.NDArray[np.bool_]:

@@ -21,9 +21,10 @@ from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.mounts import checked_mount
 from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
 from automos.errors import InputError
-from automos.geometry import Boxes, inverse, points_in_boxes, transform
+from automos.geometry import inverse, transform
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan
+from automos.upright_boxes import Boxes, points_in_boxes
 
 _SCANS = Path("sensors") / "lidar"
 _CALIBRATION = Path("calibration") / "egovehicle_SE3_sensor.feather"

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes, points_in_boxes, transform
+from automos.geometry import transform
 from automos.labels import Label, pack
 from automos.scan import Pose, Scan
+from automos.upright_boxes import Boxes, points_in_boxes
 
 PACE = 1.0
 """Seconds over which a box must get on to have moved; a shorter track is judged over its whole length."""

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from automos.datasets.box_truth import motion_with_boxes
 from automos.errors import InputError
-from automos.geometry import Boxes, transform
+from automos.geometry import transform
 from automos.labels import Label
 from automos.scan import Pose, Scan
+from automos.upright_boxes import Boxes
 
 FOLDER = "boxes"
 

@@ -21,10 +21,11 @@ from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
-from automos.geometry import Boxes, inverse
+from automos.geometry import inverse
 from automos.labels import Label
 from automos.pose_files import lines_of_scans
 from automos.scan import Pose
+from automos.upright_boxes import Boxes
 
 _SCANS = Path("velodyne_points") / "data"
 _BOXES = "tracklet_labels.xml"

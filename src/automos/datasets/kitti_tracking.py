@@ -22,9 +22,10 @@ from automos.datasets.kitti_calibration import (
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
-from automos.geometry import Boxes, inverse, transform
+from automos.geometry import inverse, transform
 from automos.labels import Label
 from automos.scan import Pose
+from automos.upright_boxes import Boxes
 
 _PERIOD = 0.1
 """Seconds between scans; the benchmark gives no times."""

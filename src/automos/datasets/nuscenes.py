@@ -22,9 +22,9 @@ from automos.datasets.formats import Format
 from automos.datasets.listed import ListedSequence
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
-from automos.geometry import Boxes
 from automos.labels import Label
 from automos.scan import Pose, Scan
+from automos.upright_boxes import Boxes
 
 _CHANNEL = "LIDAR_TOP"
 _MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")

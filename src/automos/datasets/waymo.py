@@ -24,9 +24,10 @@ from automos.datasets.parquet import RowReader, read_columns
 from automos.datasets.range_image import place_pixels
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
-from automos.geometry import Boxes, inverse, make_transform
+from automos.geometry import inverse, make_transform
 from automos.labels import Label
 from automos.scan import Pose, Scan, Sequence
+from automos.upright_boxes import Boxes
 
 _TOP = 1
 _TIME, _LASER, _OBJECT = "key.frame_timestamp_micros", "key.laser_name", "key.laser_object_id"

@@ -19,7 +19,7 @@ import numpy as np
 from automos.errors import InputError
 from automos.export.cvat import ANNOTATIONS
 from automos.export.run_files import MIN_SIDE, VERDICTS, RunFiles
-from automos.geometry import Boxes, iou_3d
+from automos.upright_boxes import Boxes, iou_3d
 
 MAX_TILT = 0.2
 """Radians a box may be tilted about x or y; tools that fit boxes to points tilt them a little, which is not kept."""

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from automos.datasets.box_truth import SOLE
 from automos.export.edits import EditedBox, EditedScan
 from automos.export.run_files import VERDICTS, ScanBoxes
-from automos.geometry import points_in_boxes
 from automos.labels import Label
 from automos.scan import Points
+from automos.upright_boxes import points_in_boxes
 
 MOVED, TURNED = 0.01, 0.01
 """Metres and radians by which a box must differ to have been changed; tools round their numbers."""

@@ -20,12 +20,13 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.evaluation.report import find_predictions, read_prediction
-from automos.geometry import Boxes, inverse, make_transform, transform
+from automos.geometry import inverse, make_transform, transform
 from automos.labels import Label
 from automos.odometry.frames import make_frame
 from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
+from automos.upright_boxes import Boxes
 from automos.workspace import Workspace
 
 logger = logging.getLogger(__name__)

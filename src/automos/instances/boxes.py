@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes
+from automos.upright_boxes import Boxes
 
 _MAX_POINTS = 400  # an evenly spaced subset of a large segment has the same heading
 _MIN_DISTANCE = 0.05  # m: closeness must not grow without bound on the side itself

@@ -24,9 +24,11 @@ NEAR = 15.0
 """Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
 WINDOWS = 2
 """Places of the recording where hypotheses are tried."""
+PLACES = 7
+"""Of them, looked at for motion at most."""
 WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
-MIN_BEND = 0.3
+MIN_BEND = 0.1
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
 QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3}
 """Registration of a window's surfels: centimetres are left to what follows."""
@@ -54,7 +56,9 @@ def moving_windows(
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
         return []
-    starts = list(dict.fromkeys(round(f * (len(sequence) - length)) for f in (0.5, 0.2, 0.8, 0.35, 0.65, 0.0, 1.0)))
+    n_places = min(max(round(len(sequence) / length), 1), PLACES)
+    places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
+    starts = places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist()
 
     def look(start: int) -> Window | None:
         scans = [sequence[i] for i in range(start, start + length)]

@@ -114,7 +114,7 @@ def choose_timing(
     search = _Search(windows, pool)
     backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
     best = search.best([*timed, *untimed], backwards)
-    if is_round and (best is None or best.source == "none"):
+    if is_round and from_order is None and (best is None or best.source == "none"):
         best = _best_seam(search, sequence, untimed)
     if best is not None and best.source != "none":
         best = search.best([best], [replace(best, share=0.5 * best.share)])  # every second scan was left out

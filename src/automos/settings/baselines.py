@@ -159,13 +159,13 @@ class HmmMosSettings(Group):
 
     batch: BatchSettings = BatchSettings()
     voxel: float = Field(0.25, gt=0, description="m")
-    max_range: float = Field(50.0, gt=0, description="m, points used")
+    min_range: float = Field(0.5, ge=0, description="m, points used")
+    max_range: float = Field(120.0, gt=0, description="m, points used")
     deviation: float = Field(0.25, gt=0, description="m, of a hit around the surface that caused it")
     change: float = Field(0.005, gt=0, lt=0.5, description="probability per scan that a voxel's state changes")
     sure: float = Field(0.99, gt=0.5, lt=1, description="probability from which on a state is believed")
-    memory: int = Field(300, ge=1, description="scans for which a change is remembered")
     reach: int = Field(2, ge=0, description="voxels around, 2: 5 x 5 x 5, over which changes are summed")
-    window: int = Field(5, ge=1, description="scans, likewise")
+    window: int = Field(3, ge=1, description="scans, likewise")
     min_sum: float = Field(3.0, ge=0, description="changes that make motion, at least; Otsu may ask for more")
 
 

@@ -7,8 +7,8 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from automos.geometry import Boxes, iou_3d
 from automos.settings import AssociationSettings
+from automos.upright_boxes import Boxes, iou_3d
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> npt.NDArray[np.float64]:

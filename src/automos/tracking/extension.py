@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
-from automos.geometry import Boxes
 from automos.settings import ExtensionSettings
 from automos.tracking import filter as kalman
 from automos.tracking.association import assign
 from automos.tracking.follow import motion_cost
 from automos.tracking.tracker import as_table
 from automos.tracking.tracks import Tracks
+from automos.upright_boxes import Boxes
 
 
 def extend_tracks(

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes, wrap_angle
+from automos.geometry import wrap_angle
 from automos.settings import FilterSettings
+from automos.upright_boxes import Boxes
 
 Array = npt.NDArray[np.float64]
 N_STATE, N_MEASURED = 10, 7

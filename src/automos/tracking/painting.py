@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import points_in_boxes
 from automos.labels import Label
 from automos.tracking.tracks import Tracks
+from automos.upright_boxes import points_in_boxes
 
 
 def paint_points(

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes
 from automos.settings import TrackingSettings
 from automos.tracking import filter as kalman
 from automos.tracking.association import assign, association_cost
 from automos.tracking.tracks import Tracks
+from automos.upright_boxes import Boxes
 
 
 def track_objects(detections: Iterable[tuple[float, Boxes]], settings: TrackingSettings) -> Tracks:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes
+from automos.upright_boxes import Boxes
 
 
 @dataclass(frozen=True, eq=False)

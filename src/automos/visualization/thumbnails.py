@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Boxes, points_in_boxes
+from automos.upright_boxes import Boxes, points_in_boxes
 
 MOMENTS = 6
 """Scans of a track that are drawn, from its first to its last."""
