@@ -137,5 +137,3 @@ def rotation_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
 def wrap_angle(angle: npt.ArrayLike) -> Array:
     """Return angles in radians wrapped to [-pi, pi)."""
     return (np.asarray(angle, np.float64) + np.pi) % (2.0 * np.pi) - np.pi
-
-
