@@ -24,3 +24,10 @@ def test_doubled_scans_are_recognised_by_their_points():
     doubled[5], doubled[11] = doubled[4], doubled[10]
     (sentence,) = recording_warnings(ArraySequence(doubled))
     assert sentence == "2 scans are the one before them once more (first: 000005)."
+
+
+def test_too_few_scans_to_decide_anything_are_told_in_figures():
+    (sentence,) = recording_warnings(ArraySequence(scans(2)))
+    assert sentence.startswith("2 scans over 0.1 s are too few to decide what moves")
+    assert "there are 0 here and should be 8 or more" in sentence
+    assert recording_warnings(ArraySequence(scans(12), stamps=np.arange(12.0))) == []

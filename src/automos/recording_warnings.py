@@ -1,4 +1,4 @@
-"""What is irregular about a recording, in sentences: its clock, scans that are missing or doubled, poses of another."""
+"""What is irregular about a recording, in sentences: its clock, scans missing, doubled or too few, poses of another."""
 
 from __future__ import annotations
 
@@ -10,15 +10,38 @@ from automos.scan import Sequence
 
 GAP = 1.5
 """Times the usual step of the clock from which scans are missing."""
+NEAREST, FARTHEST = 0.15, 10.0
+"""Seconds between a scan and those that can tell what moved: the spans of the evidence, with their tolerance."""
+ENOUGH = 8
+"""Such scans that it takes: with fewer, what drives and rides past in the open is not found reliably."""
+USUAL_PERIOD = 0.1
+"""Seconds between scans where the recording has no clock."""
 
 
 def recording_warnings(sequence: Sequence) -> list[str]:
     """Return what a reader of labels of `sequence` should know of the recording; nothing where it is regular."""
     return [
         *sequence.warnings,
+        *_few(sequence),
         *_doubled(sequence),
         *([] if sequence.stamps is None else _missing(sequence.stamps, sequence.names)),
         *_foreign_poses(sequence),
+    ]
+
+
+def _few(sequence: Sequence) -> list[str]:
+    """Where hardly another scan can be asked about a scan, nothing moving is no finding."""
+    n = len(sequence)
+    stamps = USUAL_PERIOD * np.arange(n) if sequence.stamps is None else sequence.stamps
+    apart = np.abs(stamps[:, None] - stamps[None])[np.unique(np.linspace(0, n - 1, min(n, 50)).astype(int))]
+    others = int(np.median(((apart >= NEAREST) & (apart <= FARTHEST)).sum(axis=1))) if n else 0
+    if others >= ENOUGH:
+        return []
+    lasting = float(np.ptp(stamps)) if n else 0.0
+    return [
+        f"{n} scans over {lasting:.2g} s are too few to decide what moves: a scan is compared with "
+        f"others {NEAREST:g} to {FARTHEST:g} s before and after it, of which there are {others} here and should be "
+        f"{ENOUGH} or more. What is not called moving may move all the same."
     ]
 
 

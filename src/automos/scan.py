@@ -243,6 +243,10 @@ class Frames(Protocol):
     def T_level_sensor(self) -> Pose:
         """(N, 4, 4) float64, poses of all frames, known without reading any."""
 
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(N,) seconds, of all frames."""
+
     def __len__(self) -> int: ...
 
     def __getitem__(self, index: int) -> Frame: ...

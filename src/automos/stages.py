@@ -40,6 +40,7 @@ from automos.tracking.painting import paint_points
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
+from automos.tracking.unfollowed import can_follow, find_moved
 from automos.tracking.verdict import Verdict, Verdicts, judge_by_trajectory
 from automos.workspace import Arrays, Stage
 
@@ -144,8 +145,10 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
 # ------------------------------------------------------------------------------------------------------ tracking
 def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str], settings: Settings) -> Arrays:
     """Return the tracks of all objects and the verdict on each."""
-    detections = [Detections.from_arrays(instances.load(name, *Detections.columns())) for name in names]
     tracking = settings.tracking
+    detections = [Detections.from_arrays(instances.load(name, *Detections.columns())) for name in names]
+    if tracking.method != "paper" and not can_follow(trajectory.stamps):
+        detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     if tracking.method == "paper":
         boxes = ((stamp, found.boxes) for stamp, found in zip(trajectory.stamps, detections, strict=True))
         tracks = track_objects(boxes, tracking)
@@ -175,6 +178,7 @@ def paint(
     missing: list[int],
 ) -> PerScan:
     """Yield for each missing scan every point's label, the moving track it belongs to, and how sure that is."""
+    is_followed = settings.tracking.method == "paper" or can_follow(frames.stamps)
     is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
     if settings.labels.moving == "now":
         is_moving &= np.linalg.norm(tracks.velocity, axis=1) >= settings.labels.now_speed
@@ -192,6 +196,10 @@ def paint(
             )  # fmt: skip
             label[about["kind"] == EGO_BODY] = Label.UNLABELED
         confidence = point_confidence(track, verdicts.confidence, about["score"], about["kind"])
+        if not is_followed:
+            segments = Detections.from_arrays(instances.load(names[i], *Detections.columns()))
+            moves = find_moved(found["ids"], segments)
+            label[moves], confidence[moves] = Label.MOVING, about["score"][moves]
         label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
         per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
         n_body = np.array(np.count_nonzero(about["kind"] == EGO_BODY))

@@ -52,9 +52,10 @@ def cloud(columns, height=1, big_endian=False, gap=3, row_padding=0):
     )
 
 
-def write_bag(path, topics, compress=False):
+def write_bag(path, topics, compress=False, frames=None, joints=()):
     """Write `topics` (name to a list of (recorded ns, header s, cloud)) as what the path's suffix says.
 
+    `frames` names the frame of a topic's clouds; `joints` are parent, child, translation, quaternion of /tf_static.
     .bag is ROS 1, .mcap and .db3 are one file, without a suffix it is ROS 2's folder. `compress` as recorders offer it.
     """
     types = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_JAZZY)
@@ -74,9 +75,14 @@ def write_bag(path, topics, compress=False):
         for topic, messages in topics.items():
             connection = writer.add_connection(topic, "sensor_msgs/msg/PointCloud2", typestore=types)
             for recorded, stamp, parts in messages:
-                message = _message(types, stamp, parts, path.suffix == ".bag")
+                frame = (frames or {}).get(topic, "lidar")
+                message = _message(types, stamp, parts, path.suffix == ".bag", frame)
                 serialize = types.serialize_ros1 if path.suffix == ".bag" else types.serialize_cdr
                 writer.write(connection, recorded, serialize(message, message.__msgtype__))
+        if joints:
+            message = _static_transforms(types, joints)
+            connection = writer.add_connection("/tf_static", message.__msgtype__, typestore=types)
+            writer.write(connection, 0, types.serialize_cdr(message, message.__msgtype__))
     if folder != path:
         next(folder.glob(f"*{path.suffix}")).rename(path)
         (folder / "metadata.yaml").unlink()
@@ -84,10 +90,23 @@ def write_bag(path, topics, compress=False):
     return path
 
 
-def _message(types, stamp, parts, is_ros1):
+def _static_transforms(types, joints):
+    """Return a ROS 2 TFMessage."""
+    kind = types.types
+    stamped = []
+    for parent, child, translation, xyzw in joints:
+        header = kind["std_msgs/msg/Header"](stamp=kind["builtin_interfaces/msg/Time"](0, 0), frame_id=parent)
+        place = kind["geometry_msgs/msg/Transform"](
+            kind["geometry_msgs/msg/Vector3"](*translation), kind["geometry_msgs/msg/Quaternion"](*xyzw)
+        )
+        stamped.append(kind["geometry_msgs/msg/TransformStamped"](header, child, place))
+    return kind["tf2_msgs/msg/TFMessage"](stamped)
+
+
+def _message(types, stamp, parts, is_ros1, frame="lidar"):
     nanoseconds = round(stamp * 1e9)
     time = types.types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
-    header = {"stamp": time, "frame_id": "lidar"} | ({"seq": 0} if is_ros1 else {})
+    header = {"stamp": time, "frame_id": frame} | ({"seq": 0} if is_ros1 else {})
     field = types.types["sensor_msgs/msg/PointField"]
     return types.types["sensor_msgs/msg/PointCloud2"](
         header=types.types["std_msgs/msg/Header"](**header),

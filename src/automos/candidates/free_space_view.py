@@ -65,6 +65,11 @@ class FramesOfLidar:
         """Take all frames, which LiDAR, and the poses (N, 4, 4) of that one."""
         self._frames, self._lidar, self.T_level_sensor = frames, lidar, T_level_sensor
 
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(N,) seconds."""
+        return self._frames.stamps
+
     def __len__(self) -> int:
         return len(self._frames)
 

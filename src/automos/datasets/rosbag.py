@@ -1,224 +1,40 @@
-"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, PointCloud2 or Livox's own messages.
+"""ROS 1 bags, ROS 2 bags and MCAP files: one topic of point clouds, or several merged.
 
-The only such topic is taken; of several, one is named as if the bag were a folder: `log.mcap/front/points`. Scans are
-in the order in which they were recorded and stamped by their headers.
+A topic is named as if the bag were a folder: `log.mcap/front/points`; several are joined by a plus sign.
 """
 
 from __future__ import annotations
 
-import logging
-import threading
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from automos.datasets import livox_message
-from automos.datasets.columns import Columns, time_column, to_scan
-from automos.datasets.formats import Format, import_extra
-from automos.datasets.listed import digest_of_files
-from automos.datasets.point_cloud2 import read_columns
-from automos.datasets.point_times import PointTimes, judge_times
-from automos.datasets.time_order import put_in_order
-from automos.errors import AutomosError, InputError
-from automos.scan import Mask, Scan, Sequence
-
-logger = logging.getLogger(__name__)
-
-_SUFFIXES = (".bag", ".mcap", ".db3")
-_CLOUD = "sensor_msgs/msg/PointCloud2"
-_TYPES = (_CLOUD, *livox_message.TYPES)
+from automos.datasets.formats import Format
+from automos.datasets.rosbag_topic import RosbagSequence, is_bag
+from automos.scan import Sequence
 
 
 def find(path: Path) -> list[Path]:
     """Return the bags at `path`: itself, a topic of it, or those that lie in it by name."""
-    if _is_bag(path):
+    if is_bag(path):
         return [path]
     if not path.exists():
-        return [path] if any(_is_bag(parent) for parent in path.parents) else []
-    return sorted(p for p in path.iterdir() if not p.name.startswith(".") and _is_bag(p)) if path.is_dir() else []
+        return [path] if any(is_bag(parent) for parent in path.parents) else []
+    return sorted(p for p in path.iterdir() if not p.name.startswith(".") and is_bag(p)) if path.is_dir() else []
 
 
-def _is_bag(path: Path) -> bool:
-    if path.is_dir():
-        return (path / "metadata.yaml").exists() and any(p.suffix in _SUFFIXES for p in path.iterdir())
-    return path.suffix in _SUFFIXES and path.is_file()
+def open_bag(path: Path) -> Sequence:
+    """Return the topic, or the merged topics, of the bag at or above `path`."""
+    from automos.datasets.merged_bag import MergedBagSequence
 
-
-class RosbagSequence(Sequence):
-    """The point clouds of one topic, found once, read when asked for."""
-
-    source: Path
-
-    def __init__(self, path: Path):
-        """Find the messages of the bag at `path`, or of the topic that `path` names below the bag.
-
-        Raises
-        ------
-        InputError
-            A damaged bag, no or several topics of PointCloud2, or stamps that run backwards.
-        """
-        bag = path if path.exists() else next(parent for parent in path.parents if _is_bag(parent))
-        wanted = None if path == bag else path.relative_to(bag).as_posix()
-        self.source, self._address = bag, path
-        self._threads = threading.local()
-        with _told(bag):
-            self._topic = _choose_topic(self._reader, bag, wanted)
-            self._recorded, headers, self._sizes, self._digests = self._index()
-        self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
-        if len(self._recorded) == 0:
-            raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
-        self._stamps = self._choose_stamps(headers)
-
-    @property
-    def address(self) -> Path:
-        """The bag, or the topic that was asked for below it."""
-        return self._address
-
-    def __len__(self) -> int:
-        return len(self._recorded)
-
-    def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
-        columns = self._columns(index)
-        unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
-        stamp = None if self._stamps is None else float(self._stamps[index])
-        return to_scan(columns, self._where(index), self.names[index], stamp, unit)
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds, of the messages' headers; of their recording where the headers have none."""
-        return self._stamps
-
-    @property
-    def warnings(self) -> list[str]:
-        """What is wrong with the order of the messages and the times of their points."""
-        return [*self._warnings, *self._point_times.warnings]
-
-    @property
-    def repeats(self) -> Mask:
-        """(len,) bool: messages with the points of the one before."""
-        return np.concatenate([[False], self._digests[1:] == self._digests[:-1]])
-
-    def fingerprint(self) -> str:
-        """Return a text that changes when the bag's files do, or the topic."""
-        files = sorted(self.source.iterdir()) if self.source.is_dir() else [self.source]
-        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(files)}"
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_threads"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _threads=threading.local())
-
-    # ------------------------------------------------------------------------------------------------------ messages
-    @property
-    def _reader(self) -> Any:
-        """The opened bag; one for each thread, as readers are not made to be shared."""
-        if not hasattr(self._threads, "reader"):
-            anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
-            # Bags of early ROS 2 do not tell their types; this one has not changed since.
-            types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-            reader = anyreader.AnyReader([self.source], default_typestore=types)
-            reader.open()
-            self._threads.reader = reader
-        return self._threads.reader
-
-    def _connections(self) -> list[Any]:
-        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype in _TYPES]
-
-    def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
-        """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
-        rows = [
-            (recorded, _header_stamp(raw, self._reader.is2), len(raw), zlib.crc32(raw[len(raw) // 2 :]))
-            for _, recorded, raw in self._reader.messages(connections=self._connections())
-        ]
-        recorded, headers, sizes, digests = zip(*rows, strict=True) if rows else ((), (), (), ())
-        return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, int), np.array(digests)
-
-    def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        if len(headers) > 1 and headers.min() == headers.max():
-            logger.warning(
-                "%s, topic %s: headers have no stamps; the times of recording are taken", self.source, self._topic
-            )
-            headers = (1e-9 * self._recorded).astype(np.float64)
-        found = put_in_order(headers, self.names, self._where())
-        self._warnings, self._messages = found.warnings, found.order
-        self._digests, self._sizes = self._digests[found.order], self._sizes[found.order]
-        return found.stamps
-
-    def _columns(self, index: int) -> Columns:
-        message = int(self._messages[index])
-        recorded = int(self._recorded[message])
-        which = message - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
-        with _told(self.source):
-            messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
-            for k, (connection, _, raw) in enumerate(messages):
-                if k == which:
-                    where = f"{self._where()}, scan {index}"
-                    if connection.msgtype != _CLOUD:
-                        return livox_message.read_columns(raw, self._reader.is2, where)
-                    return read_columns(self._reader.deserialize(raw, _CLOUD), where)
-        raise InputError(f"{self.source} has changed since it was opened; run the command again")
-
-    @cached_property
-    def _point_times(self) -> PointTimes:
-        """How the points' times are read, found once: a scan of few points may not tell."""
-        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
-        return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
-
-    def _where(self, index: int | None = None) -> Path:
-        return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")
-
-
-def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
-    """Return the topic to read: the one that is `wanted`, else the only one of PointCloud2."""
-    clouds = sorted({c.topic for c in reader.connections if c.msgtype in _TYPES})
-    if wanted is not None:
-        match = next((topic for topic in clouds if topic.strip("/") == wanted), None)
-        if match is None:
-            raise InputError(f"{bag} has no topic /{wanted} of point clouds; it has: {', '.join(clouds) or 'none'}")
-        return match
-    if not clouds:
-        others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:10]) or "none"
-        raise InputError(f"{bag} has no topic of type {_CLOUD} or of Livox's CustomMsg; its topics are: {others}")
-    if len(clouds) > 1:
-        first = bag / clouds[0].strip("/")
-        raise InputError(f"{bag} has {len(clouds)} topics of point clouds ({', '.join(clouds)}); give one, as {first}")
-    return clouds[0]
-
-
-def _header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
-    """Return the seconds in a message's header, without decoding what follows."""
-    big = is_ros2 and raw[1] == 0
-    seconds, nanoseconds = np.frombuffer(raw, ">u4" if big else "<u4", 2, offset=4).tolist()
-    return seconds + 1e-9 * nanoseconds
-
-
-@contextmanager
-def _told(bag: Path) -> Iterator[None]:
-    """Turn whatever the reader of bags stumbles over into one sentence: damaged files break it in many ways."""
-    try:
-        yield
-    except AutomosError:
-        raise
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"{bag} cannot be read as a ROS bag ({reason}); it may be cut short: copy it again, or repair it with "
-            "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
-        ) from error
+    bag = path if path.exists() else next(parent for parent in path.parents if is_bag(parent))
+    topics = [] if path == bag else path.relative_to(bag).as_posix().split("+")
+    return MergedBagSequence(bag, topics) if len(topics) > 1 else RosbagSequence(path)
 
 
 FORMAT = Format(
-    layout="ROS 1 .bag, ROS 2 bag (folder, .db3, .mcap), MCAP; of several LiDARs give one: log.mcap/front/points",
+    layout="ROS 1 .bag, ROS 2 bag (folder, .db3, .mcap), MCAP; of several LiDARs give one: log.mcap/front/points, or "
+    "several merged: log.mcap/front/points+rear/points",
     truth="",
     find=find,
-    open=RosbagSequence,
+    open=open_bag,
     needs="ros",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.odometry.motion import compensate, sweep_times
 from automos.odometry.trajectory import Trajectory
@@ -47,6 +48,11 @@ class SequenceFrames:
     def T_level_sensor(self) -> Pose:
         """(N, 4, 4) float64, poses of all frames."""
         return self.trajectory.T_level_sensor
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(N,) seconds."""
+        return self.trajectory.stamps
 
     def __len__(self) -> int:
         return len(self.sequence)
