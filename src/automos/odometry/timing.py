@@ -32,6 +32,8 @@ _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start."""
+USUAL_PERIODS = (0.1, 0.05)
+"""Seconds in which sensors turn."""
 N_LIKELY = 3
 """Of them, looked at closely."""
 GAIN = 0.01
@@ -117,7 +119,7 @@ def choose_timing(
     if is_round and from_order is None and (best is None or best.source == "none"):
         best = _best_seam(search, sequence, untimed)
     if best is not None and best.source != "none":
-        best = search.best([best], [replace(best, share=0.5 * best.share)])  # every second scan was left out
+        best = search.best([best], [replace(best, share=share * best.share) for share in _shares(best, clock)])
     choice = TimingChoice(best or _rear(), search.misfits)
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
@@ -167,6 +169,14 @@ def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) 
         return found
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
     return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
+
+
+def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
+    """Return which part of the time between scans a sweep may have taken, if scans were left out."""
+    if timing.source == "file":  # its times say how long a sweep takes
+        return []
+    usual = [period / clock.period for period in USUAL_PERIODS] if clock.has_stamps else []
+    return sorted({0.5, *(round(share, 3) for share in usual if share < 0.45)})
 
 
 def _rear() -> SweepTiming:
