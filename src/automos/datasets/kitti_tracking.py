@@ -24,6 +24,7 @@ from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label
+from automos.reading import read_text
 from automos.scan import Pose
 from automos.upright_boxes import Boxes
 
@@ -114,7 +115,7 @@ class KittiTrackingSequence(FolderSequence):
         """The boxes of all scans by index, in the sensor's frame."""
         path = self._beside("label_02")
         try:
-            words = [line.split() for line in path.read_text().splitlines() if line.strip()]
+            words = [line.split() for line in read_text(path).splitlines() if line.strip()]
             objects = [row for row in words if row[2] != "DontCare"]
             table = np.array([[row[0], row[1], *row[10:17]] for row in objects], np.float64).reshape(-1, 9)
         except (OSError, ValueError, IndexError) as error:

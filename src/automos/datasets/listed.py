@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.files import is_text
 from automos.errors import InputError
 from automos.scan import Sequence as ScanSequence
 
@@ -33,6 +34,9 @@ class ListedSequence(ScanSequence):
         InputError
             No files, or stamps that do not increase.
         """
+        stray = next((file for file in files if not is_text(file.name)), None)
+        if stray is not None:
+            raise InputError(f"{source} holds a scan whose name is no UTF-8, {stray.name!a}; rename it")
         if not files:
             raise InputError(f"{source} holds no scans; check that it was copied or downloaded whole")
         self.source = source
