@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from automos.datasets.codecs import CODECS
+from automos.datasets.files import is_text
 from automos.datasets.formats import Format
 from automos.errors import InputError
 from automos.reading import damage_told
@@ -76,6 +77,8 @@ class _Found(NamedTuple):
     codec: str | None
 
     def open(self) -> Sequence:
+        if not is_text(str(self.path)):
+            raise InputError(f"{str(self.path)!a} is no UTF-8; rename what is not")
         with damage_told(self.path):
             return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 

@@ -113,7 +113,7 @@ class KittiRawSequence(FolderSequence):
         path = self.source / _BOXES
         try:
             rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
-        except (OSError, ValueError, TypeError, AttributeError, ElementTree.ParseError) as error:
+        except (OSError, ValueError, TypeError, AttributeError, LookupError, ElementTree.ParseError) as error:
             raise InputError(f"{path} is no whole file of tracklets ({error}); download it again") from None
         table = np.array(rows, np.float64).reshape(-1, 9)
         frames = np.array([int(name) for name in self._names])

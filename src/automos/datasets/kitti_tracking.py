@@ -19,6 +19,7 @@ from automos.datasets.kitti_calibration import (
     rigid,
     take,
 )
+from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
@@ -53,11 +54,12 @@ class KittiTrackingSequence(FolderSequence):
     def __init__(self, source: Path):
         """List the scans in folder `source`."""
         super().__init__(source, codec="bin")
-        stray = next((name for name in self._names if not name.isdecimal()), None)
+        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
         if stray is not None:
             raise InputError(f"{source} has a scan named {stray!r}; the benchmark names scans by their number")
         self._frames = np.array([int(name) for name in self._names])
         self._stamps = _PERIOD * self._frames
+        require_increasing(self._stamps, self._names, source)
 
     @property
     def is_compensated(self) -> bool:

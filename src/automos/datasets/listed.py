@@ -75,7 +75,7 @@ def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[P
         A file of another name.
     """
     files = [path for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")]
-    stray = next((path for path in files if not path.stem.isdecimal()), None)
+    stray = next((path for path in files if not (path.stem.isascii() and path.stem.isdecimal())), None)
     if stray is not None:
         raise InputError(f"{stray} is not named by its time; {folder} must hold only scans that are")
     files.sort(key=lambda path: int(path.stem))

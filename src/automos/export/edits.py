@@ -218,7 +218,7 @@ def _make_box(
     if max(abs(np.sin(rotation[0])), abs(np.sin(rotation[1]))) > np.sin(MAX_TILT):
         raise InputError(f"{path} has a box at {center} that is tilted by {rotation[:2]} rad; stand it upright")
     yaw = rotation[2] if np.cos(rotation[0]) * np.cos(rotation[1]) > 0 else -rotation[2]
-    return EditedBox(center, size, float(yaw), VERDICTS.index(kind.lower()))
+    return EditedBox(center, size, float(yaw), VERDICTS.index(kind.lower()))  # type: ignore[arg-type]
 
 
 def _require_known(names: Iterable[str], run: RunFiles, path: Path) -> None:
