@@ -99,14 +99,6 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
 
 
-@numba.njit(cache=True, nogil=True)
-def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
-    """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
-    half = np.float32((n_bins - 1) / 2)
-    at = (z / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
-    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
-
-
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
 
