@@ -187,7 +187,7 @@ def _odometry(points: np.ndarray) -> None:
 
 
 def _baselines(points: np.ndarray) -> None:
-    n, is_member = len(points), np.arange(len(points)) % 2 == 0
+    is_member = np.arange(len(points)) % 2 == 0
     grid = BrickGrid(0.3, np.zeros((2, 3)), 40.0)
     ids = grid.add(points)
     passed = np.full(len(grid) + 1, -1, np.int32)
