@@ -21,6 +21,8 @@ BASE = {
     "atomic",
     "detections",
     "working_folder",
+    "reading",
+    "cells",
 }
 STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
 COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
@@ -30,7 +32,7 @@ MAY_IMPORT = {
     "__main__": {"cli"},
     "pose_files": BASE,
     "datasets": {*BASE, "datasets", "pose_files"},
-    "evaluation": {*BASE, "evaluation", "pose_files"},
+    "evaluation": {*BASE, "evaluation", "pose_files", "workspace"},
     "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
     "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
     "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},

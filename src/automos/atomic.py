@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from automos.errors import InputError
@@ -24,11 +25,59 @@ def atomic_path(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(
-            f"{path} could not be written ({error.strerror or error}): free some space or choose another --out, then "
-            "run the same command again; it goes on where it stopped"
+            f"{path} could not be written ({error.strerror or error}): {_remedy(error)}, then run the same command "
+            "again; it goes on where it stopped"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _remedy(error: OSError) -> str:
+    if error.errno == errno.ENAMETOOLONG:
+        return "give scans or folders shorter names"
+    is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return "free some space or choose another --out" if is_full else "choose another --out, or allow writing there"
+
+
+@contextmanager
+def held(folder: Path, waits: bool = False) -> Iterator[None]:
+    """Make `folder` and keep other processes from writing into it until the block ends.
+
+    Raises
+    ------
+    InputError : another one does (with `waits` its end is waited for), or the folder cannot be made.
+    """
+    with told(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        import fcntl
+    except ImportError:  # Windows has no locks on folders
+        yield
+        return
+    with told(folder):
+        handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError) if waits else nullcontext():
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(f"another process writes into {folder}: wait for it, or choose another --out") from None
+    except OSError:  # a file system without locks
+        pass
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def told(path: Path) -> Iterator[None]:
+    """Raise InputError that names `path` where it cannot be written in the block."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}): choose another --out") from error
 
 
 def remove_parts(folder: Path) -> None:

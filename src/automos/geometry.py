@@ -28,12 +28,6 @@ def _transform(T, points, out):  # type: ignore[no-untyped-def]
             out[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
 
 
-@numba.njit(cache=True, nogil=True)
-def whole_below(x):  # type: ignore[no-untyped-def]
-    """Return the whole number below `x` as int64, 0 for what none of them can hold; for kernels that name cells."""
-    return np.int64(np.floor(x)) if abs(x) < 1e15 else np.int64(0)
-
-
 def inverse(T: npt.ArrayLike) -> Array:
     """Return the inverse of rigid transforms `T` (..., 4, 4)."""
     T = np.asarray(T, np.float64)

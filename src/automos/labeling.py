@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
+from automos.atomic import held
 from automos.errors import InputError
 from automos.export.results import write_results
 from automos.pipeline import label
@@ -26,6 +27,7 @@ def label_recording(
     calib_file: Path | None = None,
     workers: int = 0,
     console: Console | None = None,
+    waits: bool = False,
 ) -> dict[str, Any]:
     """Label `sequence`, write all results into `folder`, return what run.json says of the run.
 
@@ -33,6 +35,7 @@ def label_recording(
     ----------
     pose_file : KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
     console : where progress bars are drawn; none without it.
+    waits : for another process that writes into `folder`, instead of refusing.
 
     Raises
     ------
@@ -40,7 +43,7 @@ def label_recording(
     """
     _refuse_foreign(folder)
     poses = given_poses(sequence, pose_file, calib_file)
-    with StageProgress(console or Console(quiet=True), sequence.name) as progress:
+    with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
         write_results(folder, sequence, result, settings, progress)
         return reapply(folder, sequence, progress)

@@ -17,9 +17,13 @@ import numpy.typing as npt
 from automos.atomic import write_text
 from automos.errors import InputError
 from automos.geometry import inverse
+from automos.reading import read_text
 from automos.scan import Pose
 
 logger = logging.getLogger(__name__)
+
+FARTHEST = 1e8
+"""Metres from the origin of poses: those of grids over a country, or counted from the Earth's middle, stay below."""
 
 MAX_SKEW = 0.01
 """How far R^T R may be from the identity, per entry, and a quaternion's length from one. Rounding to three digits stays
@@ -65,6 +69,8 @@ def read_poses(
         raise InputError(
             f"{path} has {n_columns} numbers a line, but poses have 12 or 16 (KITTI) or 8 (TUM); convert it"
         )
+    if not (np.abs(T_world_body[:, :3, 3]) < FARTHEST).all():
+        raise InputError(f"{path} has a pose that is not on Earth (further than {FARTHEST:.0e} m from its origin)")
     return _relative_to_first(T_world_body, T_camera_sensor)
 
 
@@ -83,7 +89,7 @@ def read_calib(path: str | Path) -> Pose:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except FileNotFoundError:
         raise InputError(f"{path} does not exist; check the path") from None
     except (OSError, UnicodeDecodeError) as error:

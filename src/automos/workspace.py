@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
+from automos.reading import read_json
 
 Arrays = Mapping[str, npt.NDArray]
 RUN_FILE = "run.json"
@@ -127,7 +128,7 @@ class Workspace:
         if self.root is None or not (self.root / RUN_FILE).exists():
             return {}
         try:
-            run = json.loads((self.root / RUN_FILE).read_text())
-        except (ValueError, OSError):
+            run = read_json(self.root / RUN_FILE)
+        except (ValueError, OSError):  # InputError is a ValueError
             run = None
         return run if isinstance(run, dict) else {}  # damaged from outside: the run is made again

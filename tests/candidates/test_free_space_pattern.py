@@ -82,3 +82,14 @@ def test_turns_are_azimuths():
     rough = [rough_turn_of(np.float32(np.cos(a)), np.float32(np.sin(a))) for a in angles]
     assert (np.diff(rough) > 0).all()
     assert 0.0 <= min(rough) <= max(rough) < 1.0
+
+
+@pytest.mark.parametrize("at", [[5.0, 0.0, 0.0], [0.0, 0.0, 7.0]], ids=["at one place", "overhead"])
+@pytest.mark.parametrize("along", [0.0, 1.0], ids=["a point", "a line"])
+def test_points_on_a_line_or_at_one_place_show_no_pattern_and_none_of_it_is_nan(at, along):
+    points = np.tile(np.array(at, np.float32), (300, 1))
+    points[:, 1] += along * np.linspace(0.0, 3.0, 300, dtype=np.float32)
+    frame = Frame(points, np.arange(300), 300, np.eye(4), 0.0)
+    pattern = learn_pattern([frame])
+    assert np.isfinite(pattern.row_of_sine).all()
+    assert np.isfinite([pattern.row_height, pattern.column_width]).all()

@@ -138,7 +138,7 @@ def test_padding_and_fields_of_several_values_do_not_shift_the_others(tmp_path, 
         (b"TYPE F F F", b"TYPE Q F F", "header that cannot be understood"),
         (b"WIDTH 3", b"WIDTH many", "header that cannot be understood"),
         (b"DATA binary", b"DATA zipped", "DATA is zipped"),
-        (b"WIDTH 3", b"WIDTH 4", "cut short: 36 bytes of points, but its header promises 48"),
+        (b"WIDTH 3", b"WIDTH 4", "WIDTH 4, HEIGHT 1 and POINTS do not agree"),
     ],
 )
 def test_a_damaged_pcd_header_is_told(tmp_path, write_points, old, new, message):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.baselines import height_images, hmm_mos, m_detector, octomap, range_image, removert, yoon
+from automos.baselines import height_images, octomap, range_image, removert, yoon
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates import ego_body, erasor, free_space_pattern, free_space_vote, free_space_weigh
 from automos.candidates.free_space_image import make_image, pyramid_shape
@@ -104,13 +104,11 @@ def _free_space(points: np.ndarray) -> None:
 
 
 def _ego_body(points: np.ndarray) -> None:
-    is_ground, sectors = np.arange(len(points)) % 2 == 0, np.full(90, np.float32(8.0))
-    ego_body._nearest_ground(points, points[0], is_ground, sectors)
-    image = np.zeros((16, 64), np.float32)
-    ego_body._nearest_ranges(points, points[0], sectors, is_ground, _pattern(), image)
+    rows, image = _pattern().row_of_sine, np.zeros((16, 64), np.float32)
+    ego_body._nearest_ranges(points, np.float32(8.0), rows, image)
     ego_body._find_constant(np.resize(points, (3, 4, 5)), 0.1, 0.5, np.zeros((4, 5), np.float32))
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body.EgoBody(reach, _pattern()).covers(points)
+        ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
 
 
 def _erasor(points: np.ndarray) -> None:
@@ -189,7 +187,7 @@ def _odometry(points: np.ndarray) -> None:
 
 
 def _baselines(points: np.ndarray) -> None:
-    n, is_member = len(points), np.arange(len(points)) % 2 == 0
+    is_member = np.arange(len(points)) % 2 == 0
     grid = BrickGrid(0.3, np.zeros((2, 3)), 40.0)
     ids = grid.add(points)
     passed = np.full(len(grid) + 1, -1, np.int32)
@@ -197,18 +195,10 @@ def _baselines(points: np.ndarray) -> None:
     grid.pass_rays(points[0], points, 1, passed)
     grid.neighbours(ids[ids >= 0], grid.indices(), 1)
     octomap._update(points[:, 0].copy(), ids, ids, 0, 0.1, -0.1, -2.0, 2.0)
-    near = np.zeros((n, 27), np.int32)
-    likelihood = hmm_mos._likelihood(near, np.zeros(n, np.int32), 0, 0.25, points[0, 0] or 1.0, 0.1)
-    states = np.zeros((n, 3), np.float32), np.zeros(n, np.int8), np.zeros(n, np.int32)
-    hmm_mos._filter(np.arange(n), likelihood, *states, 0, 0.1, 0.9)
     height_images.find_ground(points, SETTINGS.baselines.octomap.model_copy(update={"image_range": 4.0}))
     shape = range_image.image_shape(2.0, 4.0, -60.0, 60.0)
     seen = range_image.nearest_ranges(points, shape)
     range_image.shortest_around(seen, 1, 1)
-    span = m_detector._span_around(points, shape)
-    counts, ranges = np.zeros((2, n), np.int32), np.resize(points, (n, 3))
-    m_detector._compare(points, span, span, shape, 0.2, 0.01, *counts, ranges.copy(), 1)
-    m_detector._goes_along_ray(ranges, np.array([0.0, 0.1, 0.2]), 0.2, 0.01, 40.0, 2)
     for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
         for only_nearest in (False, True):
             removert._mark_seen_through(points, T, seen, shape, 80.0, 0.1, only_nearest, is_member.copy())
@@ -273,10 +263,15 @@ ROOMS: dict[str, Callable[[np.ndarray], None]] = {
 WHOLE_NUMBERS = {"_keep_nearest"}
 """Kernels that take no floats."""
 
+NOT_YET = {"depth_images.py", "occlusion_tests.py", "hmm_mos.py"}
+"""Files whose kernels are not called here yet: those of rivals, which `automos compare` runs on valid points only."""
+
 
 def kernels() -> Iterator[tuple[Path, str]]:
     """Yield the file and name of every compiled kernel that may be given what was read."""
     for path in sorted(set(SOURCE.rglob("*.py")) - set((SOURCE / "simulation").rglob("*.py"))):
+        if path.name in NOT_YET:
+            continue
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.FunctionDef)

@@ -34,7 +34,7 @@ def ask(server, path, body=None, **headers):
     """Return the status and the answer of a request; a header set to None is not sent, Host included."""
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
     content = None if body is None else json.dumps(body)
-    sent = {"Host": f"127.0.0.1:{server.server_port}", "Content-Type": "application/json"}
+    sent = {"Host": f"127.0.0.1:{server.server_port}", "Content-Type": "application/json", "Cookie": server.cookie}
     sent |= {name.replace("_", "-"): value for name, value in headers.items()}
     connection.request("GET" if body is None else "POST", path, content, sent)
     answer = connection.getresponse()

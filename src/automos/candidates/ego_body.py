@@ -20,8 +20,9 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from automos.candidates.free_space_image import make_image, pyramid_shape
-from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, sine_bin, turn_of
+from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, turn_of
 from automos.candidates.free_space_vote import EDGE, HIT, look_through
+from automos.cells import sine_bin
 from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask, Points
 from automos.settings import EgoBodySettings

@@ -13,7 +13,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import BeamPattern, sine_bin, turn_of
+from automos.candidates.free_space_pattern import BeamPattern, turn_of
+from automos.cells import sine_bin
 from automos.scan import EGO_BODY, OBJECT, Points
 
 UNIT = 0.01

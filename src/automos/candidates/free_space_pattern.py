@@ -99,14 +99,6 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
 
 
-@numba.njit(cache=True, nogil=True)
-def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
-    """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
-    half = np.float32((n_bins - 1) / 2)
-    at = (z / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
-    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
-
-
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
 
@@ -122,12 +114,13 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
         elevations.append(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
         frame_times = frame_times if frame_times.any() else times_of_directions(raw, frame.sweep_time)
     if not azimuths:
-        half_degree = np.radians(0.5)
-        return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
+        return _unknown_pattern()
     step, kept = _azimuth_step(azimuths, elevations)
     density, edges = _row_density(
         azimuths, elevations, step, kept
     )  # rows per bin, for one ray per row and azimuth step
+    if not (np.isfinite(density).all() and density.sum() > 0.0):  # all points on a line or at one place
+        return _unknown_pattern()
     if step is None:  # no beam repeats: square cells, one ray in each
         step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
         density = density * step
@@ -172,6 +165,11 @@ def times_of_directions(raw: Points, times: npt.NDArray[np.float32] | None) -> n
         return np.zeros(_TIME_BINS, np.float32)
     nearest = seen[np.searchsorted(0.5 * (seen[1:] + seen[:-1]), np.arange(_TIME_BINS))]
     return out[nearest]
+
+
+def _unknown_pattern() -> BeamPattern:
+    half_degree = np.radians(0.5)
+    return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
 
 
 def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> tuple[float | None, float]:
@@ -224,16 +222,21 @@ def _row_density(
     per_bin = counts.transpose(1, 0, 2).reshape(n_bins, -1)  # (bins, frames x sectors)
     full = kept * 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
     # Sky and open roads return nothing: only sectors that return anything tell how dense the beams are.
-    density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin]) / full
+    density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        density /= full
     # Angles smeared by a motion that cannot be taken back fill the gaps between beams; a sector's total does not grow.
     most = np.percentile(per_bin.sum(axis=0), 95) / full
-    density *= min(1.0, most / density.sum())
+    with np.errstate(invalid="ignore", divide="ignore"):  # told from a pattern by who asks
+        density *= min(1.0, most / density.sum())
     _fill_silent_bins(density)
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
 
 
 def _fill_silent_bins(density: npt.NDArray) -> None:
     """Give long runs of empty bins (beams into the sky) the mean density: rows must not close up where nothing was."""
+    if not (density > 0.0).any():
+        return
     is_empty = np.concatenate([[False], density == 0.0, [False]])
     starts, ends = np.flatnonzero(np.diff(is_empty.astype(np.int8)).reshape(-1)).reshape(-1, 2).T
     for a, b in zip(starts, ends, strict=True):

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import whole_below
+from automos.cells import whole_below
 
 _BITS = 21  # per axis of a packed key: +-1e6 voxels, 200 km at 0.2 m
 _OFFSET = 1 << (_BITS - 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from rich.text import Text
@@ -55,6 +55,23 @@ class _Debug:
     on = False
 
 
+def _tell(sentence: str) -> NoReturn:
+    """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
+    plain = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(sentence.split("\n")))
+    console.print(Text.assemble(("error: ", "red"), plain), soft_wrap=True)
+    sys.exit(2)
+
+
+def _refused(error: Exception) -> str:
+    """Return what the system refused, as a sentence."""
+    if isinstance(error, OSError):
+        where = error.filename if error.filename is not None else "the system"
+        return f"{where}: {error.strerror or error}; check its name, its place and who may use it"
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this: give smaller recordings, fewer --workers or a larger machine"
+    return f"a name or text cannot be used ({error}); see the place with automos --debug"
+
+
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
     os.environ.update(SAFE_PATH)  # for every process that is started from here, by whatever library
@@ -63,8 +80,11 @@ def main() -> None:
     except AutomosError as error:
         if _Debug.on:
             raise
-        console.print(Text.assemble(("error: ", "red"), str(error)), soft_wrap=True)
-        sys.exit(2)
+        _tell(str(error))
+    except (OSError, MemoryError, UnicodeError, RecursionError) as error:
+        if _Debug.on:
+            raise
+        _tell(_refused(error))
     except SystemExit as leaving:
         if leaving.code == 130:  # what typer makes of Ctrl-C
             console.print("interrupted; the same command goes on from here", soft_wrap=True)

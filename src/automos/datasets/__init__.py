@@ -11,10 +11,13 @@ import difflib
 import importlib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from automos.datasets.codecs import CODECS
+from automos.datasets.files import is_text
 from automos.datasets.formats import Format
 from automos.errors import InputError
+from automos.reading import damage_told
 from automos.scan import Sequence
 
 FORMATS: tuple[str, ...] = (
@@ -43,12 +46,11 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     InputError
         No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
     """
-    reader, codec, found = _find(Path(path), format)
+    found = _find(Path(path), format)
     if len(found) > 1:
-        raise InputError(
-            f"{path} holds {len(found)} recordings ({_few(p.name for p in found)}); give one, as {found[0]}"
-        )
-    return _open(reader, found[0], codec)
+        names = _few(one.path.name for one in found)
+        raise InputError(f"{path} holds {len(found)} recordings ({names}); give one, as {found[0].path}")
+    return found[0].open()
 
 
 def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
@@ -56,7 +58,7 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
 
     Parameters and errors are those of `open_sequence`.
     """
-    return _find(Path(path), format)[2]
+    return [one.path for one in _find(Path(path), format)]
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
@@ -64,27 +66,78 @@ def open_recordings(path: str | Path, format: str | None = None) -> list[Sequenc
 
     Parameters and errors are those of `open_sequence`.
     """
-    reader, codec, found = _find(Path(path), format)
-    return [_open(reader, recording, codec) for recording in found]
+    return [one.open() for one in _find(Path(path), format)]
 
 
-def _open(reader: Format, path: Path, codec: str | None) -> Sequence:
-    return reader.open(path, codec) if reader.has_codecs else reader.open(path)
+class _Found(NamedTuple):
+    """A recording, the format that reads it, and the codec the user asked for."""
+
+    path: Path
+    reader: Format
+    codec: str | None
+
+    def open(self) -> Sequence:
+        if not is_text(str(self.path)):
+            raise InputError(f"{str(self.path)!a} is no UTF-8; rename what is not")
+        with damage_told(self.path):
+            return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 
 
-def _find(path: Path, format: str | None) -> tuple[Format, str | None, list[Path]]:
-    """Return the format that reads `path`, the codec the user asked for, and the recordings there (at least one)."""
-    names, codec = _resolve(format)
-    for name in names:
-        reader = load_format(name)
-        if codec is not None and not reader.has_codecs:
-            continue
-        found = reader.find(path)
-        if found:
-            return reader, codec, found
-    if not path.exists():
-        raise InputError(f"{path} does not exist; check the path")
-    raise InputError(_nothing_found(path, format))
+def _find(path: Path, format: str | None) -> list[_Found]:
+    """Return the recordings at `path`, at least one."""
+    with damage_told(path):
+        names, codec = _resolve(format)
+        for name in names:
+            reader = load_format(name)
+            if codec is not None and not reader.has_codecs:
+                continue
+            found = [_Found(recording, reader, codec) for recording in reader.find(path)]
+            if found:
+                return found + ([] if format in FORMATS else _others(path, found, format))
+        if not path.exists():
+            raise InputError(f"{path} does not exist; check the path")
+        raise InputError(_nothing_found(path, format))
+
+
+def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]:
+    """Return the recordings of other formats that lie in folder `path` beside those `found` in it.
+
+    Raises
+    ------
+    InputError
+        Scans lie in `path` itself, too: they would be left out.
+    """
+    from automos.datasets.files import holds_scans, natural_key
+
+    recordings = {one.path for one in found}
+    is_one = path in recordings
+    if not path.is_dir() or (is_one and not (path / "velodyne").is_dir()):
+        return []
+    if holds_scans(path):
+        raise InputError(
+            f"{path} holds scans itself, and others in folders below; move its own into a folder of their own, or name "
+            "the format with --format"
+        )
+    if is_one:
+        return []
+    inside = {parent for one in recordings for parent in one.parents}
+    others: list[_Found] = []
+    for p in sorted(path.iterdir(), key=lambda p: natural_key(p.name)):
+        if p not in recordings and not p.name.startswith("."):
+            others += _others(p, found, format) if p in inside else _beside(p, format)
+    return others
+
+
+def _beside(path: Path, format: str | None) -> list[_Found]:
+    """Return the recordings at `path`, none where it only looks like one: text beside recordings tells of them."""
+    from automos.datasets.files import holds_point_files, holds_scans
+
+    if not path.is_dir() or (holds_point_files(path) and not holds_scans(path)):
+        return []
+    try:
+        return _find(path, format)
+    except InputError:
+        return []
 
 
 def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.scan import Scan
+from automos.scan import MAX_RANGE, Points, Scan
 
 Columns = dict[str, npt.NDArray]
 
@@ -20,6 +20,9 @@ _INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission")
 _TIME = ("t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp")
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
+
+MAX_COLUMNS = 100
+"""Numbers a point may have: a wider array has its points side by side."""
 
 MAX_SWEEP = 2.0
 """Seconds. No sensor takes longer for one sweep: times that span more are counted in a smaller unit."""
@@ -47,9 +50,15 @@ def to_scan(
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
+    stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
+    if stray is not None:
+        raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
+    columns = {key: column for key, column in columns.items() if column.dtype.kind in "fiu"}
     points = np.empty((len(columns["x"]), 3), np.float32)
-    for i, axis in enumerate("xyz"):
-        points[:, i] = columns[axis]
+    with np.errstate(over="ignore"):  # beyond what float32 holds is beyond what any sensor sees
+        for i, axis in enumerate("xyz"):
+            points[:, i] = columns[axis]
+    _refuse_map(points, path)
     intensity = _first(columns, _INTENSITY)
     return Scan(
         points,
@@ -61,9 +70,19 @@ def to_scan(
     )
 
 
+def _refuse_map(points: Points, path: Path) -> None:
+    """Raise where most of `points` lie beyond any sensor's range: what moves is seen from where the sensor was."""
+    few = points[:: max(len(points) // 64, 1)]
+    is_point = np.isfinite(few).all(axis=1) & few.any(axis=1)
+    is_far = (np.abs(few) > MAX_RANGE).any(axis=1)
+    if 2 * int((is_far & is_point).sum()) > int(is_point.sum()):
+        x, y, _ = few[is_far & is_point][0]
+        raise InputError(f"{path} has coordinates of a map ({x:.0f}, {y:.0f}); give sweeps in the sensor's frame")
+
+
 def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
     """Return the columns of an unnamed (N, C >= 3) array: x, y, z, intensity, ring; further ones are not used."""
-    if matrix.ndim != 2 or matrix.shape[1] < 3:
+    if matrix.ndim != 2 or not 3 <= matrix.shape[1] <= MAX_COLUMNS:
         raise InputError(
             f"{path} holds an array of shape {matrix.shape}; points are (N, 3) or wider: x y z intensity ring"
         )

@@ -29,6 +29,11 @@ def holds_point_files(folder: Path) -> bool:
     return any(True for _ in _point_files(folder))
 
 
+def holds_scans(folder: Path) -> bool:
+    """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
+    return any(_suffix(name) not in _TEXT for name in _point_files(folder))
+
+
 def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:
     """Return the names of `folder`'s scan files in time order, their codec, and the stamps (s) in their names, or None.
 
@@ -52,6 +57,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     if len(counts) > 1:
         listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
         raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
+    _require_sound(names, folder)
     stamps = stamps_from_names(names)
     if stamps is not None:
         order = np.argsort(stamps)
@@ -74,6 +80,28 @@ def _glimpse(path: Path, size: int) -> bytes:
     with path.open("rb") as file:
         file.seek(size // 2)
         return file.read(4096)
+
+
+def _require_sound(names: Sequence[str], folder: Path) -> None:
+    """Raise where two scans differ in their suffix alone, a name is no text, or a scan is no plain file."""
+    known: dict[str, str] = {}
+    for name in names:
+        if not os.path.isfile(folder / name):
+            raise InputError(f"{folder / name} is no plain file but a pipe, a device or a link to nothing; remove it")
+        if not is_text(name):
+            raise InputError(f"{folder} holds a scan whose name is no UTF-8, {name!a}; rename it")
+        twin = known.setdefault(os.path.splitext(name)[0], name)
+        if twin != name:
+            raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
+
+
+def is_text(name: str) -> bool:
+    """Return whether a file's name can be written down: systems allow any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def natural_key(name: str) -> tuple[list[str | int], str]:
@@ -122,7 +150,9 @@ def _point_files(folder: Path) -> list[str]:
 
 def _is_point_file(entry: os.DirEntry[str]) -> bool:
     name = entry.name.lower()
-    return _suffix(name) in CODEC_OF_SUFFIX and not name.startswith(".") and name not in _SIDE_FILES and entry.is_file()
+    return (
+        _suffix(name) in CODEC_OF_SUFFIX and not name.startswith(".") and name not in _SIDE_FILES and not entry.is_dir()
+    )
 
 
 def _suffix(name: str) -> str:

@@ -24,6 +24,7 @@ from automos.datasets.time_order import put_in_order
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.pose_files import lines_of_scans, read_calib, read_poses
+from automos.reading import read_bytes, read_text
 from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -172,7 +173,7 @@ class FolderSequence(Sequence):
         if not path.exists():
             return stamps_from_names
         try:
-            times = np.array([float(line) for line in path.read_text().splitlines() if line.strip()])
+            times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
         except (OSError, ValueError) as error:
             raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
         if not np.isfinite(times).all():
@@ -228,7 +229,7 @@ def read_labels(path: Path) -> npt.NDArray[np.uint32]:
         A file that is absent or no whole number of labels.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_bytes(path)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; each scan needs a label file of the scan's name") from None
     except OSError as error:

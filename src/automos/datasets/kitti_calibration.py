@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import make_transform, transform
+from automos.reading import read_text
 from automos.scan import Points, Pose
 
 EARTH_RADIUS = 6378137.0
@@ -28,7 +29,7 @@ def read_calibration(path: Path) -> dict[str, npt.NDArray[np.float64]]:
         The file is absent or cannot be read.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except FileNotFoundError:
         raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -24,6 +24,7 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.labels import Label
 from automos.pose_files import lines_of_scans
+from automos.reading import read_bytes, read_text
 from automos.scan import Pose
 from automos.upright_boxes import Boxes
 
@@ -59,7 +60,7 @@ class KittiRawSequence(FolderSequence):
         if not path.exists():
             return None
         try:
-            lines = [line.strip() for line in path.read_text().splitlines() if line.strip()]
+            lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
             times = np.array([_seconds(line) for line in lines])
         except (OSError, ValueError) as error:
             raise InputError(
@@ -112,7 +113,7 @@ class KittiRawSequence(FolderSequence):
         path = self.source / _BOXES
         try:
             rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
-        except (OSError, ValueError, TypeError, AttributeError, ElementTree.ParseError) as error:
+        except (OSError, ValueError, TypeError, AttributeError, LookupError, ElementTree.ParseError) as error:
             raise InputError(f"{path} is no whole file of tracklets ({error}); download it again") from None
         table = np.array(rows, np.float64).reshape(-1, 9)
         frames = np.array([int(name) for name in self._names])
@@ -147,7 +148,7 @@ def _read_transform(path: Path) -> Pose:
 
 
 def _items(path: Path) -> list[ElementTree.Element]:
-    return ElementTree.fromstring(path.read_bytes()).findall("tracklets/item")
+    return ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
 
 
 def _rows_of(item: ElementTree.Element, track: int) -> list[list[float]]:

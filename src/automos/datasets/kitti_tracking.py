@@ -19,11 +19,13 @@ from automos.datasets.kitti_calibration import (
     rigid,
     take,
 )
+from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label
+from automos.reading import read_text
 from automos.scan import Pose
 from automos.upright_boxes import Boxes
 
@@ -52,11 +54,12 @@ class KittiTrackingSequence(FolderSequence):
     def __init__(self, source: Path):
         """List the scans in folder `source`."""
         super().__init__(source, codec="bin")
-        stray = next((name for name in self._names if not name.isdecimal()), None)
+        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
         if stray is not None:
             raise InputError(f"{source} has a scan named {stray!r}; the benchmark names scans by their number")
         self._frames = np.array([int(name) for name in self._names])
         self._stamps = _PERIOD * self._frames
+        require_increasing(self._stamps, self._names, source)
 
     @property
     def is_compensated(self) -> bool:
@@ -114,7 +117,7 @@ class KittiTrackingSequence(FolderSequence):
         """The boxes of all scans by index, in the sensor's frame."""
         path = self._beside("label_02")
         try:
-            words = [line.split() for line in path.read_text().splitlines() if line.strip()]
+            words = [line.split() for line in read_text(path).splitlines() if line.strip()]
             objects = [row for row in words if row[2] != "DontCare"]
             table = np.array([[row[0], row[1], *row[10:17]] for row in objects], np.float64).reshape(-1, 9)
         except (OSError, ValueError, IndexError) as error:

@@ -8,10 +8,8 @@ import numpy as np
 
 from automos.datasets.columns import Columns
 from automos.datasets.formats import import_extra
+from automos.datasets.las_header import require_whole
 from automos.errors import InputError
-
-FARTHEST = 20_000.0
-"""Metres: no sensor sees so far, so coordinates beyond it are a map's and not the sensor's."""
 
 
 def read(path: Path) -> Columns:
@@ -20,24 +18,22 @@ def read(path: Path) -> Columns:
     Raises
     ------
     InputError
-        A damaged file, or coordinates of a map: what moves is seen from where the sensor was.
+        A damaged file.
     """
     laspy = import_extra("laspy", "las")
     if path.suffix.lower() == ".laz":
         import_extra("lazrs", "las")
     try:
+        n_points = require_whole(path)
         las = laspy.read(path)
-    except OSError:
+    except (OSError, InputError):
         raise
     except Exception as error:  # damaged files break the library in many ways
         raise InputError(f"{path} is no whole LAS file ({error}); copy it again") from error
+    if len(las) != n_points:
+        raise InputError(f"{path} is cut short: {len(las)} points, its header promises {n_points}; copy it again")
     names = set(las.point_format.dimension_names)
     columns: Columns = {axis: np.asarray(las[axis], np.float64) for axis in "xyz"}
-    if len(las) and max(np.abs(columns["x"]).max(), np.abs(columns["y"]).max()) > FARTHEST:
-        raise InputError(
-            f"{path} has coordinates of a map ({columns['x'][0]:.0f}, {columns['y'][0]:.0f}); give sweeps in the "
-            "sensor's frame"
-        )
     if "intensity" in names:
         columns["intensity"] = np.asarray(las.intensity)
     if "gps_time" in names:

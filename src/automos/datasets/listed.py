@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.files import is_text
 from automos.errors import InputError
 from automos.scan import Sequence as ScanSequence
 
@@ -33,6 +34,9 @@ class ListedSequence(ScanSequence):
         InputError
             No files, or stamps that do not increase.
         """
+        stray = next((file for file in files if not is_text(file.name)), None)
+        if stray is not None:
+            raise InputError(f"{source} holds a scan whose name is no UTF-8, {stray.name!a}; rename it")
         if not files:
             raise InputError(f"{source} holds no scans; check that it was copied or downloaded whole")
         self.source = source
@@ -71,7 +75,7 @@ def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[P
         A file of another name.
     """
     files = [path for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")]
-    stray = next((path for path in files if not path.stem.isdecimal()), None)
+    stray = next((path for path in files if not (path.stem.isascii() and path.stem.isdecimal())), None)
     if stray is not None:
         raise InputError(f"{stray} is not named by its time; {folder} must hold only scans that are")
     files.sort(key=lambda path: int(path.stem))

@@ -6,7 +6,6 @@ scans a second have truth. The tables are read directly; of the large ones only 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -23,6 +22,7 @@ from automos.datasets.listed import ListedSequence
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
 from automos.labels import Label
+from automos.reading import read_json
 from automos.scan import Pose, Scan
 from automos.upright_boxes import Boxes
 
@@ -106,7 +106,7 @@ class NuscenesSequence(ListedSequence):
 def _read(tables: Path, name: str) -> list[Row]:
     path = tables / f"{name}.json"
     try:
-        rows = json.loads(path.read_text())
+        rows = read_json(path)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; unpack the metadata of nuScenes again") from None
     except (OSError, ValueError) as error:

@@ -12,8 +12,11 @@ from automos.datasets.lzf import decompress
 from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.geometry import make_transform
+from automos.reading import read_bytes
 from automos.scan import Pose
 
+_MAX_COUNT = 1 << 16
+"""Values per point of one field; the largest histograms have hundreds."""
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 
 
@@ -39,13 +42,14 @@ class Header:
 
 def read(path: Path) -> Columns:
     """Return the columns of one file; those of several values per point (histograms) and padding are left out."""
-    raw = path.read_bytes()
+    raw = read_bytes(path)
     header = _parse_header(raw, path)
     body = raw[header.start :]
     if header.encoding == "ascii":
         return _from_text(body, header, path)
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
+        _require_no_more(body[header.n_points * header.dtype.itemsize :], header.dtype.itemsize, path)
         points = np.frombuffer(body, header.dtype, header.n_points)
         return {name: points[name] for name in _scalar_fields(header.dtype)}
     return _from_compressed(body, header, path)
@@ -71,7 +75,7 @@ def _parse_header(raw: bytes, path: Path) -> Header:
             entries[words[0].upper()] = words[1:]
     try:
         return _interpret(entries, start)
-    except (KeyError, ValueError, IndexError) as error:
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError, MemoryError) as error:
         raise InputError(f"{path} has a PCD header that cannot be understood: {error}") from None
 
 
@@ -81,9 +85,14 @@ def _interpret(entries: dict[str, list[str]], start: int) -> Header:
     fields = []
     for i, (name, kind, size, count) in enumerate(zip(names, entries["TYPE"], entries["SIZE"], counts, strict=True)):
         label = f"_{i}" if name == "_" or name in names[:i] else name
-        scalar = np.dtype(f"<{_KINDS[kind.upper()]}{size}")
+        scalar = np.dtype(f"<{_KINDS[kind.upper()]}{int(size)}")
+        if not 1 <= count <= _MAX_COUNT:
+            raise ValueError(f"COUNT is {count}")
         fields.append((label, scalar) if count == 1 else (label, scalar, (count,)))
-    n_points = int(entries["WIDTH"][0]) * int(entries.get("HEIGHT", ["1"])[0])
+    width, height = int(entries["WIDTH"][0]), int(entries.get("HEIGHT", ["1"])[0])
+    n_points = width * height
+    if min(width, height) < 0 or int(entries.get("POINTS", [str(n_points)])[0]) != n_points:
+        raise ValueError(f"WIDTH {width}, HEIGHT {height} and POINTS do not agree")
     encoding = entries["DATA"][0].lower()
     if encoding not in ("ascii", "binary", "binary_compressed"):
         raise ValueError(f"DATA is {encoding}, not ascii, binary or binary_compressed")
@@ -111,9 +120,15 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
         )
 
 
+def _require_no_more(rest: bytes, width: int, path: Path) -> None:
+    """Raise where another point, or more, lies behind those that were promised; zeros fill a page of memory."""
+    if len(rest) >= width and any(rest):
+        raise InputError(f"{path} holds more points than its header promises; its header is damaged: copy it again")
+
+
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
-    matrix = parse_points(path, body, sum(widths), 0, header.n_points)
+    matrix = parse_points(path, body, sum(widths), 0, header.n_points, is_last=True)
     first = dict(zip(header.dtype.names or (), np.cumsum([0, *widths]), strict=False))
     return {name: matrix[:, first[name]] for name in _scalar_fields(header.dtype)}
 
@@ -121,11 +136,13 @@ def _from_text(body: bytes, header: Header, path: Path) -> Columns:
 def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
     """Compressed points are stored field after field: all x, then all y, and so on."""
     _require_bytes(len(body), 8, path)
+    # The longest copy, 264 bytes, takes 3.
     n_packed, n_unpacked = (int(size) for size in np.frombuffer(body, "<u4", 2))
     promised = header.n_points * header.dtype.itemsize
     if n_unpacked != promised:
         raise InputError(f"{path} is damaged: it says it unpacks to {n_unpacked} bytes, but its points need {promised}")
     _require_bytes(len(body) - 8, n_packed, path)
+    _require_bytes(88 * n_packed, n_unpacked, path)
     try:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:

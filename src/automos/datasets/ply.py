@@ -13,6 +13,7 @@ import numpy as np
 from automos.datasets.columns import Columns
 from automos.datasets.text import parse_points
 from automos.errors import InputError
+from automos.reading import read_bytes
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -33,11 +34,11 @@ class _Element:
 
 def read(path: Path) -> Columns:
     """Return the columns of the file's vertices."""
-    raw = path.read_bytes()
+    raw = read_bytes(path)
     encoding, elements, start = _parse_header(raw, path)
     before, vertex = _until_vertex(elements, path)
     if encoding == "ascii":
-        return _from_text(raw[start:], sum(element.count for element in before), vertex, path)
+        return _from_text(raw[start:], sum(element.count for element in before), vertex, path, elements[-1] is vertex)
     order = _ORDERS[encoding]
     skipped = sum(element.count * _dtype(element, order).itemsize for element in before)
     dtype = _dtype(vertex, order)
@@ -46,6 +47,8 @@ def read(path: Path) -> Columns:
         raise InputError(
             f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
         )
+    if elements[-1] is vertex and len(raw) - start - promised >= dtype.itemsize > 0:
+        raise InputError(f"{path} holds more points than its header promises; its header is damaged: copy it again")
     points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
     return {name: points[name] for name, _ in vertex.fields}
 
@@ -71,6 +74,8 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
                     encoding = name
                 case ["element", name, count]:
                     elements.append(_Element(name, int(count)))
+                    if int(count) < 0:
+                        raise ValueError("fewer elements than none")
                 case ["property", "list", *_]:
                     elements[-1].has_list = True
                 case ["property", kind, name] if name not in dict(elements[-1].fields):
@@ -97,6 +102,6 @@ def _dtype(element: _Element, order: str) -> np.dtype:
     return np.dtype([(name, order + kind) for name, kind in element.fields])
 
 
-def _from_text(body: bytes, n_skipped: int, vertex: _Element, path: Path) -> Columns:
-    matrix = parse_points(path, body, len(vertex.fields), n_skipped, vertex.count)
+def _from_text(body: bytes, n_skipped: int, vertex: _Element, path: Path, is_last: bool) -> Columns:
+    matrix = parse_points(path, body, len(vertex.fields), n_skipped, vertex.count, is_last)
     return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}

@@ -8,6 +8,7 @@ import numpy as np
 
 from automos.datasets.columns import Columns
 from automos.errors import InputError
+from automos.reading import read_bytes, read_text
 
 
 def read_records(path: Path, dtype: np.dtype) -> Columns:
@@ -19,7 +20,7 @@ def read_records(path: Path, dtype: np.dtype) -> Columns:
         A file that is absent or no whole number of records.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_bytes(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     if len(raw) % dtype.itemsize:
@@ -40,13 +41,15 @@ def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = No
         A file that is absent, empty, or not of that many numbers a line.
     """
     try:
-        with open(path, encoding="utf-8") as file:
-            lines = [line.split(delimiter) for line in file if line.strip() and not line.startswith("#")]
+        text = read_text(path).splitlines()
+        lines = [line.split(delimiter) for line in text if line.strip() and not line.startswith("#")]
         table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
     except FileNotFoundError:
         raise InputError(f"{path} is missing; the recording needs it for {what}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is no table of {n_columns} numbers a line ({error})") from None
+    if not np.isfinite(table).all():
+        raise InputError(f"{path} holds a number that is none; {what} are {n_columns} numbers a line")
     if table.ndim != 2 or table.shape[1] != n_columns or len(table) == 0:
         raise InputError(f"{path} holds {table.shape} numbers; {what} are {n_columns} a line")
     return table

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import inverse
-from automos.pose_files import interpolate_poses
+from automos.pose_files import FARTHEST, interpolate_poses
 from automos.scan import Pose
 
 
@@ -18,6 +18,8 @@ def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike) -> Pose:
     from scipy.spatial.transform import Rotation
 
     translation = np.atleast_2d(np.asarray(translation, np.float64))
+    _require_on_earth(translation)
+    _require_on_earth(np.asarray(xyzw, np.float64))
     T = np.tile(np.eye(4), (len(translation), 1, 1))
     T[:, :3, :3] = Rotation.from_quat(np.atleast_2d(np.asarray(xyzw, np.float64))).as_matrix()
     T[:, :3, 3] = translation
@@ -27,9 +29,15 @@ def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike) -> Pose:
 def orthonormal(T: npt.ArrayLike) -> Pose:
     """Return transforms (N, 4, 4) with the nearest exact rotations; files round them."""
     T = np.array(T, np.float64)
+    _require_on_earth(T)  # LAPACK does not come back from what is infinite
     U, _, Vt = np.linalg.svd(T[:, :3, :3])
     T[:, :3, :3] = U @ Vt
     return T
+
+
+def _require_on_earth(numbers: npt.NDArray[np.float64]) -> None:
+    if not (np.abs(numbers) < FARTHEST).all():
+        raise InputError("the recording's poses hold numbers that are none, or are not on Earth; copy them again")
 
 
 def poses_at(

@@ -43,20 +43,24 @@ def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> n
     return table
 
 
-def parse_points(path: Path, text: bytes, n_columns: int, n_skipped: int, n_points: int) -> npt.NDArray[np.float64]:
-    """Return the (n_points, n_columns) numbers that a file's header promises.
+def parse_points(
+    path: Path, text: bytes, n_columns: int, n_skipped: int, n_points: int, is_last: bool
+) -> npt.NDArray[np.float64]:
+    """Return the (n_points, n_columns) numbers that a file's header promises; nothing follows where they are the last.
 
     Raises
     ------
     InputError
-        Fewer points than promised, or points of another length.
+        Fewer points than promised, more of them, or points of another length.
     """
-    if n_points == 0:
+    if n_points == 0 and not (is_last and text.strip()):
         return np.zeros((0, n_columns))
     try:
-        table = parse_table(text, n_skipped, n_points)
+        table = parse_table(text, n_skipped, n_points + is_last)
     except ValueError as error:
         raise InputError(f"{path} is damaged or cut short: {error} (counted from the end of its header)") from None
+    if len(table) > n_points:
+        raise InputError(f"{path} holds more points than the {n_points} that its header promises; copy it again")
     if len(table) < n_points:
         raise InputError(f"{path} is cut short: {len(table)} points, its header promises {n_points}; copy it again")
     if table.shape[1] != n_columns:

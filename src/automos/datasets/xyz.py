@@ -14,6 +14,7 @@ import numpy as np
 from automos.datasets.columns import Columns, from_matrix
 from automos.datasets.text import parse_table
 from automos.errors import InputError
+from automos.reading import read_bytes
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
@@ -21,7 +22,9 @@ _COMMENT = re.compile(rb"(#|//)[^\n]*")
 
 def read(path: Path) -> Columns:
     """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
-    text = path.read_bytes().lstrip().translate(_DIVIDERS)
+    text = read_bytes(path).lstrip().translate(_DIVIDERS)
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     first_line, _, rest = text.partition(b"\n")
     names = _names(first_line.decode("utf-8", "replace"))
     try:

@@ -17,6 +17,7 @@ from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
 from automos.scan import Sequence
+from automos.workspace import RESULT_FILES, RUN_FILE
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -165,8 +166,18 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
     for home in homes:
         for folder in (home / "predictions", home):
             if any(folder.glob("[!.]*.label")):
+                _require_finished(home)
                 return folder
     raise InputError(f"{root} holds no predictions for {name}; give a results folder, or a folder of .label files")
+
+
+def _require_finished(folder: Path) -> None:
+    """Raise where `folder` holds a run of ours that was not labelled to its end; labels of others may lie anywhere."""
+    is_ours = any((folder / name).exists() for name in ("stages", *RESULT_FILES))
+    in_fleet = (folder.parent / "ledger").is_dir()
+    last = "complete.json" if in_fleet else RUN_FILE
+    if (is_ours or in_fleet) and not (folder / last).exists():
+        raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
 
 
 def _has_truth(sequence: Sequence) -> bool:

@@ -6,7 +6,6 @@ them anew, so its tracks are recognised by where their boxes are.
 
 from __future__ import annotations
 
-import json
 import zipfile
 from collections import Counter
 from collections.abc import Iterable
@@ -19,10 +18,13 @@ import numpy as np
 from automos.errors import InputError
 from automos.export.cvat import ANNOTATIONS
 from automos.export.run_files import MIN_SIDE, VERDICTS, RunFiles
+from automos.reading import DAMAGE, MAX_TEXT, parse_json, read_json, require_regular
+from automos.scan import MAX_RANGE
 from automos.upright_boxes import Boxes, iou_3d
 
 MAX_TILT = 0.2
 """Radians a box may be tilted about x or y; tools that fit boxes to points tilt them a little, which is not kept."""
+_ID_DIGITS = 9
 SAME_OBJECT = 0.3
 """Intersection over union above which two boxes of a scan are taken to be around the same object."""
 
@@ -80,7 +82,7 @@ def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
             continue
         path = files[name]
         try:
-            document = json.loads(path.read_text())
+            document = read_json(path)
             boxes = document["objs"] if isinstance(document, dict) else document
             scan: EditedScan = {}
             for box in boxes:
@@ -91,7 +93,7 @@ def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
                 scan[track] = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
         except InputError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise InputError(f"{path} is no label file of SUSTechPOINTS ({error}); save the scene again") from None
         edits[index] = scan
     return edits
@@ -109,7 +111,9 @@ class _Ids:
         self._of: dict[str, int] = {}
 
     def of(self, name: str) -> int:
-        if name.isdecimal() and int(name) > 0:
+        if name.isascii() and name.isdecimal() and len(name) > _ID_DIGITS:
+            raise InputError(f"there is a box with obj_id {name[:20]}...; ids have up to {_ID_DIGITS} digits")
+        if name.isascii() and name.isdecimal() and int(name) > 0:
             self._next = max(self._next, int(name) + 1)
             return int(name)
         if name in self._of:
@@ -126,14 +130,26 @@ def _read_datumaro(path: Path) -> dict[str, Any] | None:
     try:
         if path.is_dir():
             inner = path / ANNOTATIONS
-            return json.loads(inner.read_text()) if inner.exists() else None
+            return read_json(inner) if inner.exists() else None
+        require_regular(path)
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
-                return json.loads(archive.read(ANNOTATIONS)) if ANNOTATIONS in archive.namelist() else None
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+                return parse_json(_unpacked(archive)) if ANNOTATIONS in archive.namelist() else None
+        document = read_json(path)
+    except InputError:
+        raise
+    except (OSError, *DAMAGE) as error:  # an encrypted or unknown kind of archive, text that is none
         raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
     return document if isinstance(document, dict) and "items" in document else None
+
+
+def _unpacked(archive: zipfile.ZipFile) -> bytes:
+    """Return the annotations in an archive; ValueError where they unpack to more than any drive has."""
+    with archive.open(ANNOTATIONS) as file:
+        text = file.read(MAX_TEXT + 1)  # whatever the archive says of their size
+    if len(text) > MAX_TEXT:
+        raise ValueError(f"its annotations unpack to more than {MAX_TEXT >> 20} MB")
+    return text
 
 
 def _parse_datumaro(document: dict[str, Any], path: Path, run: RunFiles) -> dict[int, EditedScan]:
@@ -158,7 +174,7 @@ def _parse_datumaro(document: dict[str, Any], path: Path, run: RunFiles) -> dict
                 edits[index][track] = _make_box(center, size, rotation, names[box["label_id"]], path)
     except InputError:
         raise
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} is no export of CVAT as 'Datumaro 3D' ({error!r}); export it again") from None
     return edits
 
@@ -186,12 +202,16 @@ def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedS
 def _make_box(
     center: tuple[float, ...], size: tuple[float, ...], rotation: tuple[float, ...], kind: str, path: Path
 ) -> EditedBox:
-    if kind.lower() not in VERDICTS:
+    if str(kind).lower() not in VERDICTS:
         raise InputError(
             f"{path} has a box of class {kind!r}; classes are {', '.join(VERDICTS)}: change it in the tool"
         )
     values = (*center, *size, *rotation)
-    if not np.isfinite(values).all() or min(size) < 0 or max(size) == 0:
+    if not len(center) == len(size) == len(rotation) == 3:
+        raise InputError(f"{path} has a box at {center} of size {size}, turned by {rotation}; each has three numbers")
+    if not (np.abs(values) < MAX_RANGE).all():
+        raise InputError(f"{path} has a box of size {size} at {center}, turned by {rotation}; no sensor sees so far")
+    if min(size) < 0 or max(size) == 0:
         raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, none below 0")
     size = tuple(max(side, MIN_SIDE) for side in size)  # tools round thin ones to nothing
     # A half turn about x or y is how some tools tell a heading beyond 90 degrees; the box is the same.

@@ -83,6 +83,8 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     _copy_beside(run, out)
     write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
     write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
+    if (run.folder / RUN_FILE).exists():  # last: without it the results are not whole
+        shutil.copyfile(run.folder / RUN_FILE, out / RUN_FILE)
     return merged
 
 
@@ -115,7 +117,7 @@ def _count_points(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16],
 
 def _copy_beside(run: RunFiles, out: Path) -> None:
     """Copy what the results need to be read again: poses, what the run was, and how the sensor moved in each sweep."""
-    for name in ("poses.txt", "poses.tum", "settings.yaml", RUN_FILE):
+    for name in ("poses.txt", "poses.tum", "settings.yaml"):
         if (run.folder / name).exists():
             shutil.copyfile(run.folder / name, out / name)
     for stage in (run.folder / "stages").glob("odometry-*"):

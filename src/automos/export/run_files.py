@@ -6,7 +6,6 @@ Boxes of annotation tools stand upright, but a sensor may be mounted at a tilt. 
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from automos.labels import Label
 from automos.odometry.frames import make_frame
 from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
+from automos.reading import read_json
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace
@@ -239,7 +239,7 @@ class RunFiles:
         """What tracks.json holds."""
         path = self.folder / "tracks.json"
         try:
-            return json.loads(path.read_text())
+            return read_json(path)
         except FileNotFoundError:
             raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
         except (OSError, ValueError) as error:

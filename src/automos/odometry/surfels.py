@@ -12,7 +12,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import whole_below
+from automos.cells import whole_below
 from automos.scan import Points
 
 N_LEVELS = 4

@@ -2,20 +2,28 @@
 
 Bound to 127.0.0.1, but a browser here shows pages of strangers too, and these can send requests to any address. So a
 request counts only if it names this server as its host (a stranger's name that resolves to 127.0.0.1 does not), comes
-from no other origin, and a decision only as JSON, which other origins may not send unasked.
+from no other origin, and a decision only as JSON, which other origins may not send unasked. Other programs and users of
+this machine do not know the token that the printed address ends in; the page keeps it as a cookie.
 """
 
 from __future__ import annotations
 
+import hmac
 import json
 import logging
+import secrets
+import sys
+import threading
+from collections.abc import Callable
 from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from automos.errors import AutomosError, InputError
+from automos.reading import parse_json
 from automos.review.session import Session
 from automos.visualization.page_files import page_text
 
@@ -24,6 +32,10 @@ _log = logging.getLogger(__name__)
 HOST = "127.0.0.1"
 MAX_BODY = 1000
 """Bytes a decision may have."""
+PATIENCE = 10.0
+"""Seconds that a request may keep silent."""
+MAX_CONNECTIONS = 64
+"""At a time; a browser makes six."""
 _OWN = ("review.html", "review.css", "review.js", "review_gl.js", "review_above.js", "review_outbox.js")
 _SHARED = ("look.css", "look.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
@@ -49,18 +61,61 @@ class ReviewServer(ThreadingHTTPServer):
                 f"port {port} cannot be used ({error.strerror}); choose another --port, or none"
             ) from error
         self.session = session
+        self.token = secrets.token_urlsafe(24)
+        self._free = threading.BoundedSemaphore(MAX_CONNECTIONS)
 
     @property
     def url(self) -> str:
         """Where the page is."""
-        return f"http://{HOST}:{self.server_port}/"
+        return f"http://{HOST}:{self.server_port}/?token={self.token}"
+
+    @property
+    def cookie(self) -> str:
+        """What a request that may ask bears; cookies do not tell ports apart, so its name does."""
+        return f"automos{self.server_port}={self.token}"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread of its own, or not at all while too many are open."""
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer, then let the next one in."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing on the terminal of whoever hung up."""
+        _log.debug("a request failed", exc_info=sys.exc_info())
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: ReviewServer
     protocol_version = "HTTP/1.1"
+    timeout = PATIENCE
 
     def do_GET(self) -> None:
+        self._guarded(self._get)
+
+    def do_POST(self) -> None:
+        self._guarded(self._post)
+
+    def _guarded(self, answer: Callable[[], None]) -> None:
+        """Answer; whatever a request makes stumble is refused in a sentence."""
+        try:
+            answer()
+        except (ConnectionError, TimeoutError):
+            self.close_connection = True
+        except Exception:
+            _log.debug("%s cannot be answered", self.path, exc_info=True)
+            self.close_connection = True
+            self._refuse(HTTPStatus.BAD_REQUEST, "that cannot be answered")
+
+    def _get(self) -> None:
         if not self._is_ours():
             return
         url = urlsplit(self.path)
@@ -78,17 +133,17 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
-    def do_POST(self) -> None:
+    def _post(self) -> None:
         self.close_connection = True  # whatever is refused, its body is not read
         if not self._is_ours():
             return
         if self.headers.get_content_type() != "application/json":
             return self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "decisions come as JSON")
         size = self.headers.get("Content-Length", "")
-        if not size.isdigit() or int(size) > MAX_BODY:
+        if not (size.isascii() and size.isdigit() and len(size) < 9 and int(size) <= MAX_BODY):
             return self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "that is no decision")
         try:
-            body = json.loads(self.rfile.read(int(size)) or b"{}")
+            body = parse_json(self.rfile.read(int(size)) or b"{}")
         except ValueError:
             return self._refuse(HTTPStatus.BAD_REQUEST, "that is not JSON")
         if self.path == "/api/decide" and isinstance(body, dict):
@@ -116,7 +171,20 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
             return False
+        if not self._knows_token():
+            self.close_connection = True
+            self._refuse(HTTPStatus.FORBIDDEN, "open the address that automos review printed, with its token")
+            return False
         return True
+
+    def _knows_token(self) -> bool:
+        name, _, token = self.server.cookie.partition("=")
+        try:
+            kept = SimpleCookie(self.headers.get("Cookie", "")).get(name)
+        except CookieError:
+            kept = None
+        given = parse_qs(urlsplit(self.path).query).get("token", [""])[0] if kept is None else kept.value
+        return hmac.compare_digest(given.encode(), token.encode())
 
     def _answer(self, make: Any) -> None:
         try:
@@ -139,6 +207,9 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("Cache-Control", "no-store")
+        if name == "review.html":
+            self.send_header("Set-Cookie", f"{self.server.cookie}; HttpOnly; SameSite=Strict; Path=/")
+            self.send_header("Referrer-Policy", "no-referrer")
         if self.close_connection:
             self.send_header("Connection", "close")
         self.end_headers()
@@ -151,5 +222,5 @@ class _Handler(BaseHTTPRequestHandler):
 def _number(value: Any) -> int:
     try:
         return int(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{value!r} is no object's number") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{value!r:.40} is no object's number") from None

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from automos.scale.orders import Job, Recording
 from automos.scale.status import read_status
 from automos.scale.storage import is_url, join, key_of, shown
 from automos.scale.units import settings_key
+from automos.scale.work_folder import default_work, work_folder
 from automos.settings import Settings, dump_yaml
 
 _GB = 10**9
@@ -44,7 +44,7 @@ class Means:
     ray: str | None = None
     memory_gb: float = 3.0
     cache_gb: float = 50.0
-    work: Path = field(default_factory=lambda: Path(tempfile.gettempdir()) / f"automos-{_user()}")
+    work: Path = field(default_factory=default_work)
     chunk: int = 600
 
 
@@ -78,15 +78,16 @@ def label_fleet(
     name = ledger_name(shard)
     books = join(ledger_folder(target), name)
     path = means.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
-    ledger = Ledger(path, books if is_url(target) else None)
+    is_needed = is_url(target) or any(is_url(recording.source) for recording in recordings)
     files = [None if file is None else file.absolute() for file in poses]
     job = Job(settings, target, means.work.absolute(), int(means.cache_gb * _GB), means.chunk, *files)
-    try:
-        with (executor or make_executor)(means) as workers:
-            ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
-            return label_all(recordings, job, workers, ledger, progress)
-    finally:
-        ledger.close()
+    with (
+        work_folder(means.work, is_needed),
+        closing(Ledger(path, books if is_url(target) else None)) as ledger,
+        (executor or make_executor)(means) as workers,
+    ):
+        ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
+        return label_all(recordings, job, workers, ledger, progress)
 
 
 def make_executor(means: Means) -> Executor:
@@ -139,7 +140,3 @@ def _refuse_other_settings(target: str, key: str) -> None:
             f"{shown(target)} holds a run with other settings, or of another version of automos: choose another --out, "
             "so that results of both are not mixed"
         )
-
-
-def _user() -> str:
-    return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")

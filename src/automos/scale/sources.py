@@ -12,6 +12,7 @@ from automos.datasets import find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
 from automos.errors import InputError
+from automos.reading import read_text
 from automos.scale.orders import Recording
 from automos.scale.storage import Store, is_url, shown
 
@@ -103,7 +104,7 @@ def _recordings_or_none(path: Path, format: str | None) -> list[Path]:
 def _in_list(path: Path, format: str | None) -> list[str]:
     """Return the recordings that the lines of a list name; one that is not there is found out later."""
     try:
-        lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
+        lines = [line.split("#")[0].strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
     found: list[str] = []

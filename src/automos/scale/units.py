@@ -28,6 +28,7 @@ from automos.scale.machine import cpu_seconds, peak_megabytes, place
 from automos.scale.orders import Job, Kind, Order, Recording, Report, State
 from automos.scale.publishing import Marker, publish, read_marker, refuse_foreign, withdraw
 from automos.scale.storage import StoreError, is_url, key_of
+from automos.scale.work_folder import claim
 from automos.scan import Sequence
 from automos.settings import Settings
 from automos.workspace import Workspace, fingerprint
@@ -77,6 +78,8 @@ def results_folder(job: Job, recording: Recording) -> Path:
 
 def _do(order: Order, cache: Cache) -> Report:
     job, recording = order.job, order.recording
+    if is_url(recording.source) or is_url(job.target):
+        claim(job.work)
     stamp = cache.stamp_of(recording.source) if is_url(recording.source) else None
     marked = _finished(job, recording, stamp) if order.unit.kind is Kind.START else None
     if marked is not None and stamp is not None:  # known without fetching it
@@ -138,7 +141,7 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
     """Label what is not labelled yet, write the results, and publish them."""
     job, recording = order.job, order.recording
     folder = results_folder(job, recording)
-    run = label_recording(sequence, folder, job.settings, job.pose_file, job.calib_file, order.threads)
+    run = label_recording(sequence, folder, job.settings, job.pose_file, job.calib_file, order.threads, waits=True)
     counts = {"scans": run["recording"]["scans"], "points": sum(run["points"].values())}
     marker = Marker(
         source=stamp,

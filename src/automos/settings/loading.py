@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from automos.errors import SettingsError
+from automos.reading import read_text
 from automos.settings.tree import Settings
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -25,6 +26,15 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
     "default": {},
 }
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases: settings need none, and a few of them stand for more than any memory holds."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("it has aliases; write values out")
+        return super().compose_node(parent, index)
 
 
 def load_settings(
@@ -65,8 +75,8 @@ def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
         if not sign:
             raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
         try:
-            values[key.strip()] = yaml.safe_load(text)
-        except yaml.YAMLError:
+            values[key.strip()] = yaml.load(text, _Loader)
+        except (yaml.YAMLError, ValueError, RecursionError):
             raise SettingsError(
                 f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
             ) from None
@@ -98,10 +108,12 @@ def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any
 
 def _read_yaml(file: Path) -> dict[str, Any]:
     try:
-        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+        tree = yaml.load(read_text(file), _Loader)
     except OSError as error:
         raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except SettingsError:
+        raise
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # no text, no date, no end of nesting
         why = " ".join(str(error).split())  # YAML's messages draw the place on lines of their own
         raise SettingsError(f"settings file {file} is not YAML ({why}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):

@@ -105,7 +105,7 @@ class OdometrySettings(Group):
     """III-A: poses of every scan."""
 
     voxel: float | None = Field(None, gt=0, description="m, local map voxel; none: a hundredth of max_range")
-    max_range: float = Field(100.0, gt=0, description="m, points used for registration")
+    max_range: float = Field(100.0, gt=0, le=20_000, description="m, points used for registration")
     min_range: float = Field(1.0, ge=0, description="m, points used for registration")
     min_points: int = Field(50, ge=3, description="a scan with fewer usable points is not registered")
     points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map")

@@ -1,0 +1,48 @@
+"""What a LAS file's header promises, compared with the file before a library takes memory or time for it."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from automos.errors import InputError
+
+_HEADER, _VLR, _EVLR = 227, 54, 60
+"""Bytes of the shortest header and of the headers of variable and of extended variable length records."""
+_MOST_PACKED = 10_000
+"""By how much LAZ may pack points, at most: more is a damaged count."""
+
+
+def require_whole(path: Path) -> int:
+    """Return how many points the header of a LAS or LAZ file promises.
+
+    Raises
+    ------
+    InputError
+        The file is none, or does not hold what its header promises; OSError where it cannot be read.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(375)
+    if len(head) < _HEADER or head[:4] != b"LASF":
+        raise InputError(f"{path} is no LAS file: it does not begin as one")
+    header_size, start, n_records, form, width, n_points = struct.unpack_from("<HIIBHI", head, 94)
+    n_extended = extended = 0
+    if head[25] >= 4 and len(head) >= 375:
+        extended, n_extended, n_points = struct.unpack_from("<QIQ", head, 235)
+    packed = size - start
+    is_packed = form & 0xC0 != 0
+    needs = 0 if is_packed else n_points * width
+    left = (extended if n_extended else size) - start - needs
+    faults = {
+        f"{n_records} records before its points": header_size + n_records * _VLR > start,
+        f"points from byte {start}": not _HEADER <= header_size <= start <= size,
+        f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
+        f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
+        f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
+        f"points of {width} bytes": width == 0,
+    }
+    fault = next((what for what, is_so in faults.items() if is_so), None)
+    if fault is not None:
+        raise InputError(f"{path} is cut short or damaged: its header tells of {fault}, in {size} bytes; copy it again")
+    return int(n_points)

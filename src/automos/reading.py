@@ -1,0 +1,95 @@
+"""Files that came from anywhere: only regular ones are read, none beyond its size, and damage is told in a sentence.
+
+A pipe or a device of a file's name would be waited for without end. What a parser stumbles over (a number that is
+none, a table without its column, nesting without end, a count that no memory holds) is the file's fault, and is said
+of the file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import struct
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from automos.errors import AutomosError, InputError
+
+DAMAGE = (
+    ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError, EOFError, RuntimeError,
+    MemoryError, NotImplementedError, struct.error, zipfile.BadZipFile,
+)  # fmt: skip
+"""What parsers raise, our own and others', when they are given what they were not made for."""
+
+MAX_TEXT = 1 << 28
+"""Bytes of text read at once; a drive of a day has times of a tenth of that."""
+
+
+@contextmanager
+def damage_told(path: Path | str, what: str = "is damaged, or not what its name says") -> Iterator[None]:
+    """Raise InputError that names `path` for whatever goes wrong in the block.
+
+    Raises
+    ------
+    InputError
+        Something did.
+    """
+    try:
+        yield
+    except AutomosError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    except DAMAGE as error:
+        why = " ".join(str(error).split())[:200] or type(error).__name__
+        raise InputError(f"{path} {what} ({why}); copy it again") from error
+
+
+def require_regular(path: Path) -> None:
+    """Raise where `path` is a pipe, a device or the like, or a link to one.
+
+    Raises
+    ------
+    InputError
+        It is; OSError where it is absent.
+    """
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        kind = "folder" if stat.S_ISDIR(mode) else "pipe, a device or the like"
+        raise InputError(f"{path} is a {kind}; only plain files are read")
+
+
+def read_bytes(path: Path, most: int | None = None) -> bytes:
+    """Return what is in a regular file of at most `most` bytes.
+
+    Raises
+    ------
+    InputError
+        It is none; OSError where it is absent or cannot be read.
+    """
+    require_regular(path)
+    if most is not None and os.path.getsize(path) > most:
+        raise InputError(f"{path} has {os.path.getsize(path)} bytes, more than anything of its kind; check what it is")
+    return Path(path).read_bytes()
+
+
+def read_text(path: Path) -> str:
+    """Return the text in a regular file; errors are those of `read_bytes`, and UnicodeDecodeError."""
+    return read_bytes(path, MAX_TEXT).decode("utf-8")
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds; errors are those of `read_text`, and ValueError where it is none."""
+    return parse_json(read_text(path))
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return what JSON `text` holds; ValueError where it is none, nested too deeply included."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None

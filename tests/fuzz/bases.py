@@ -1,0 +1,129 @@
+"""Small whole recordings of every kind, written by the suite's own writers, for the fuzzer to damage."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+TESTS = Path(__file__).parents[1]
+sys.path[:0] = [str(TESTS), str(TESTS / "datasets")]
+
+import bags
+import test_helipr
+import test_kitti_raw
+import test_kitti_relatives
+import test_kitti_tracking
+import test_las
+import test_mulran
+import test_nuscenes
+import velodyne_packets
+from street_log import StreetLog, street_log
+
+from automos.labels import pack
+from automos.pose_files import write_kitti
+
+_spec = importlib.util.spec_from_file_location("dataset_writers", TESTS / "datasets" / "conftest.py")
+writers = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(writers)
+
+N_SCANS = 4
+
+
+def _columns(log: StreetLog, i: int) -> dict[str, np.ndarray]:
+    scan = log.scans[i]
+    return {**{axis: scan.points[:, k] for k, axis in enumerate("xyz")}, "intensity": scan.intensity}
+
+
+def _folder_of(suffix: str, **options: object) -> Callable[[Path, StreetLog], None]:
+    def write(root: Path, log: StreetLog) -> None:
+        root.mkdir()
+        for i in range(N_SCANS):
+            writers.write_points(root / f"{i:06d}{suffix}", _columns(log, i), **options)
+
+    return write
+
+
+def _kitti(root: Path, log: StreetLog) -> None:
+    (root / "velodyne").mkdir(parents=True)
+    (root / "labels").mkdir()
+    for i in range(N_SCANS):
+        np.column_stack(list(_columns(log, i).values())).astype("<f4").tofile(root / "velodyne" / f"{i:06d}.bin")
+        pack(np.full(len(log.scans[i]), 9, np.uint8)).tofile(root / "labels" / f"{i:06d}.label")
+    (root / "times.txt").write_text("".join(f"{0.1 * i:.6f}\n" for i in range(N_SCANS)))
+    write_kitti(root / "poses.txt", log.poses[:N_SCANS])
+    (root / "calib.txt").write_text("Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n")
+
+
+def _las(root: Path, log: StreetLog) -> None:
+    root.mkdir()
+    for i in range(N_SCANS):
+        test_las.write_las(root / f"{i:06d}.las", log.scans[i])
+
+
+def _npy_named(root: Path, log: StreetLog) -> None:
+    root.mkdir()
+    for i in range(N_SCANS):
+        np.save(root / f"{i:06d}.npy", writers.table(_columns(log, i)))
+
+
+def _bag(name: str) -> Callable[[Path, StreetLog], None]:
+    def write(root: Path, log: StreetLog) -> None:
+        root.mkdir()
+        clouds = [
+            (int(1e9 * scan.stamp), scan.stamp, bags.cloud(bags.columns_of(scan))) for scan in log.scans[:N_SCANS]
+        ]
+        bags.write_bag(root / name, {"/points": clouds})
+
+    return write
+
+
+def _datagrams(distance: np.ndarray, azimuth: np.ndarray) -> list[tuple[float, bytes]]:
+    packets = velodyne_packets.data_packets(distance, distance, azimuth)
+    return [(seconds, velodyne_packets.udp(packet)) for seconds, packet in packets]
+
+
+def _velodyne(root: Path, log: StreetLog) -> None:
+    root.mkdir()
+    azimuth, _ = velodyne_packets.firings(24 * 40)
+    distance = np.full(azimuth.shape, 8.0)
+    velodyne_packets.write_pcap(root / "log.pcap", _datagrams(distance, azimuth))
+
+
+BASES: dict[str, Callable[[Path, StreetLog], object]] = {
+    "bin": _folder_of(".bin"),
+    "npy": _folder_of(".npy"),
+    "npy named": _npy_named,
+    "xyz": _folder_of(".xyz"),
+    "csv": _folder_of(".csv"),
+    **{f"pcd {e}": _folder_of(".pcd", encoding=e) for e in ("ascii", "binary", "binary_compressed")},
+    **{f"ply {e}": _folder_of(".ply", encoding=e) for e in ("ascii", "binary_little_endian", "binary_big_endian")},
+    "las": _las,
+    "kitti": _kitti,
+    "kitti raw": lambda root, log: test_kitti_raw.write_drive(root, log),
+    "kitti tracking": lambda root, log: test_kitti_tracking.write_split(root, log),
+    "nuscenes": lambda root, log: test_nuscenes.write_tables(root, log),
+    "mulran": lambda root, log: test_mulran.write_drive(root / "DCC01", log, n_points=16384),
+    "helipr": lambda root, log: test_helipr.write_sensor(root, "Ouster", log),
+    "apollo": lambda root, log: test_kitti_relatives.write_apollo(root / "run", log, writers.write_points),
+    "mcap": _bag("log.mcap"),
+    "bag": _bag("log.bag"),
+    "velodyne": _velodyne,
+}
+"""What writes a recording of each kind into a folder that is not there yet."""
+
+
+def write_all(root: Path) -> dict[str, Path]:
+    """Write the bases below `root`; return those that could be (their package is installed) by name."""
+    root.mkdir(parents=True, exist_ok=True)
+    log, made = street_log(N_SCANS), {}
+    for name, write in BASES.items():
+        try:
+            write(root / name.replace(" ", "_"), log)
+        except ImportError:
+            continue
+        made[name] = root / name.replace(" ", "_")
+    return made

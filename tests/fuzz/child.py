@@ -1,0 +1,187 @@
+"""The process in which damaged inputs are read: a kind and a seed come in on a line, the outcome goes out on one.
+
+Outcomes: refused (one sentence that names where), accepted (as many points as there are), and what must not be:
+traceback, wrong. A crash or a hang is seen by the process that waits.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import random
+import shutil
+import sys
+import tempfile
+import traceback
+import warnings
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+warnings.simplefilter("ignore")
+logging.disable(logging.CRITICAL)
+
+import numpy as np
+import yaml
+from bases import write_all
+from damage import NUMBERS, change, damage
+
+from automos.datasets import open_recordings
+from automos.errors import AutomosError
+from automos.pose_files import read_poses
+from automos.scale.sources import find_all
+from automos.settings import dump_yaml, load_settings, read_overrides
+
+_NO_SETTINGS = (
+    "&a [*a]", "a: &a {b: *a}", "{" * 5000, "\x00", "2020-99-99: 1", "!!python/object:os.system {}",
+)  # fmt: skip
+POSES = "1 0 0 0 0 1 0 0 0 0 1 0\n" * 4
+
+
+class WrongError(Exception):
+    """Something was accepted that should not have been."""
+
+
+def read_recordings(folder: Path, most: int | None) -> None:
+    """Read all that a run, and an evaluation, would read of what is found in `folder`."""
+    find_all(str(folder))
+    for sequence in open_recordings(folder):
+        if len(set(sequence.names)) != len(sequence):
+            raise WrongError("two scans have one name")
+        stamps = sequence.stamps
+        if stamps is not None and not (np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()):
+            raise WrongError("times that do not increase")
+        if sequence.reference_poses is not None and not np.isfinite(sequence.reference_poses).all():
+            raise WrongError("poses that are no numbers")
+        sequence.fingerprint()
+        for i in range(len(sequence)):
+            scan = sequence[i]
+            scan.is_valid.sum()
+            truth = sequence.truth(i)
+            if truth is not None and len(truth) != len(scan):
+                raise WrongError("labels of another number than points")
+            if most is not None and len(scan) > most:
+                raise WrongError(f"{len(scan)} points where there are {most} at most")
+
+
+def fuzz_recording(kind: str, bases: dict[str, Path], rng: random.Random, work: Path) -> str:
+    """Damage a recording in one or two places and read it."""
+    folder = work / "case"
+    shutil.copytree(bases[kind], folder)
+    done = [damage(folder, rng) for _ in range(rng.choice((1, 1, 2)))]
+    try:
+        read_recordings(folder, 70_000)
+    finally:
+        fuzz_recording.last = done
+    return str(done)
+
+
+def fuzz_settings(rng: random.Random, work: Path) -> None:
+    """Read a settings file, or a value of the command line, with one thing changed."""
+    if rng.random() < 0.5:
+        tree = change(yaml.safe_load(dump_yaml(load_settings("default"))), rng)
+        text = yaml.safe_dump(tree) if rng.random() < 0.8 else rng.choice(_NO_SETTINGS)
+        (work / "s.yaml").write_text(text)
+        load_settings("default", work / "s.yaml")
+    else:
+        keys = [line.split(":")[0].strip() for line in dump_yaml(load_settings("default")).splitlines()]
+        item = f"{rng.choice(('odometry', 'candidates', 'x'))}.{rng.choice(keys)}={rng.choice((*NUMBERS, '[', '*a'))}"
+        load_settings("default", None, read_overrides([item]))
+
+
+def fuzz_poses(rng: random.Random, work: Path) -> None:
+    words = POSES.split(" ")
+    words[rng.randrange(len(words))] = rng.choice(NUMBERS)
+    (work / "poses.txt").write_text(" ".join(words), errors="replace")
+    poses = read_poses(work / "poses.txt", 4)
+    if not (np.abs(poses[:, :3, 3]) < 1e9).all():
+        raise WrongError("poses that are nowhere")
+
+
+def fuzz_edits(rng: random.Random, work: Path, run: object) -> None:
+    """Read corrections of another tool with one thing changed."""
+    from automos.export.edits import read_edits
+
+    box = {"position": [1, 2, 3], "scale": [4, 2, 1], "rotation": [0, 0, 0.1], "label_id": 0, "type": "cuboid_3d",
+           "attributes": {"track_id": 1}}  # fmt: skip
+    item = {"id": run.names[0], "annotations": [box]}
+    cvat = {"categories": {"label": {"labels": [{"name": "moving"}]}}, "items": [item]}
+    psr = {key: dict(zip("xyz", box[key], strict=True)) for key in ("position", "scale", "rotation")}
+    if rng.random() < 0.5:
+        path = work / "edits.json"
+        document = change(cvat, rng)
+        path.write_text(json.dumps(document) if rng.random() < 0.95 else "[" * 100_000)
+    else:
+        path = work / "scene"
+        (path / "label").mkdir(parents=True)
+        document = change([{"obj_id": "1", "obj_type": "moving", "psr": psr}], rng)
+        (path / "label" / f"{run.names[0]}.json").write_text(json.dumps(document))
+    for scan in read_edits(path, run).values():
+        for edited in scan.values():
+            if not np.isfinite([*edited.center, *edited.size, edited.yaw]).all():
+                raise WrongError("a box that is nowhere")
+
+
+def fuzz_label(kind: str, rng: random.Random, work: Path) -> None:
+    """Label a recording of hostile points to its end; every point has one label."""
+    from automos.labeling import label_recording
+
+    folder = work / "log"
+    folder.mkdir()
+    n, kept = rng.choice((1, 60, 400)), np.random.default_rng(rng.randrange(1 << 30))
+    for i in range(rng.choice((1, 3, 6))):
+        points = kept.normal(0.0, 10.0, (n, 4)).astype(np.float32)
+        if rng.random() < 0.3:
+            points[:, rng.choice((slice(0, 2), slice(1, 3), slice(0, 3)))] = rng.choice((0.0, 5.0))
+        bad = kept.random((n, 4)) < rng.choice((0.0, 0.05, 1.0))
+        points[bad] = kept.choice(np.array([np.nan, np.inf, 5e18, 1.7e19, 3e38, 1e5, 0.0], np.float32), bad.sum())
+        points.tofile(folder / f"{i:06d}.bin")
+    preset = rng.choice(("default", "paper"))
+    label_recording(open_recordings(folder)[0], work / "out", load_settings(preset), workers=1)
+    for path in folder.iterdir():
+        if (work / "out" / "predictions" / f"{path.stem}.label").stat().st_size * 4 != path.stat().st_size:
+            raise WrongError("labels of another number than points")
+
+
+def main() -> None:
+    """Do as the lines of standard input say until they end."""
+    root = Path(tempfile.mkdtemp(prefix="automos-fuzz-"))
+    bases = write_all(root / "bases")
+    run = None
+    print(json.dumps(sorted(bases)), flush=True)
+    for line in sys.stdin:
+        kind, seed = line.rstrip("\n").rsplit(" ", 1)
+        rng, work = random.Random(f"{kind} {seed}"), Path(tempfile.mkdtemp(dir=root))
+        outcome, why = "accepted", ""
+        try:
+            if kind == "settings":
+                fuzz_settings(rng, work)
+            elif kind == "poses":
+                fuzz_poses(rng, work)
+            elif kind == "edits":
+                if run is None:
+                    sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
+                    from made_run import make_run
+
+                    run = make_run(root / "run")
+                fuzz_edits(rng, work, run)
+            elif kind == "label":
+                fuzz_label(kind, rng, work)
+            else:
+                fuzz_recording(kind, bases, rng, work)
+        except AutomosError as error:
+            outcome, why = "refused", str(error)
+            if len(why.split()) < 4:  # not a sentence; a name may hold a newline, which the command line replaces
+                outcome = "wrong"
+        except WrongError as error:
+            outcome, why = "wrong", f"{error} {getattr(fuzz_recording, 'last', '')}"
+        except BaseException:
+            outcome, why = "traceback", f"{traceback.format_exc(limit=-3)} {getattr(fuzz_recording, 'last', '')}"
+        shutil.rmtree(work, ignore_errors=True)
+        print(json.dumps([outcome, why], default=str), flush=True)
+    shutil.rmtree(root, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    main()

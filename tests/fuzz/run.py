@@ -1,0 +1,101 @@
+"""Damage inputs of every kind, and count what becomes of them: python tests/fuzz/run.py --inputs 5000 [--seed 0]."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import queue
+import resource
+import subprocess
+import sys
+import threading
+from collections import Counter
+from pathlib import Path
+
+PATIENCE = 60.0
+"""Seconds that one input may take; labelling compiles at first."""
+MEMORY = 8 << 30
+"""Bytes of address space of the process that reads."""
+OUTCOMES = ("refused", "accepted", "traceback", "crash", "hang", "wrong")
+RARE = {"label": 0.02}
+"""Kinds that take long, and their share."""
+
+
+class Reader:
+    """A process that reads damaged inputs, and is begun anew where one ends it."""
+
+    def __init__(self) -> None:
+        self._start()
+
+    def _start(self) -> None:
+        limit = lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))  # noqa: E731
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).parent / "child.py")],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, preexec_fn=limit,
+        )  # fmt: skip
+        self._lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._listen, args=(self._process, self._lines), daemon=True).start()
+        self.kinds = [*json.loads(self._lines.get(timeout=300)), "settings", "poses", "edits", "label"]
+
+    @staticmethod
+    def _listen(process: subprocess.Popen, lines: queue.Queue[str]) -> None:
+        for line in process.stdout:
+            lines.put(line)
+        lines.put("")
+
+    def read(self, kind: str, seed: int) -> tuple[str, str]:
+        """Return what became of an input."""
+        self._process.stdin.write(f"{kind} {seed}\n")
+        self._process.stdin.flush()
+        try:
+            line = self._lines.get(timeout=4 * PATIENCE if kind == "label" else PATIENCE)
+        except queue.Empty:
+            line = None
+        if line:
+            outcome, why = json.loads(line)
+            return outcome, why
+        self._process.kill()
+        code = self._process.wait()
+        self._start()
+        return ("hang", "") if line is None else ("crash", f"exit code {code}")
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.stdin.close()
+        self._process.wait(timeout=30)
+
+
+def fuzz(n_inputs: int, seed: int, tell: bool = True) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Return by kind how often each outcome came, and a line for each that must not be."""
+    reader, faults = Reader(), []
+    counts: dict[str, Counter[str]] = {kind: Counter() for kind in reader.kinds}
+    usual = [kind for kind in reader.kinds if kind not in RARE]
+    for i in range(n_inputs):
+        rare = next((kind for k, (kind, share) in enumerate(RARE.items()) if (i + k) % round(1 / share) == 0), None)
+        kind = rare or usual[i % len(usual)]
+        outcome, why = reader.read(kind, seed + i)
+        counts[kind][outcome] += 1
+        if outcome not in ("refused", "accepted"):
+            faults.append(f"{outcome}: {kind} {seed + i}: {why}")
+            if tell:
+                print(faults[-1], flush=True)
+    reader.end()
+    return counts, faults
+
+
+def main() -> int:
+    """Print a table of outcomes by kind; exit code 1 where there is one that must not be."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inputs", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    counts, faults = fuzz(chosen.inputs, chosen.seed)
+    total = sum(counts.values(), Counter())
+    print(f"{'':18}" + "".join(f"{outcome:>10}" for outcome in OUTCOMES))
+    for kind, found in [*counts.items(), ("all", total)]:
+        print(f"{kind:18}" + "".join(f"{found[outcome]:>10}" for outcome in OUTCOMES))
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""A short part of the fuzzer: every kind of input, damaged a few times, is refused in a sentence or read whole."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from run import fuzz
+
+
+def test_damaged_inputs_are_refused_in_a_sentence_or_read_whole():
+    pytest.importorskip("rosbags")
+    counts, faults = fuzz(120, seed=1, tell=False)
+    assert faults == []
+    assert sum(found["refused"] for found in counts.values()) > 40
+    assert len(counts) > 20
+
+
+def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
+    # a fuzzer that cannot fail would find nothing
+    code = (
+        "import child, io, sys\n"
+        "child.read_recordings = lambda *a: 1 / 0\n"
+        "sys.stdin = io.StringIO('bin 1\\nposes 1\\n')\n"
+        "child.main()\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+    )
+    outcomes = [line.split('"')[1] for line in run.stdout.splitlines()[1:]]
+    assert outcomes[0] == "traceback"
+    assert outcomes[1] in ("refused", "accepted")

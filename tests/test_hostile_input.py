@@ -1,0 +1,182 @@
+"""What is damaged, in the way, somebody else's or not finished is refused in a sentence that names it."""
+
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+import pytest
+
+from automos.atomic import held
+from automos.datasets import find_recordings, open_sequence
+from automos.errors import InputError, SettingsError
+from automos.evaluation.report import find_predictions
+from automos.export.run_files import RunFiles
+from automos.pose_files import read_poses
+from automos.scale import work_folder
+from automos.settings import load_settings, read_overrides
+
+linux = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a system with pipes and owners")
+
+
+def write_scans(folder, n=3, suffix=".bin"):
+    folder.mkdir(parents=True)
+    for i in range(n):
+        np.random.default_rng(i).normal(0, 9, (50, 4)).astype("<f4").tofile(folder / f"{i:06d}{suffix}")
+    return folder
+
+
+# ---------------------------------------------------------------------------------------------------- recordings
+def test_recordings_of_all_kinds_in_a_folder_are_found(tmp_path):
+    write_scans(tmp_path / "kitti_like" / "velodyne")
+    write_scans(tmp_path / "plain")
+    write_scans(tmp_path / "more" / "plain_too")
+    assert [p.name for p in find_recordings(tmp_path)] == ["kitti_like", "plain"]
+    assert [p.name for p in find_recordings(tmp_path, "kitti")] == ["kitti_like"]
+
+
+@pytest.mark.parametrize("where", ["", "kitti_like"])
+def test_scans_beside_a_recording_in_a_folder_are_not_left_out_in_silence(tmp_path, where):
+    write_scans(tmp_path / "kitti_like" / "velodyne")
+    np.zeros((5, 4), "<f4").tofile(tmp_path / where / "000000.bin")
+    with pytest.raises(InputError, match="holds scans itself, and others in folders below"):
+        find_recordings(tmp_path / where)
+
+
+def test_scans_that_differ_in_their_suffix_alone_are_refused(tmp_path):
+    folder = write_scans(tmp_path / "log")
+    (folder / "000001.BIN").write_bytes((folder / "000001.bin").read_bytes())
+    with pytest.raises(InputError, match=r"holds 000001\.\w+ and 000001\.\w+, whose labels would have one name"):
+        open_sequence(folder)
+
+
+@linux
+@pytest.mark.parametrize("name", ["times.txt", "poses.txt", "calib.txt", "000001.bin"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    folder = write_scans(tmp_path / "log")
+    (folder / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    with pytest.raises(InputError, match=f"{name} is "):
+        _ = open_sequence(folder).reference_poses
+
+
+@pytest.mark.parametrize(
+    ("at", "form", "value"),
+    [(107, "<I", 7), (96, "<I", 1000), (100, "<I", 2**32 - 1), (105, "<H", 0), (96, "<I", 10)],
+    ids=["fewer points", "where points start", "records", "width", "before the header's end"],
+)
+def test_a_las_header_that_does_not_fit_its_file_is_told(tmp_path, at, form, value):
+    laspy = pytest.importorskip("laspy")
+    las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+    las.x, las.y, las.z = np.random.default_rng(0).normal(0, 9, (3, 100))
+    las.write(tmp_path / "a.las")
+    content = bytearray((tmp_path / "a.las").read_bytes())
+    struct.pack_into(form, content, at, value)
+    (tmp_path / "a.las").write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.las is "):
+        open_sequence(tmp_path)[0]
+
+
+def test_a_las_file_cut_between_two_points_is_told(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+    las.x, las.y, las.z = np.random.default_rng(0).normal(0, 9, (3, 100))
+    las.write(tmp_path / "a.las")
+    (tmp_path / "a.las").write_bytes((tmp_path / "a.las").read_bytes()[: -28 * 40])
+    with pytest.raises(InputError, match=r"a\.las is cut short or damaged: its header tells of 100 points"):
+        open_sequence(tmp_path)[0]
+
+
+def test_coordinates_of_a_map_are_told_and_a_stray_point_is_not(tmp_path):
+    folder = write_scans(tmp_path / "log", n=2)
+    points = np.fromfile(folder / "000000.bin", "<f4").reshape(-1, 4)
+    points[3, 0] = 5e18
+    points.tofile(folder / "000000.bin")
+    assert open_sequence(folder)[0].is_valid.sum() == 49
+    (points + np.float32(1e6)).tofile(folder / "000001.bin")
+    with pytest.raises(InputError, match=r"000001\.bin has coordinates of a map"):
+        open_sequence(folder)[1]
+
+
+def test_text_whose_lines_end_in_a_carriage_return_alone_has_all_its_points(tmp_path):
+    (tmp_path / "a.xyz").write_bytes(b"1 2 3\r4 5 6\r7 8 9\r")
+    assert len(open_sequence(tmp_path)[0]) == 3
+
+
+def test_poses_that_are_not_on_earth_are_told(tmp_path):
+    (tmp_path / "poses.txt").write_text("1 0 0 1e30 0 1 0 0 0 0 1 0\n")
+    with pytest.raises(InputError, match=r"poses\.txt has a pose that is not on Earth"):
+        read_poses(tmp_path / "poses.txt", 1)
+
+
+# ------------------------------------------------------------------------------------------------------ settings
+@pytest.mark.parametrize("text", ["&a [*a]", "a: &a {b: *a}", "{" * 5000, "x: 2020-99-99", "\x00"])
+def test_settings_that_are_no_tree_are_told(tmp_path, text):
+    (tmp_path / "s.yaml").write_text(text)
+    with pytest.raises(SettingsError, match=r"s\.yaml"):
+        load_settings("default", tmp_path / "s.yaml")
+
+
+@pytest.mark.parametrize("item", ["odometry.max_range=.inf", "odometry.max_range=.nan", "odometry.max_range=1e30"])
+def test_settings_beyond_all_bounds_are_told(item):
+    with pytest.raises(SettingsError, match=r"odometry\.max_range"):
+        load_settings("default", None, read_overrides([item]))
+
+
+# ------------------------------------------------------------------------------------------------------- results
+def test_a_run_that_did_not_end_is_no_result(tmp_path):
+    recording, run = write_scans(tmp_path / "log", n=1), tmp_path / "run"
+    (run / "predictions").mkdir(parents=True)
+    np.zeros(50, "<u4").tofile(run / "predictions" / "000000.label")
+    assert find_predictions(run, "log", is_only=True) == run / "predictions"  # another program's
+    (run / "stages").mkdir()
+    for read in (lambda: find_predictions(run, "log", is_only=True), lambda: RunFiles(run, open_sequence(recording))):
+        with pytest.raises(InputError, match=r"was not labelled to its end \(it holds no run.json\)"):
+            read()
+    (run / "run.json").write_text("{}")
+    assert find_predictions(run, "log", is_only=True) == run / "predictions"
+    (tmp_path / "ledger").mkdir()  # the books of several: each is complete by a marker of its own
+    with pytest.raises(InputError, match=r"it holds no complete.json"):
+        find_predictions(run, "log", is_only=True)
+
+
+@linux
+def test_two_processes_do_not_write_into_one_folder(tmp_path):
+    code = f"from pathlib import Path; from automos.atomic import held\nwith held(Path({str(tmp_path)!r})): pass"
+    with held(tmp_path):
+        other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "another process writes into" in other.stderr
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# --------------------------------------------------------------------------------------------------- work folder
+@linux
+def test_the_work_folder_is_the_users_alone_and_gone_at_the_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = work_folder.default_work()
+    folder.mkdir(mode=0o755)
+    with work_folder.work_folder(folder):
+        assert folder.stat().st_mode & 0o777 == 0o700
+        with work_folder.work_folder(folder):
+            (folder / "copy").touch()
+        assert (folder / "copy").exists()  # the outer one still needs it
+    assert not folder.exists()
+
+
+@linux
+def test_a_work_folder_that_somebody_else_made_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = work_folder.default_work()
+    (tmp_path / "theirs").mkdir()
+    folder.symlink_to(tmp_path / "theirs")
+    with pytest.raises(InputError, match="choose another place with --work"), work_folder.work_folder(folder):
+        pass
+    folder.unlink()
+    folder.mkdir()
+    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    monkeypatch.setattr(work_folder, "default_work", lambda: folder)
+    with pytest.raises(InputError, match="made by somebody else"):
+        work_folder.claim(folder)
