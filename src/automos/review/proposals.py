@@ -16,7 +16,6 @@ import numpy.typing as npt
 from automos.datasets.box_truth import SOLE
 from automos.detections import Detections
 from automos.errors import InputError
-from automos.geometry import Boxes, points_in_boxes
 from automos.instances.boxes import fit_boxes
 from automos.review.amendments import Amendment, Part
 from automos.review.apply import Changes, decided_verdicts, parts_in
@@ -27,6 +26,7 @@ from automos.scan import OBJECT
 from automos.stages import paint
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+from automos.upright_boxes import Boxes, points_in_boxes
 
 REACH = 1.5
 """Metres around a click within which a point is looked for."""

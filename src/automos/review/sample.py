@@ -14,13 +14,13 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.errors import InputError
-from automos.geometry import Boxes, points_in_boxes
 from automos.labels import Label
 from automos.review.apply import Changes, changed_labels, decided_verdicts
 from automos.review.log import append_lines, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
 from automos.review.run_stages import RunStages
 from automos.tracking.verdict import Verdict
+from automos.upright_boxes import Boxes, points_in_boxes
 from automos.workspace import RUN_FILE, Workspace
 
 SAMPLE_FILE = "sample.json"
