@@ -38,7 +38,18 @@ MAY_IMPORT = {
     "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
     "visualization": {*BASE, "visualization", "evaluation", "export", "workspace"},
     "scale": {*BASE, "scale", "pipeline", "labeling", "datasets", "export", "candidates", "parallel", "workspace"},
-    "review": {*BASE, "review", "visualization", "export", "workspace", "stages", "odometry", "tracking"},
+    "review": {
+        *BASE,
+        "review",
+        "visualization",
+        "export",
+        "workspace",
+        "stages",
+        "odometry",
+        "tracking",
+        "instances",
+        "datasets",
+    },
 }
 """Rooms, and the other rooms they may import; one not named here may import any other but the command line."""
 

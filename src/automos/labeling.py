@@ -14,9 +14,15 @@ from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
 from automos.review.apply import reapply
+from automos.review.concerns import note_concerns
+from automos.review.run_stages import RunStages
+from automos.review.sample import note_quality
 from automos.scan import Pose, Sequence
 from automos.settings import Settings
 from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+
+SHOWN = 4
+"""Warnings told in the terminal; all of them are in run.json, in the report and in the review."""
 
 
 def label_recording(
@@ -46,7 +52,10 @@ def label_recording(
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
         write_results(folder, sequence, result, settings, progress)
-        return reapply(folder, sequence, progress)
+        note_concerns(RunStages(folder, sequence), pose_file is not None and calib_file is None)
+        reapply(folder, sequence, progress)
+        note_quality(folder)
+        return Workspace(folder).read_run()
 
 
 def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | None) -> Pose | None:
@@ -77,10 +86,19 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
         *timing_line(run),
         *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
         *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
+        *(f"warning: {sentence}" for sentence in _most_grave(run.get("warnings", []))),
         *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
         f"{effort}; labels in {folder}/predictions",
     ]
     return "\n".join(lines)
+
+
+def _most_grave(warnings: list[dict[str, Any]]) -> list[str]:
+    """Return the sentences of the first few warnings, and how many more there are."""
+    sentences = [warning["sentence"] for warning in warnings]
+    left = len(sentences) - SHOWN
+    more = [f"{left} more such; automos review shows them"] if left > 0 else []
+    return [*sentences[:SHOWN], *more]
 
 
 def timing_line(run: dict[str, Any]) -> list[str]:

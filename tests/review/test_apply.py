@@ -11,9 +11,9 @@ from automos.cli import app
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.labels import Label
-from automos.review.apply import decided_labels, reapply, rewrite_scan
-from automos.review.decisions import Cover, Decision, append_decision, read_decisions
-from automos.review.matching import cover_track, match
+from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
+from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
+from automos.review.matching import cover_tracks, match
 from automos.review.run_stages import RunStages
 from automos.tracking.verdict import Verdict
 
@@ -39,7 +39,11 @@ def decide(stages, track, verdict, tracking=None):
     """Log that `track` (index, from 0) is `verdict`, as of another run where `tracking` is given."""
     key = tracking or stages.keys["tracking"]
     found = Verdict(stages.verdicts.verdict[track]).name.lower()
-    append_decision(stages.folder, Decision(AT, track + 1, verdict, found, key, cover_track(stages, track)))
+    append_decisions(stages.folder, [Decision(AT, track + 1, verdict, found, key, cover_of(stages, track))])
+
+
+def cover_of(stages, track):
+    return cover_tracks(stages, [track])[track]
 
 
 def files_of(run):
@@ -82,7 +86,7 @@ def test_what_the_pipeline_missed_is_painted_as_it_would_have_painted_it(run, re
     tracking["verdict"][track] = Verdict.STATIC
     stages.stage("tracking").save("all", tracking)
     for i, name in enumerate(stages.names):
-        rewrite_scan(stages, i, {track: "static"})
+        rewrite_scan(stages, i, Changes({track: "static"}))
         stages.stage("labels").save(name, decided_labels(stages, i, {track: "static"}))
     assert files_of(run) != before
     decide(stages_of(run, recording), track, "moving")
@@ -100,7 +104,7 @@ def test_tracks_json_tells_the_decision_and_what_was_found(run, recording):
     assert (now["verdict"], now["confidence"]) == ("static", 1.0)
     assert now["found"] == {"verdict": "moving", "confidence": found["confidence"]}
     assert now["boxes"] == found["boxes"]
-    assert told["review"] == {"decisions": 1, "lost": []}
+    assert told["review"] == {"decisions": 1, "made": 0, "lost": []}
     assert told["tracks"]["moving"] == int((stages.verdicts.verdict == Verdict.MOVING).sum()) - 1
 
 
@@ -145,7 +149,7 @@ def test_a_decision_follows_its_points_when_the_numbers_of_tracks_change(run, re
     stages = stages_of(run, recording)
     assert len(stages.tracks) > 2
     for track in range(len(stages.tracks)):
-        covers = cover_track(stages, track)
+        covers = cover_of(stages, track)
         wrong_number = (track + 1) % len(stages.tracks) + 1
         decision = Decision(AT, wrong_number, "moving", "static", "of another run", covers)
         assert match(stages, [decision]) == ({track: "moving"}, [])
@@ -154,7 +158,7 @@ def test_a_decision_follows_its_points_when_the_numbers_of_tracks_change(run, re
 def test_a_decision_is_not_taken_over_by_what_brushed_past_once(run, recording):
     stages = stages_of(run, recording)
     track = moving_track(stages)
-    covers = cover_track(stages, track)
+    covers = cover_of(stages, track)
     first, *others = sorted(covers)[:4]
     nobodys = {}
     for name in others:
@@ -168,9 +172,9 @@ def test_a_decision_is_not_taken_over_by_what_brushed_past_once(run, recording):
 
 def test_a_decision_that_finds_no_track_is_told_in_a_sentence_and_stays_in_the_log(run, recording):
     stages = stages_of(run, recording)
-    nowhere = {stages.names[0]: cover_track(stages, moving_track(stages))[stages.names[-1]]}
+    nowhere = {stages.names[0]: cover_of(stages, moving_track(stages))[stages.names[-1]]}
     covered = Decision(AT, 4, "moving", "static", "of another run", nowhere)
-    append_decision(run, covered)
+    append_decisions(run, [covered])
     output = " ".join(rerun(run, recording).split())
     assert "warning: The decision of 2026-01-02T03:04:05+00:00 that object 4" in output
     assert "finds no such object in this run; it stays in the log" in output
@@ -195,5 +199,5 @@ def test_painting_a_scan_without_decisions_gives_what_the_pipeline_wrote(run, re
     before = files_of(run)
     same = {k: Verdict(v).name.lower() for k, v in enumerate(stages.verdicts.verdict)}
     for i in range(len(stages.names)):
-        rewrite_scan(stages, i, same)
+        rewrite_scan(stages, i, Changes(same))
     assert files_of(run) == before

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from automos.errors import InputError
-from automos.review.decisions import LOG_FILE, Cover, Decision, append_decision, cover, read_decisions
+from automos.review.decisions import Cover, Decision, append_decisions, cover, read_decisions
+from automos.review.log import LOG_FILE
 
 ONE = Decision("2026-01-02T03:04:05+00:00", 3, "moving", "static", "key", {"000001": Cover(2, [5, 9])})
 TWO = Decision("2026-01-02T03:05:05+00:00", 3, "undo", "static", "key", {})
@@ -12,19 +13,19 @@ TWO = Decision("2026-01-02T03:05:05+00:00", 3, "undo", "static", "key", {})
 
 def test_decisions_are_read_back_as_they_were_written(tmp_path):
     assert read_decisions(tmp_path) == []
-    append_decision(tmp_path, ONE)
+    append_decisions(tmp_path, [ONE])
     first = (tmp_path / LOG_FILE).read_bytes()
-    append_decision(tmp_path, TWO)
+    append_decisions(tmp_path, [TWO])
     assert (tmp_path / LOG_FILE).read_bytes().startswith(first)
     assert read_decisions(tmp_path) == [ONE, TWO]
 
 
 def test_a_line_cut_short_by_a_crash_is_passed_over_and_swallows_none(tmp_path):
-    append_decision(tmp_path, ONE)
+    append_decisions(tmp_path, [ONE])
     with (tmp_path / LOG_FILE).open("a") as file:
         file.write('{"at": "2026-01-02T0')
     assert read_decisions(tmp_path) == [ONE]
-    append_decision(tmp_path, TWO)
+    append_decisions(tmp_path, [TWO])
     assert read_decisions(tmp_path) == [ONE, TWO]
 
 

@@ -12,6 +12,7 @@ import pytest
 from automos.export.open_run import open_run
 from automos.labels import Label
 from automos.review import session as session_module
+from automos.review import writer as writer_module
 from automos.review.decisions import read_decisions
 from automos.review.server import ReviewServer
 from automos.review.session import Session
@@ -50,12 +51,13 @@ def test_it_listens_on_this_machine_alone(server):
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_tracks_come_with_what_was_found_least_certain_first(server):
+def test_tracks_come_with_what_was_found_most_doubtful_points_first(server):
     status, text = ask(server, "/api/overview")
-    tracks = json.loads(text)["tracks"]
+    items = json.loads(text)["items"]
     assert status == 200
-    assert [track["confidence"] for track in tracks] == sorted(track["confidence"] for track in tracks)
-    assert len(tracks) == len(server.session.stages.tracks)
+    doubtful = [item["doubtful"] for item in items]
+    assert doubtful == sorted(doubtful, reverse=True)
+    assert len([item for item in items if "id" in item]) == len(server.session.stages.tracks)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +106,7 @@ def test_no_other_file_is_served(server, path):
 def test_a_scene_holds_the_tracks_points_at_moments_of_its_life(server):
     from base64 import b64decode
 
-    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["tracks"] if t["verdict"] == "moving")
+    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["items"] if t["verdict"] == "moving")
     scene = json.loads(ask(server, f"/api/scene?track={moving['id']}")[1])
     points = np.frombuffer(b64decode(scene["points"]), "<i2").reshape(-1, 3) / 100.0
     kinds = np.frombuffer(b64decode(scene["kinds"]), np.uint8)
@@ -120,7 +122,7 @@ def test_a_scene_holds_the_tracks_points_at_moments_of_its_life(server):
 
 def test_a_decision_is_in_the_log_at_once_and_soon_in_labels_tracks_and_report(server):
     run = server.session.run.folder
-    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["tracks"] if t["verdict"] == "moving")
+    moving = next(t for t in json.loads(ask(server, "/api/overview")[1])["items"] if t["verdict"] == "moving")
     before = count_moving(run)
     status, _ = ask(server, "/api/decide", {"track": moving["id"], "verdict": "static"})
     assert status == 200
@@ -133,16 +135,16 @@ def test_a_decision_is_in_the_log_at_once_and_soon_in_labels_tracks_and_report(s
 
 
 def test_finishing_waits_for_a_decision_that_has_come_but_is_not_logged_yet(server, monkeypatch):
-    is_deciding, real = threading.Event(), session_module.cover_track
+    is_deciding, real = threading.Event(), session_module.cover_tracks
 
     def slow(*args):
         is_deciding.set()
         time.sleep(0.5)
         return real(*args)
 
-    monkeypatch.setattr(session_module, "cover_track", slow)
+    monkeypatch.setattr(session_module, "cover_tracks", slow)
     run = server.session.run.folder
-    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")
+    moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")
     before = count_moving(run)
     deciding = threading.Thread(target=ask, args=(server, "/api/decide", {"track": moving["id"], "verdict": "static"}))
     deciding.start()
@@ -156,7 +158,7 @@ def test_finishing_waits_for_a_decision_that_has_come_but_is_not_logged_yet(serv
 
 
 def test_decisions_are_logged_in_the_order_in_which_they_came(server, monkeypatch):
-    is_deciding, real = threading.Event(), session_module.cover_track
+    is_deciding, real = threading.Event(), session_module.cover_tracks
 
     def slow_at_first(*args):
         if not is_deciding.is_set():
@@ -164,14 +166,14 @@ def test_decisions_are_logged_in_the_order_in_which_they_came(server, monkeypatc
             time.sleep(0.3)
         return real(*args)
 
-    monkeypatch.setattr(session_module, "cover_track", slow_at_first)
+    monkeypatch.setattr(session_module, "cover_tracks", slow_at_first)
     first = threading.Thread(target=ask, args=(server, "/api/decide", {"track": 1, "verdict": "moving"}))
     first.start()
     assert is_deciding.wait(10)
     assert ask(server, "/api/decide", {"track": 1, "verdict": "unknown"})[0] == 200
     first.join()
     assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["moving", "unknown"]
-    assert server.session.decided == {0: "unknown"}
+    assert server.session.changes.decided == {0: "unknown"}
 
 
 def test_many_decisions_on_one_object_are_all_done_with_in_the_end(server):
@@ -179,7 +181,7 @@ def test_many_decisions_on_one_object_are_all_done_with_in_the_end(server):
         assert ask(server, "/api/decide", {"track": 1, "verdict": verdict})[0] == 200
     status, text = ask(server, "/api/finish", {})
     assert status == 200
-    assert json.loads(text) == {"waiting": 0, "problem": None, "decided": 1}
+    assert json.loads(text) == {"waiting": 0, "problem": None, "decided": 1, "finishing": False}
     assert len(read_decisions(server.session.run.folder)) == 12
 
 
@@ -202,14 +204,14 @@ def test_a_decision_after_the_end_of_the_review_is_refused_in_a_sentence(server)
 
 
 def test_a_decision_is_refused_at_once_while_the_last_ones_are_written(server, monkeypatch):
-    is_writing, may_end, real = threading.Event(), threading.Event(), session_module.write_report
+    is_writing, may_end, real = threading.Event(), threading.Event(), writer_module.write_report
 
     def slow(*args):
         is_writing.set()
         assert may_end.wait(20)
         real(*args)
 
-    monkeypatch.setattr(session_module, "write_report", slow)
+    monkeypatch.setattr(writer_module, "write_report", slow)
     assert ask(server, "/api/decide", {"track": 1, "verdict": "unknown"})[0] == 200
     closing = threading.Thread(target=server.session.close)
     closing.start()
@@ -223,20 +225,20 @@ def test_a_decision_is_refused_at_once_while_the_last_ones_are_written(server, m
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ValueError("something else")])
 def test_what_could_not_be_written_is_told_and_tried_again(server, monkeypatch, error):
-    run, real = server.session.run.folder, session_module.rewrite_scan
-    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")
+    run, real = server.session.run.folder, writer_module.rewrite_scan
+    moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")
     before = count_moving(run)
 
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(session_module, "rewrite_scan", fail)
+    monkeypatch.setattr(writer_module, "rewrite_scan", fail)
     assert ask(server, "/api/decide", {"track": moving["id"], "verdict": "static"})[0] == 200
     status, text = ask(server, "/api/finish", {})
     assert status == 400
     assert str(error.args[-1]) in json.loads(text)["error"]
     assert count_moving(run) == before
-    monkeypatch.setattr(session_module, "rewrite_scan", real)
+    monkeypatch.setattr(writer_module, "rewrite_scan", real)
     status, text = ask(server, "/api/finish", {})
     assert (status, json.loads(text)["problem"]) == (200, None)
     assert count_moving(run) < before
@@ -266,19 +268,21 @@ def test_one_key_decides_and_shows_the_next(browser, server):
     wait_for(browser, f"document.body.dataset.shown !== '{first}'")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
     assert [(d.track, d.verdict) for d in read_decisions(server.session.run.folder)] == [(int(first), "unknown")]
-    assert browser.find_element("id", "progress-text").text.startswith("1 of")
+    n = len(server.session.stages.tracks)
+    assert f"undecided {n - 1}" in browser.find_element("id", "filters").text
+    assert not browser.find_element("id", "progress-text").text.startswith("0 %")
 
     browser.find_element("tag name", "body").send_keys("\ue013")  # arrow up
     wait_for(browser, f"document.body.dataset.shown === '{first}'")
     browser.find_element("tag name", "body").send_keys("z")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
-    assert server.session.decided == {}
+    assert server.session.changes.decided == {}
 
 
 @pytest.mark.browser
 def test_an_object_is_drawn_in_3d_and_from_above(browser, server):
     browser.get(server.url)
-    moving = next(t for t in server.session.overview()["tracks"] if t["verdict"] == "moving")["id"]
+    moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")["id"]
     wait_for(browser, "document.body.dataset.shown")
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{moving}\"]').click()")
     wait_for(browser, f"document.body.dataset.shown === '{moving}'")
@@ -335,7 +339,7 @@ def test_finishing_waits_for_decisions_on_their_way(browser, server):
 
 @pytest.mark.browser
 def test_the_report_says_what_a_person_decided_in_the_words_of_the_review(browser, server):
-    server.session.decide(1, "unknown")
+    server.session.decide([1], "unknown")
     server.session.finish()
     browser.get((server.session.run.folder / "report.html").as_uri())
     assert wait_for(browser, "document.querySelector('#tracks-body .tag.unknown')").text == "unsure"
@@ -359,7 +363,7 @@ def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server
     body.send_keys("s")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
     assert [d.verdict for d in read_decisions(server.session.run.folder)] == ["unknown", "static"]
-    assert server.session.decided == {int(first) - 1: "static"}
+    assert server.session.changes.decided == {int(first) - 1: "static"}
 
 
 @pytest.mark.browser
@@ -400,7 +404,7 @@ def test_an_object_that_is_not_drawn_yet_is_not_decided_on(browser, server):
         window.fetch = (path, options) => path.startsWith("api/scene") ? new Promise(() => {}) : send(path, options);
     """)
     body = browser.find_element("tag name", "body")
-    last = server.session.overview()["tracks"][-1]["id"]  # beyond what is fetched ahead
+    last = server.session.overview()["items"][-1]["id"]  # beyond what is fetched ahead
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{last}\"]').click()")
     body.send_keys("u")
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{first}\"]').click()")

@@ -42,9 +42,12 @@ def review(
     recording: Recording = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+    sample: Annotated[
+        int | None, typer.Option(help="draw so many random looks, which tell precision and recall")
+    ] = None,
     format: Format = None,
 ) -> None:
-    """Step through the objects of a run, least certain first, and decide: moving, static or unsure.
+    """Step through the objects of a run, those first on which most doubtful points hang, and add what was missed.
 
     Labels, tracks.json and the report are rewritten. Every decision is kept in RUN/review.jsonl and holds when the
     recording is labelled again.
@@ -55,7 +58,7 @@ def review(
     from automos.review.session import Session
 
     with StageProgress(console, results.name) as progress:
-        session = Session(open_run(results, recording, format), progress)
+        session = Session(open_run(results, recording, format), progress, sample)
     server = ReviewServer(session, port)
     output.print(f"{server.url}  (Ctrl-C ends the review)")
     if browser:

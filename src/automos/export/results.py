@@ -15,7 +15,7 @@ import json
 import logging
 import math
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ import numpy as np
 
 from automos import __version__
 from automos.atomic import atomic_path, remove_parts, write_text
-from automos.geometry import inverse
+from automos.export.tracks_file import track_entries, write_tracks
 from automos.labels import Label, pack
 from automos.pipeline import Result
 from automos.pose_files import write_kitti, write_tum
@@ -79,8 +79,8 @@ def write_results(
     write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
     write_tum(folder / "poses.tum", trajectory.T_world_sensor, trajectory.stamps)
     write_text(folder / "settings.yaml", dump_yaml(settings))
-    with atomic_path(folder / "tracks.json") as temporary, temporary.open("w") as file:
-        file.writelines(_tracks_json(result))
+    entries = track_entries(result.tracks, result.verdicts, trajectory)
+    write_tracks(folder / "tracks.json", trajectory, result.names, entries)
     run = {
         "fingerprint": key,
         "recording": {
@@ -120,40 +120,3 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_nan(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _tracks_json(result: Result) -> Iterator[str]:
-    """Yield tracks.json, a track a line, so that neither writing nor a glance at it needs the whole."""
-    tracks, verdicts = result.tracks, result.verdicts
-    T_world_level = inverse(result.trajectory.T_level_world)
-    head = {
-        "frame": "level: z up, ground under the first scan at z = 0; T_world_level maps it to the frame of poses.txt",
-        "T_world_level": np.round(T_world_level, 9).tolist(),
-        "units": {"center": "m", "size": "m: length, width, height", "yaw": "rad", "velocity": "m/s", "stamp": "s"},
-        "scans": result.names,
-    }
-    yield json.dumps(head, indent=1)[:-2] + ',\n "tracks": ['
-    columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
-    stamps = np.round(result.trajectory.stamps, 6).tolist()
-    for k in range(len(tracks)):
-        rows = tracks.rows_of(k)
-        boxes = [
-            {
-                "scan": int(tracks.scan[r]),
-                "stamp": stamps[tracks.scan[r]],
-                "observed": bool(tracks.segment[r] >= 0),
-                "center": columns[r][:3],
-                "size": columns[r][3:6],
-                "yaw": columns[r][6],
-                "velocity": columns[r][7:],
-            }
-            for r in range(rows.start, rows.stop)
-        ]
-        track = {
-            "id": k + 1,
-            "verdict": Verdict(verdicts.verdict[k]).name.lower(),
-            "confidence": round(float(verdicts.confidence[k]), 3),
-            "boxes": boxes,
-        }
-        yield ("," if k else "") + "\n  " + json.dumps(track)
-    yield "\n ]\n}\n"

@@ -1,14 +1,18 @@
-"""A run's labels, tracks.json and run.json as a person's decisions make them.
+"""A run's labels, tracks.json and run.json as a person makes them.
 
 A decision replaces a track's verdict, and the scans it concerns are painted again by the stage that painted them first:
-what comes out is what the pipeline would have written, had it judged so. Everything starts from what the stages found,
-never from an earlier rewriting, so applying decisions twice, or after a crash, gives the same files.
+what comes out is what the pipeline would have written, had it judged so. An object made by hand takes its points from
+whatever has them. Everything starts from what the stages found, never from an earlier rewriting, so applying all of it
+twice, or after a crash, gives the same files.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import atomic_path, write_text
+from automos.export.tracks_file import track_entries, write_tracks
 from automos.labels import Label, pack
+from automos.review.amendments import Amendment, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import match
 from automos.review.run_stages import RunStages
@@ -26,38 +32,58 @@ from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import RUN_FILE, Workspace
 
 _VERDICT = {"moving": Verdict.MOVING, "static": Verdict.STATIC, "unknown": Verdict.UNKNOWN}
+_LABEL = {"moving": Label.MOVING, "static": Label.STATIC, "unknown": Label.UNLABELED}
+TAKEN = 0.5
+"""Share of a track's points in a scan from which an object made by hand replaces it there."""
+DOUBTFUL, CERTAIN = 128, 255
+"""Confidences, of 255."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a person said of a run: verdicts by track (index, from 0), and objects made by hand."""
+
+    decided: dict[int, str] = field(default_factory=dict)
+    amendments: list[Amendment] = field(default_factory=list)
+
+
+def read_changes(stages: RunStages) -> tuple[Changes, list[Decision]]:
+    """Return what the log of a run says, and the decisions that find no track any more; errors are the log's."""
+    decided, lost = match(stages, read_decisions(stages.folder))
+    return Changes(decided, read_amendments(stages.folder)), lost
 
 
 def reapply(
     folder: Path, sequence: Sequence, progress: Callable[[str, int, int], None] = lambda name, done, total: None
 ) -> dict[str, Any]:
-    """Apply the decisions in the log of `folder` to the results there; return what run.json says then.
+    """Apply all that the log of `folder` says to the results there; return what run.json says then.
 
     Raises
     ------
     InputError
         A damaged log, or results without stages.
     """
-    decisions = read_decisions(folder)
-    if not decisions:
+    if not read_decisions(folder) and not read_amendments(folder):
         return Workspace(folder).read_run()
     stages = RunStages(folder, sequence)
-    decided, lost = match(stages, decisions)
-    scans = scans_of(stages, decided)
+    changes, lost = read_changes(stages)
+    scans = scans_of(stages, changes.decided, changes.amendments)
     for done, i in enumerate(scans, start=1):
-        rewrite_scan(stages, i, decided)
+        rewrite_scan(stages, i, changes)
         progress("decisions", done, len(scans))
-    return rewrite_run(stages, decided, lost)
+    return rewrite_run(stages, changes, lost)
 
 
-def scans_of(stages: RunStages, tracks: Iterable[int]) -> list[int]:
-    """Return the scans that `tracks` (indices, from 0) are in."""
-    return np.unique(stages.tracks.scan[np.isin(stages.tracks.track, list(tracks))]).tolist()
+def scans_of(stages: RunStages, tracks: Iterable[int], amendments: Iterable[Amendment] = ()) -> list[int]:
+    """Return the scans that `tracks` (indices, from 0) or `amendments` are in."""
+    of_tracks = stages.tracks.scan[np.isin(stages.tracks.track, list(tracks))].tolist()
+    of_amendments = [stages.index[name] for one in amendments for name in one.parts if name in stages.index]
+    return sorted({*of_tracks, *of_amendments})
 
 
-def rewrite_scan(stages: RunStages, index: int, decided: dict[int, str]) -> None:
-    """Write the label file of scan `index`, and its confidences where the run has them, after all decisions."""
-    per_point = decided_labels(stages, index, decided)
+def rewrite_scan(stages: RunStages, index: int, changes: Changes) -> None:
+    """Write the label file of scan `index`, and its confidences where the run has them, after all changes."""
+    per_point = changed_labels(stages, index, changes)
     name = stages.names[index]
     ids = per_point["track"] + 1 if stages.settings.output.track_ids else None
     with atomic_path(stages.folder / "predictions" / f"{name}.label") as temporary:
@@ -68,14 +94,29 @@ def rewrite_scan(stages: RunStages, index: int, decided: dict[int, str]) -> None
             np.save(file, confidence)
 
 
+def changed_labels(stages: RunStages, index: int, changes: Changes) -> dict[str, npt.NDArray]:
+    """Return label, track and confidence (N,) of scan `index` after `changes`."""
+    per_point = decided_labels(stages, index, changes.decided)
+    here = list(parts_in(stages, index, changes))
+    if not here:
+        return per_point
+    label, track, confidence = (per_point[key].copy() for key in ("label", "track", "confidence"))
+    freed = np.isin(track, replaced(stages, index, changes))
+    label[freed], track[freed], confidence[freed] = Label.STATIC, -1, DOUBTFUL
+    for amendment, rows in here:
+        label[rows], confidence[rows] = _LABEL[amendment.verdict], CERTAIN
+        track[rows] = number_of(stages, amendment) if amendment.verdict == "moving" else -1
+    return {"label": label, "track": track, "confidence": confidence}
+
+
 def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> dict[str, npt.NDArray]:
     """Return label, track and confidence (N,) of scan `index` after `decided` (verdict by track index, from 0).
 
     Points of a track that is unsure are unlabeled: neither moving nor static may be learnt from them.
     """
-    here = stages.tracks.track[stages.tracks.scan == index]
-    if not set(decided) & set(here.tolist()):
-        return stages.labels(index)
+    here = stages.tracks.track[stages.tracks.scan == index].tolist()
+    if all(decided.get(track, "static") == "static" == stages.verdict(track) or track not in decided for track in here):
+        return stages.labels(index)  # a static track that a person calls static paints nothing either way
     verdicts = decided_verdicts(stages.verdicts, decided)
     unsure = np.array([track for track, verdict in decided.items() if verdict == "unknown"], np.int64)
     verdicts.verdict[unsure] = Verdict.MOVING  # painted as if it moved, to learn which points it has
@@ -88,6 +129,32 @@ def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> di
     return per_point
 
 
+def replaced(stages: RunStages, index: int, changes: Changes) -> list[int]:
+    """Return the tracks (indices) that objects made by hand hold most of in scan `index`: they stand for them there."""
+    rows = [rows for _, rows in parts_in(stages, index, changes)]
+    if not rows:
+        return []
+    owner = stages.owner_of_points(index)
+    of_all = np.bincount(owner[owner >= 0], minlength=len(stages.tracks))
+    taken = owner[np.unique(np.concatenate(rows))]
+    held = np.bincount(taken[taken >= 0], minlength=len(stages.tracks))
+    return np.flatnonzero((held > TAKEN * of_all) & (of_all > 0)).tolist()
+
+
+def number_of(stages: RunStages, amendment: Amendment) -> int:
+    """Return the index of an object made by hand among the tracks: after all that were found."""
+    return len(stages.tracks) + int(amendment.key[1:]) - 1
+
+
+def parts_in(stages: RunStages, index: int, changes: Changes) -> Iterator[tuple[Amendment, npt.NDArray[np.int64]]]:
+    """Yield the objects made by hand that are in scan `index`, each with its rows there."""
+    name = stages.names[index]
+    for amendment in changes.amendments:
+        if name in amendment.parts:
+            rows = amendment.parts[name].rows
+            yield amendment, rows[rows < len(stages.labels(index)["label"])]
+
+
 def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
     """Return the verdicts after `decided`; what a person decided is certain."""
     verdict, confidence = found.verdict.copy(), found.confidence.copy()
@@ -96,27 +163,18 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
     return Verdicts(verdict, confidence)
 
 
-def rewrite_run(stages: RunStages, decided: dict[int, str], lost: list[Decision]) -> dict[str, Any]:
-    """Write tracks.json and run.json after all decisions; return what run.json says."""
-    path = stages.folder / "tracks.json"
-    tracks_file = json.loads(path.read_text())
-    verdicts = decided_verdicts(stages.verdicts, decided)
-    for track in tracks_file["tracks"]:
-        k = track["id"] - 1
-        before = Verdict(stages.verdicts.verdict[k]).name.lower(), round(float(stages.verdicts.confidence[k]), 3)
-        track.pop("found", None)
-        track["verdict"] = Verdict(verdicts.verdict[k]).name.lower()
-        track["confidence"] = round(float(verdicts.confidence[k]), 3)
-        if k in decided:
-            track["found"] = {"verdict": before[0], "confidence": before[1]}
-    lines = ",\n  ".join(json.dumps(track) for track in tracks_file.pop("tracks"))
-    write_text(path, json.dumps(tracks_file, indent=1)[:-2] + f',\n "tracks": [\n  {lines}\n ]\n}}\n')
-
+# ------------------------------------------------------------------------------------------- tracks.json and run.json
+def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> dict[str, Any]:
+    """Write tracks.json and run.json after all changes; return what run.json says."""
+    entries = list(changed_entries(stages, changes))
+    write_tracks(stages.folder / "tracks.json", stages.trajectory, stages.names, entries)
     run = Workspace(stages.folder).read_run()
     run["points"] = _count_points(stages)
-    run["tracks"] = {**run["tracks"], "moving": int((verdicts.verdict == Verdict.MOVING).sum())}
+    n_moving = sum(entry["verdict"] == "moving" for entry in entries)
+    run["tracks"] = {**run["tracks"], "total": len(entries), "moving": n_moving}
     run["review"] = {
-        "decisions": len(decided),
+        "decisions": len(changes.decided),
+        "made": len(changes.amendments),
         "lost": [
             f"{decision.sentence} finds no such object in this run; it stays in the log and holds when one is there."
             for decision in lost
@@ -126,10 +184,58 @@ def rewrite_run(stages: RunStages, decided: dict[int, str], lost: list[Decision]
     return run
 
 
+def changed_entries(stages: RunStages, changes: Changes) -> Iterator[dict[str, Any]]:
+    """Yield what tracks.json says after `changes`: tracks where nothing replaces them, then objects made by hand."""
+    gone: dict[int, set[int]] = defaultdict(set)  # scans by track
+    for index in scans_of(stages, [], changes.amendments):
+        for track in replaced(stages, index, changes):
+            gone[track].add(index)
+    found = track_entries(stages.tracks, stages.verdicts, stages.trajectory)
+    for k, entry in enumerate(found):
+        entry["boxes"] = [box for box in entry["boxes"] if box["scan"] not in gone[k]]
+        if k in gone and not any(box["observed"] for box in entry["boxes"]):
+            continue
+        if k in changes.decided:
+            before = {"verdict": entry["verdict"], "confidence": entry["confidence"]}
+            boxes = entry.pop("boxes")
+            entry.update(verdict=changes.decided[k], confidence=1.0, boxes=boxes, found=before)
+        yield entry
+    for amendment in changes.amendments:
+        yield amended_entry(stages, amendment)
+
+
+def amended_entry(stages: RunStages, amendment: Amendment) -> dict[str, Any]:
+    """Return what tracks.json says of an object made by hand."""
+    scans = np.array(sorted(stages.index[name] for name in amendment.parts if name in stages.index), np.int64)
+    T_level_sensor, stamps = stages.trajectory.T_level_sensor, stages.trajectory.stamps
+    boxes = np.array([amendment.parts[stages.names[i]].box_level(T_level_sensor[i]) for i in scans]).reshape(-1, 7)
+    velocity = np.gradient(boxes[:, :3], stamps[scans], axis=0) if len(scans) > 1 else np.zeros((len(scans), 3))
+    return {
+        "id": number_of(stages, amendment) + 1,
+        "verdict": amendment.verdict,
+        "confidence": 1.0,
+        "made": amendment.how,
+        "boxes": [
+            {
+                "scan": int(i), "stamp": round(float(stamps[i]), 6), "observed": True,
+                "center": box[:3].round(3).tolist(), "size": box[3:6].round(3).tolist(),
+                "yaw": round(float(box[6]), 3), "velocity": v.round(3).tolist(),
+            }
+            for i, box, v in zip(scans, boxes, velocity, strict=True)
+        ],
+    }  # fmt: skip
+
+
 def _count_points(stages: RunStages) -> dict[str, int]:
-    counts = dict.fromkeys((label.name.lower() for label in Label), 0)
+    counts = np.zeros(len(Label), np.int64)
     for name in stages.names:
-        labels = np.fromfile(stages.folder / "predictions" / f"{name}.label", np.uint32) & 0xFFFF
-        for label in Label:
-            counts[label.name.lower()] += int((labels == label).sum())
-    return counts
+        path = stages.folder / "predictions" / f"{name}.label"
+        counts += _counts_of(path, path.stat().st_mtime_ns)
+    return {label.name.lower(): int(n) for label, n in zip(Label, counts, strict=True)}
+
+
+@lru_cache(20_000)
+def _counts_of(path: Path, written: int) -> tuple[int, ...]:
+    """Return the points of each label in a file, which is read again only when it was written again."""
+    labels = np.fromfile(path, np.uint32) & 0xFFFF
+    return tuple(int((labels == label).sum()) for label in Label)

@@ -19,17 +19,25 @@ LIFE = 0.25
 """Share of the remembered scans in which a track must be, for brushing past an object is not being it."""
 
 
-def cover_track(stages: RunStages, track: int) -> dict[str, Cover]:
-    """Return what `track` (index, from 0) covers: the rows of its points in some scans, by the scans' names."""
-    rows = stages.tracks.rows_of(track)
-    scans = stages.tracks.scan[rows][stages.tracks.is_observed[rows]]
-    covers = {}
-    for i in (
-        scans[np.unique(np.linspace(0, len(scans) - 1, MOMENTS).round().astype(int))].tolist() if len(scans) else []
-    ):
-        own = np.flatnonzero(stages.track_of_points(i) == track)
-        if len(own):
-            covers[stages.names[i]] = cover(stages.frame(i).kept[own])
+def cover_tracks(stages: RunStages, tracks: Iterable[int]) -> dict[int, dict[str, Cover]]:
+    """Return what each of `tracks` (indices, from 0) covers: the rows of its points in some scans, by their names."""
+    wanted: dict[int, list[int]] = defaultdict(list)
+    covers: dict[int, dict[str, Cover]] = {}
+    for track in tracks:
+        rows = stages.tracks.rows_of(track)
+        scans = stages.tracks.scan[rows][stages.tracks.is_observed[rows]]
+        last = max(len(scans) - 1, 0)
+        moments = np.unique(np.linspace(0, last, MOMENTS).round().astype(int))[: len(scans)]
+        covers[track] = {}
+        for i in scans[moments].tolist():
+            wanted[i].append(track)
+    for i in sorted(wanted):
+        owner = stages.track_of_points(i)
+        order = np.argsort(owner, kind="stable")
+        starts, ends = (np.searchsorted(owner[order], wanted[i], side=side) for side in ("left", "right"))
+        for track, start, end in zip(wanted[i], starts, ends, strict=True):
+            if end > start:
+                covers[track][stages.names[i]] = cover(stages.kept(i)[order[start:end]])
     return covers
 
 
@@ -66,7 +74,9 @@ def _holders(stages: RunStages, decision: Decision, owners: dict[str, np.ndarray
         if name not in index or not covered.rows:
             continue
         if name not in owners:
-            owners[name] = stages.frame(index[name]).scatter(stages.track_of_points(index[name]), fill=-1)
+            i = index[name]
+            owners[name] = np.full(len(stages.labels(i)["label"]), -1, np.int64)
+            owners[name][stages.kept(i)] = stages.track_of_points(i)
         owner = owners[name]
         for track, n_points in zip(*np.unique(owner[owner >= 0], return_counts=True), strict=True):
             theirs[int(track)] += n_points  # where nothing of it was decided on, too: it may only have brushed past

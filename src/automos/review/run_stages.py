@@ -14,11 +14,14 @@ from automos.odometry.frames import SequenceFrames
 from automos.scan import Frame, Sequence
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdicts
+from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace
 
 CACHED = 40
 """Frames kept in memory, 2 MB each, so that looking at neighbours of a track reads no scan twice."""
+
+CACHED_BITS = 4000
+"""Scans of which is kept which points are valid, 15 kB each: a decision names rows without reading any scan twice."""
 
 
 class RunStages:
@@ -34,6 +37,7 @@ class RunStages:
         """
         self.folder = folder
         self.names = sequence.names
+        self.index = {name: i for i, name in enumerate(self.names)}
         self.keys: dict[str, str] = Workspace(folder).read_run().get("stages", {})
         for name in ("odometry", "candidates", "instances", "tracking", "labels"):
             if not (folder / "stages" / f"{name}-{self.keys.get(name)}").is_dir():
@@ -51,15 +55,20 @@ class RunStages:
         followed = self.stage("tracking").load("all")
         self.tracks = Tracks.from_arrays(followed)
         self.verdicts = Verdicts.from_arrays(followed)
-        self.frames = SequenceFrames(sequence, self.trajectory)
-        self.frame = lru_cache(CACHED)(self._frame)
+        self.frames = _CachedFrames(sequence, self.trajectory)
+        self._validity = lru_cache(CACHED_BITS)(self._read_validity)
 
     def stage(self, name: str) -> Stage:
         """Return the results of one stage."""
         return Workspace(self.folder).stage(name, self.keys[name])
 
-    def _frame(self, index: int) -> Frame:
+    def frame(self, index: int) -> Frame:
+        """Return frame `index`."""
         return self.frames[index]
+
+    def verdict(self, track: int) -> str:
+        """Return what the pipeline found of `track` (index, from 0): "moving", "static" or "unknown"."""
+        return Verdict(self.verdicts.verdict[track]).name.lower()
 
     @cached_property
     def track_of_segment(self) -> list[npt.NDArray[np.int64]]:
@@ -80,6 +89,33 @@ class RunStages:
         track[pairs[:, 0]] = pairs[:, 1]
         return track[segment]
 
+    def kept(self, index: int) -> npt.NDArray[np.int64]:
+        """Return (M,) the rows of scan `index`, as the recording has it, that its frame's points are in."""
+        packed, n_points = self._validity(index)
+        return np.flatnonzero(np.unpackbits(packed, count=n_points))
+
+    def _read_validity(self, index: int) -> tuple[npt.NDArray[np.uint8], int]:
+        is_valid = self.frames.sequence[index].is_valid
+        return np.packbits(is_valid), len(is_valid)
+
+    def owner_of_points(self, index: int) -> npt.NDArray[np.int64]:
+        """Return (N,) for each point of scan `index` the track it is painted as, or in whose segment it is, else -1."""
+        owner = self.labels(index)["track"].astype(np.int64)
+        kept, by_segment = self.kept(index), self.track_of_points(index)
+        owner[kept] = np.where(owner[kept] >= 0, owner[kept], by_segment)
+        return owner
+
     def labels(self, index: int) -> dict[str, npt.NDArray]:
         """Return label, track and confidence (N,) of each point of scan `index`, as the pipeline found them."""
         return self.stage("labels").load(self.names[index])
+
+
+class _CachedFrames(SequenceFrames):
+    """Frames of which the last ones looked at are kept."""
+
+    def __init__(self, sequence: Sequence, trajectory: Trajectory):
+        super().__init__(sequence, trajectory)
+        self._make = lru_cache(CACHED)(super().__getitem__)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self._make(int(index))

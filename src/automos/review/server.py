@@ -24,19 +24,21 @@ from urllib.parse import parse_qs, urlsplit
 
 from automos.errors import AutomosError, InputError
 from automos.reading import parse_json
+from automos.review.api import ASKED, MAX_BODY, SAID
 from automos.review.session import Session
 from automos.visualization.page_files import page_text
 
 _log = logging.getLogger(__name__)
 
 HOST = "127.0.0.1"
-MAX_BODY = 1000
-"""Bytes a decision may have."""
 PATIENCE = 10.0
 """Seconds that a request may keep silent."""
 MAX_CONNECTIONS = 64
 """At a time; a browser makes six."""
-_OWN = ("review.html", "review.css", "review.js", "review_gl.js", "review_above.js", "review_outbox.js")
+_OWN = (
+    "review.html", "review.css", "review.js", "review_gl.js", "review_above.js", "review_outbox.js", "review_list.js",
+    "review_place.js", "review_object.js", "sample.html", "sample.js", "review_dots.js",
+)  # fmt: skip
 _SHARED = ("look.css", "look.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
 
@@ -119,17 +121,13 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_ours():
             return
         url = urlsplit(self.path)
-        name = url.path.lstrip("/") or "review.html"
+        name = url.path.lstrip("/") or ("review.html" if self.server.session.looking is None else "sample.html")
         if name in _OWN:
             self._send(files("automos.review").joinpath("page", name).read_text(encoding="utf-8"), name)
         elif name in _SHARED:
             self._send(page_text(name), name)
-        elif name == "api/overview":
-            self._answer(self.server.session.overview)
-        elif name == "api/status":
-            self._answer(self.server.session.status)
-        elif name == "api/scene":
-            self._answer(lambda: self.server.session.scene(_number(parse_qs(url.query).get("track", [""])[0])))
+        elif (ask := ASKED.get(name.removeprefix("api/"))) and name.startswith("api/"):
+            self._answer(lambda: ask(self.server.session, parse_qs(url.query)))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -146,19 +144,10 @@ class _Handler(BaseHTTPRequestHandler):
             body = parse_json(self.rfile.read(int(size)) or b"{}")
         except ValueError:
             return self._refuse(HTTPStatus.BAD_REQUEST, "that is not JSON")
-        if self.path == "/api/decide" and isinstance(body, dict):
-            return self._answer(lambda: self._decide(body))
-        if self.path == "/api/finish":
-            return self._answer(lambda: self._finish())
+        say = SAID.get(self.path.removeprefix("/api/"))
+        if say and self.path.startswith("/api/") and isinstance(body, dict):
+            return self._answer(lambda: say(self.server.session, body))
         return self._refuse(HTTPStatus.NOT_FOUND, "there is nothing to decide here")
-
-    def _decide(self, body: dict[str, Any]) -> dict[str, Any]:
-        self.server.session.decide(_number(body.get("track")), str(body.get("verdict")))
-        return self.server.session.status()
-
-    def _finish(self) -> dict[str, Any]:
-        self.server.session.finish()
-        return self.server.session.status()
 
     # ------------------------------------------------------------------------------------------------- in and out
     def _is_ours(self) -> bool:
@@ -207,7 +196,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("Cache-Control", "no-store")
-        if name == "review.html":
+        if name.endswith(".html"):
             self.send_header("Set-Cookie", f"{self.server.cookie}; HttpOnly; SameSite=Strict; Path=/")
             self.send_header("Referrer-Policy", "no-referrer")
         if self.close_connection:
@@ -217,10 +206,3 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         _log.debug(format, *args)
-
-
-def _number(value: Any) -> int:
-    try:
-        return int(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{value!r:.40} is no object's number") from None

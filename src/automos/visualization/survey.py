@@ -68,7 +68,8 @@ def survey(run: RunFiles) -> dict[str, Any]:
         "boxes": _packed_boxes(tracks, n),
         "truth": truth.to_page(),
         "caveats": caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0)),
-        "run": {key: about.get(key, {}) for key in ("seconds", "versions", "odometry", "review")},
+        "warnings": [_pointed(warning, run.names) for warning in about.get("warnings", [])],
+        "run": {key: about.get(key, {}) for key in ("seconds", "versions", "odometry", "review", "quality")},
         "settings": _settings_text(run),
     }
 
@@ -119,6 +120,13 @@ def _packed_boxes(tracks: list[dict[str, Any]], n_scans: int) -> dict[str, Any]:
     rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
     starts = np.searchsorted(rows[:, 0], np.arange(n_scans + 1))
     return {"step": step, "starts": starts.tolist(), "rows": base64.b64encode(rows.tobytes()).decode()}
+
+
+def _pointed(warning: dict[str, Any], names: list[str]) -> dict[str, Any]:
+    """Return a warning of run.json as the page shows it: with the number of the scan that it points at, if any."""
+    shown: dict[str, Any] = {key: warning[key] for key in ("sentence", "track", "at") if key in warning}
+    scan = warning.get("scan")
+    return {**shown, "scan": names.index(scan)} if scan in names else shown
 
 
 def _settings_text(run: RunFiles) -> str:

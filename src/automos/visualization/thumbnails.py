@@ -58,6 +58,11 @@ class Thumbnails:
                 box = boxes[moment]
                 self._wanted[box["scan"]].append((track["id"], shade, moment == middle, box))
 
+    @property
+    def scans(self) -> set[int]:
+        """Numbers of the scans of which something is wanted."""
+        return set(self._wanted)
+
     def add(self, scan: int, points: npt.NDArray) -> None:
         """Take what is wanted of scan number `scan`: its points (N, 3), level frame, metres."""
         wanted = self._wanted.get(scan, [])

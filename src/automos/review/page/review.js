@@ -1,200 +1,165 @@
 "use strict";
-/* Steps through the objects, shows each, sends what is decided. */
+/* Steps through objects and places, sends what is decided, adds what was missed. */
 (() => {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;
-  const GROUND = 0, OTHER = 2, OWN = 3;
-  const space = makeSpace(byId("space"));
+  const scenes = new Map(); // promises, by object id
   const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
-  const scenes = new Map(); // promises, by track id
-  let run = null, queue = [], filter = "all", current = null, scene = null, moment = 0, timer = null, isAll = false;
+  const list = makeList({ onOpen: open, isOnItsWay: (id) => outbox.tracks().includes(id) });
+  const view = makeObjectView({ spaceCanvas: byId("space"), aboveCanvas: byId("above"), onMoment: showMoment });
+  const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: (text) => { byId("place-hint").textContent = text || "click on it; drag to move, wheel to zoom"; } });
+  const outliner = makeOutliner(byId("above"), {
+    sceneNow: () => view.scene, onOutline: (box) => view.outline(box), onDone: splitBy,
+    onHint: (text) => { byId("above-hint").textContent = text || "all moments, pale to dark"; },
+  });
+  let run = null, current = null, mode = "object", joining = null;
+  let scan = 0, proposal = null, boxes = []; // the scan in sight; what is proposed; boxes drawn for it
   let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
-  async function ask(path, body) {
-    const sent = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
-    let answer, content;
-    try {
-      answer = await fetch(path, sent);
-      content = await answer.json();
-    } catch {
-      throw new Error("automos review does not answer, it may have ended");
-    }
-    if (!answer.ok) throw new Error(content.error);
-    return content;
+  function setMode(name) {
+    mode = name;
+    document.body.dataset.mode = name;
+    if (name !== "object") outliner.set(false);
+    if (name === "place") view.play(false);
   }
 
-  const verdictOf = (track) => track.decided || track.verdict;
+  // --------------------------------------------------------------------------------------------------- the list
+  async function refresh(id) {
+    run = await ask("api/overview");
+    const same = (item) => (current && current.place !== undefined ? item.place === current.place : item.id === (id ?? current?.id));
+    current = run.items.find(same) || null;
+    list.fill(run.items, current);
+    drawProgress();
+  }
 
-  // --------------------------------------------------------------------------------------------------- the queue
-  const filters = {
-    all: () => true, undecided: (track) => !track.decided, moving: (track) => verdictOf(track) === "moving",
-    static: (track) => verdictOf(track) === "static", unsure: (track) => verdictOf(track) === "unknown",
-  };
+  const isObject = (item) => item.place === undefined;
 
-  function drawQueue() {
-    queue = run.tracks.filter((track) => filters[filter](track) || track === current);
-    byId("filters").replaceChildren(...Object.keys(filters).map((name) => element("button", {
-      "aria-pressed": `${name === filter}`, onclick: (event) => { filter = name; drawQueue(); event.target.blur(); },
-    }, `${name} ${run.tracks.filter(filters[name]).length}`)));
-    byId("queue").replaceChildren(...queue.map((track) => element("li", {}, element("button", {
-      "aria-current": `${track === current}`, "data-id": track.id, tabindex: "-1", onclick: (event) => { event.currentTarget.blur(); open(track); },
-    },
-    element("span", { class: "figure" }, `${track.id}`),
-    element("span", {}, element("span", { class: `tag ${verdictOf(track)}` }, Look.word(verdictOf(track)))),
-    track.decided ? element("span", { class: "tick", title: "decided by you" }, outbox.tracks().includes(track.id) ? "…" : "✓")
-      : element("span", { class: "figure" }, track.confidence.toFixed(2))))));
-    byId("queue").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
-    const done = run.tracks.filter((track) => track.decided).length;
-    byId("progress").style.width = `${(100 * done) / Math.max(run.tracks.length, 1)}%`;
-    byId("progress-text").textContent = `${done} of ${run.tracks.length} decided`;
+  function drawProgress() {
+    const left = run.items.filter((item) => !item.decided);
+    const done = run.doubtful ? 1 - left.reduce((sum, item) => sum + item.doubtful, 0) / run.doubtful : 1;
+    byId("progress").style.width = `${100 * done}%`;
+    byId("progress-text").textContent = `${Look.percent(done, 0)} of the doubtful points`;
+    const undecided = left.filter((item) => item.core).length;
+    const rest = left.filter((item) => isObject(item) && !item.core);
+    const what = `${run.enough === 1 ? "This one holds" : `The first ${Look.count(run.enough)} hold`} 95 % of the doubtful points`;
+    byId("enough-text").textContent = !run.enough ? "Nothing is doubtful." : undecided ? `${what}; ${Look.count(undecided)} left.` : `${what}, and you decided on all: that is enough.`;
+    byId("rest").hidden = !rest.length;
+    byId("rest").textContent = `The other ${Look.count(rest.length)}: right as found`;
   }
 
   const step = (by) => {
-    const next = queue[queue.indexOf(current) + by];
+    const next = list.next(current, by);
     if (next) open(next);
   };
 
+  /* Open what comes after a place that is done with: the next in the list, else the first that is not decided on. */
+  function openAfter(item) {
+    let next = list.next(item, 1);
+    while (next && next.decided) next = list.next(next, 1);
+    open(next || run.items.find((one) => !one.decided) || run.items[0]);
+  }
+
+  function acceptRest() {
+    const rest = run.items.filter((item) => isObject(item) && !item.decided && !item.core);
+    for (const item of rest) item.decided = item.verdict;
+    send({ tracks: rest.map((item) => item.id), verdict: "found" });
+    list.draw();
+    drawProgress();
+  }
+
   // -------------------------------------------------------------------------------------------------- one object
-  function load(track) {
-    if (!scenes.has(track.id)) {
-      const promise = ask(`api/scene?track=${track.id}`).then(unpack);
-      promise.catch(() => scenes.delete(track.id));
-      scenes.set(track.id, promise);
+  function load(item) {
+    if (!scenes.has(item.id)) {
+      const promise = ask(`api/scene?track=${item.id}`).then(view.unpack);
+      promise.catch(() => scenes.delete(item.id));
+      scenes.set(item.id, promise);
       if (scenes.size > 12) scenes.delete(scenes.keys().next().value);
     }
-    return scenes.get(track.id);
+    return scenes.get(item.id);
   }
 
-  function unpack(packed) {
-    const points = new Int16Array(Look.bytes(packed.points).buffer);
-    return { ...packed, points: Float32Array.from(points, (cm) => cm / 100), kinds: Look.bytes(packed.kinds) };
-  }
-
-  async function open(track) {
-    current = track;
-    scene = null; // of the object before
-    drawAbove();
-    if (space) space.show(new Float32Array(), new Float32Array());
-    drawQueue();
+  async function open(item) {
+    current = item;
+    setMode("object");
+    view.clear(); // of the object before
+    outliner.set(false);
+    list.choose(item);
+    if (!isObject(item)) return propose({ place: item.place }, item);
     drawFacts();
     try {
-      const loaded = await load(track);
-      if (current !== track) return;
-      scene = loaded;
-      byId("moment").max = scene.moments.length - 1;
-      resetView();
-      show(0);
-      play(scene.moments.length > 1);
-      document.body.dataset.shown = track.id;
-      const next = queue[queue.indexOf(track) + 1];
-      if (next) load(next);
+      const loaded = await load(item);
+      if (current !== item || mode !== "object") return;
+      scan = loaded.moments[0].index;
+      setSlider(loaded.moments.length - 1);
+      view.fill(loaded, list.verdictOf(item));
+      play(true);
+      document.body.dataset.shown = item.id;
+      const next = list.next(item, 1);
+      if (next && isObject(next)) load(next);
     } catch (error) {
       tell(error.message, true);
     }
   }
 
-  function resetView() {
-    if (!space) return;
-    const [x, y, z] = scene.moments[Math.floor(scene.moments.length / 2)].box;
-    const sensor = scene.moments[0].sensor;
-    space.look([x, y, z], Math.max(14, 1.5 * scene.half), Math.atan2(sensor[1] - y, sensor[0] - x));
+  function setSlider(last, value = 0) {
+    byId("moment").max = last;
+    byId("moment").value = value;
   }
 
-  const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
-  const bright = { moving: "#2fe075", static: "#e6ebef", unknown: "#ffc247" };
-
-  function vertices() {
-    const from = scene.starts[moment], to = scene.starts[moment + 1];
-    const own = rgb(bright[verdictOf(current)]);
-    const out = [];
-    const push = (i, color, size) => out.push(scene.points[3 * i], scene.points[3 * i + 1], scene.points[3 * i + 2], ...color, size);
-    if (isAll) {
-      const last = Math.max(scene.moments.length - 1, 1);
-      for (let m = 0; m < scene.moments.length; m++) {
-        const t = 0.3 + 0.7 * (m / last);
-        for (let i = scene.starts[m]; i < scene.starts[m + 1]; i++) if (scene.kinds[i] === OWN) push(i, own.map((c) => c * t), 1);
-      }
-    }
-    for (let i = from; i < to; i++) {
-      const kind = scene.kinds[i];
-      if (kind === OWN) push(i, own, 1.7);
-      else if (kind === OTHER) push(i, [0.1, 0.5, 0.28], 1);
-      else if (kind === GROUND) push(i, [0.23, 0.26, 0.29], 0.7);
-      else push(i, [0.42, 0.47, 0.52], 0.9);
-    }
-    return new Float32Array(out);
-  }
-
-  function boxLines() {
-    const out = [];
-    const color = rgb(bright[verdictOf(current)]);
-    const push = (x, y, z, tint = color) => out.push(x, y, z, ...tint, 1);
-    const [x, y, z, length, width, height, yaw] = scene.moments[moment].box;
-    const corner = (a, b, c) => {
-      const [u, v] = [(a * length) / 2, (b * width) / 2];
-      return [x + Math.cos(yaw) * u - Math.sin(yaw) * v, y + Math.sin(yaw) * u + Math.cos(yaw) * v, z + (c * height) / 2];
-    };
-    for (const a of [-1, 1]) for (const b of [-1, 1]) {
-      push(...corner(a, b, -1)); push(...corner(a, b, 1));
-      push(...corner(-1, a, b)); push(...corner(1, a, b));
-      push(...corner(a, -1, b)); push(...corner(a, 1, b));
-    }
-    const path = [0.65, 0.4, 0.95];
-    for (let m = 1; m < scene.moments.length; m++) {
-      for (const one of [scene.moments[m - 1], scene.moments[m]]) push(one.box[0], one.box[1], one.box[2] - one.box[5] / 2, path);
-    }
-    return new Float32Array(out);
-  }
-
-  const drawAbove = () => drawFromAbove(byId("above"), scene, moment, current ? verdictOf(current) : "unknown");
-
-  function show(index) {
-    if (!scene) return;
-    const n = scene.moments.length;
-    moment = ((index % n) + n) % n;
-    byId("moment").value = moment;
-    const one = scene.moments[moment];
+  function showMoment(index, one) {
+    byId("moment").value = index;
+    scan = one.index;
     byId("moment-name").textContent = `scan ${one.scan} · ${one.time.toFixed(1)} s · ${one.speed.toFixed(1)} m/s`;
-    if (space) space.show(vertices(), boxLines());
-    drawAbove();
   }
 
   function play(isOn) {
-    clearInterval(timer);
-    timer = isOn ? setInterval(() => show(moment + 1), 160) : null;
-    byId("play").textContent = isOn ? "❚❚" : "▶";
+    byId("play").textContent = mode !== "place" && view.play(isOn) ? "❚❚" : "▶";
   }
 
+  const fact = (name, value) => element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
+
   function drawFacts() {
-    const fact = (name, value) => element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
+    const item = current;
     byId("facts").replaceChildren(
-      fact("object", `${current.id}`), fact("found", `${Look.word(current.verdict)}, confidence ${current.confidence.toFixed(2)}`),
-      fact("seen in", `${current.seen} scans`), fact("moved", `${current.moved.toFixed(1)} m`), fact("size", `${current.size.map((s) => s.toFixed(1)).join(" × ")} m`));
-    for (const button of document.querySelectorAll(".choice")) button.setAttribute("aria-pressed", `${button.dataset.verdict === current.decided}`);
+      fact("object", `${item.id}`),
+      item.made ? fact("by hand", item.made) : fact("found", `${Look.word(item.verdict)}, confidence ${item.confidence.toFixed(2)}`),
+      fact("points", Look.count(item.points)), fact("seen in", `${item.seen} scans`), fact("moved", `${item.moved.toFixed(1)} m`),
+      fact("size", `${item.size.map((s) => s.toFixed(1)).join(" × ")} m`),
+      ...(joining ? [element("b", { class: "warn" }, joining === item ? "choose another object and press J again" : `press J to join it with object ${joining.id}`)] : []));
+    for (const button of document.querySelectorAll("[data-verdict]")) button.setAttribute("aria-pressed", `${button.dataset.verdict === item.decided}`);
   }
 
   // ---------------------------------------------------------------------------------------------------- deciding
   function decide(verdict) {
-    if (!scene) return; // nobody decides on what is not drawn yet
-    const track = current;
-    track.decided = verdict === "undo" ? null : verdict;
-    outbox.add({ track: track.id, verdict });
+    if (!view.scene || mode !== "object") return; // nobody decides on what is not drawn yet
+    const item = current;
+    const isTakenBack = item.made && verdict === "undo";
+    item.decided = verdict === "undo" ? null : verdict;
+    if (item.made) item.verdict = verdict;
     drawFacts();
-    const next = queue[queue.indexOf(track) + 1];
+    const next = list.next(item, 1);
+    const sent = send({ tracks: [item.id], verdict });
+    drawProgress();
+    if (isTakenBack) { scenes.clear(); sent.then(() => refresh()).then(() => open(next || run.items[0]), () => {}); return; }
     if (verdict !== "undo" && next) open(next);
-    else { drawQueue(); show(moment); }
+    else { list.draw(); view.paint(list.verdictOf(item)); }
+  }
+
+  function send(decision) {
+    outbox.add(decision);
     tell("saving …");
-    outbox.send().then(watch, (error) => {
+    const sent = outbox.send();
+    sent.then(watch, (error) => {
       const what = outbox.length === 1 ? "1 decision is not saved" : `${outbox.length} decisions are not saved`;
       unsaved = `${what}, and will be sent again with the next one or with Finish: ${error.message}`;
       tell(unsaved, true);
     });
+    return sent;
   }
 
-  function saved({ track }) {
+  function saved() {
     if (!outbox.length) unsaved = "";
-    const tick = byId("queue").querySelector(`[data-id="${track}"] .tick`);
-    if (tick && !outbox.tracks().includes(track)) tick.textContent = "✓";
+    list.draw();
   }
 
   let watching = null;
@@ -205,17 +170,153 @@
         const status = await ask("api/status");
         if (outbox.length) return; // what becomes of it is told when that is known
         if (status.problem) return tell(status.problem, true);
-        if (status.waiting) { tell(`writing ${status.waiting} …`); return watch(); }
-        tell("saved ✓");
+        tell("saved ✓", false, status.waiting ? "in the log; labels are being written" : "in the log and in the labels");
+        if (status.waiting) watch();
       } catch (error) { tell(error.message, true); }
-    }, 250);
+    }, 150);
   }
 
-  function tell(text, isProblem = false) {
+  function tell(text, isProblem = false, title = "") {
     byId("saved").textContent = unsaved || text;
+    byId("saved").title = title;
     byId("saved").classList.toggle("problem", isProblem || unsaved !== "");
   }
 
+  let n_doing = 0;
+  async function doing(text, work) {
+    tell(text);
+    n_doing += 1;
+    document.body.classList.add("busy");
+    try {
+      await work();
+    } catch (error) {
+      tell(error.message, true);
+    } finally {
+      n_doing -= 1;
+      document.body.classList.toggle("busy", n_doing > 0);
+    }
+  }
+
+  // --------------------------------------------------------------------------------------------- what was missed
+  async function goToScan(index, at = null) {
+    scan = Math.min(Math.max(index, 0), run.scans.length - 1);
+    setMode("place");
+    play(false);
+    setSlider(run.scans.length - 1, scan);
+    byId("facts").replaceChildren(element("span", { class: "soft" }, boxes.length ? "draw the box again where it is now; between the two it goes straight" : "green moves already, grey stands; what moves and is not green was missed: click on it"));
+    const wanted = scan;
+    try {
+      const found = await ask(`api/place?index=${scan}`);
+      if (wanted !== scan || mode !== "place") return;
+      if (at) place.look(...at);
+      place.show(found);
+      byId("moment-name").textContent = `scan ${found.scan} · ${found.time.toFixed(1)} s`;
+      document.body.dataset.place = scan;
+    } catch (error) { tell(error.message, true); }
+  }
+
+  function addHere() {
+    const one = mode === "object" && view.scene ? view.moment : null;
+    boxes = [];
+    const at = one ? [one.box[0] + view.scene.origin[0], one.box[1] + view.scene.origin[1]] : null;
+    goToScan(scan, at);
+  }
+
+  function pick([x, y]) { boxes = []; place.mark([x, y]); propose({ index: scan, x, y }); }
+
+  function boxDrawn(box) {
+    boxes = [...boxes.filter((one) => one.index !== scan), { index: scan, box }];
+    propose({ boxes });
+  }
+
+  function propose(what, from = null) {
+    return doing("following it through time …", async () => {
+      const from_scan = scan;
+      const found = view.unpack(await ask("api/propose", what));
+      if (from && current !== from) return;
+      const indices = found.moments.map((one) => one.index);
+      proposal = { from, from_scan, first: indices[0], last: indices.at(-1), points: found.points_of_it, n: found.n_scans };
+      setMode("proposal");
+      setSlider(found.moments.length - 1);
+      view.fill(found, "moving");
+      play(true);
+      drawProposal();
+      tell("");
+      document.body.dataset.shown = from ? `p${from.place}` : "proposal";
+    });
+  }
+
+  function drawProposal() {
+    byId("facts").replaceChildren(
+      ...(proposal.from ? [element("span", {}, proposal.from.sentence)] : []),
+      fact("followed through", `${proposal.n} scans`), fact("points", Look.count(proposal.points)),
+      fact("from scan", run.scans[proposal.first]), fact("to", run.scans[proposal.last]));
+  }
+
+  function limit(end) {
+    proposal[end] = view.moment.index;
+    if (proposal.first > proposal.last) proposal[end === "first" ? "last" : "first"] = proposal[end];
+    drawProposal();
+  }
+
+  function accept() {
+    const { from, from_scan, first, last } = proposal;
+    return doing("adding it …", async () => {
+      const { id } = await ask("api/accept", { first, last });
+      boxes = [];
+      scenes.clear();
+      await refresh();
+      tell(`object ${id} added ✓`);
+      document.body.dataset.added = id;
+      watch();
+      if (from) openAfter(current);
+      else goToScan(from_scan);
+    });
+  }
+
+  function discard() {
+    if (mode === "place") { boxes = []; return open(current || run.items[0]); }
+    const { from, from_scan } = proposal;
+    if (!from) { boxes = []; return goToScan(from_scan); }
+    doing("saving …", async () => {
+      await ask("api/dismiss", { place: from.place });
+      from.decided = "done";
+      drawProgress();
+      watch();
+      openAfter(from);
+    });
+  }
+
+  const anotherBox = () => { if (mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
+
+  // ------------------------------------------------------------------------------------- cutting, splitting, joining
+  function reshape(text, path, body) {
+    return doing(text, async () => {
+      const made = await ask(path, body);
+      scenes.clear();
+      const id = made.id ?? made.ids[0];
+      await refresh(id);
+      watch();
+      open(run.items.find((item) => item.id === id));
+    });
+  }
+
+  const cut = () => { if (view.scene) reshape("cutting …", "api/cut", { track: current.id, index: view.moment.index }); };
+  const split = () => { play(false); outliner.set(!outliner.isOn); };
+
+  function splitBy([x, y, length, width, yaw]) {
+    const [ox, oy] = view.scene.origin;
+    reshape("splitting …", "api/split", { track: current.id, index: view.moment.index, box: [x + ox, y + oy, length, width, yaw] });
+  }
+
+  function join() {
+    if (!joining || joining === current) { joining = joining ? null : current; return drawFacts(); }
+    const tracks = [joining.id, current.id];
+    joining = null;
+    reshape("joining …", "api/join", { tracks });
+  }
+
+  // ------------------------------------------------------------------------------------------------------ the end
   function over(title, text, isBusy = false) {
     byId("over-title").textContent = title;
     byId("over-text").textContent = text;
@@ -223,10 +324,11 @@
     byId("over").hidden = false;
   }
 
+  const WRITING = ["Writing labels, tracks and report …", "A second or so for every hundred scans. It goes on if you close this page.", true];
+
   async function finish() {
-    byId("finish").blur();
     play(false);
-    over("Writing labels, tracks and report …", "A second or so for every hundred scans.", true);
+    over(...WRITING);
     try {
       await outbox.send();
     } catch (error) {
@@ -234,43 +336,78 @@
       return over("Not all could be saved", `What you decided on ${left.length === 1 ? "object" : "objects"} ${left.join(", ")} is not saved: ${error.message}. Leave this page open, go back and finish again.`);
     }
     try {
-      const done = (await ask("api/finish", {})).decided;
-      tell("saved ✓");
-      over("All saved", `${done} ${done === 1 ? "object was" : "objects were"} decided by you; labels, tracks.json and report.html say so, and the next automos label will too. You may close this page and stop automos review with Ctrl-C, or go on.`);
+      finished((await ask("api/finish", {})).decided);
     } catch (error) {
       over("Not all could be written", error.message);
     }
   }
 
-  byId("finish").addEventListener("click", finish);
+  function finished(done) {
+    tell("saved ✓");
+    over("All saved", `${done} ${done === 1 ? "object was" : "objects were"} decided by you; labels, tracks.json and report.html say so, and the next automos label will too. You may close this page and stop automos review with Ctrl-C, or go on.`);
+  }
+
+  async function waitForFinishing() { // begun by a page that was closed
+    over(...WRITING);
+    const status = await ask("api/status");
+    if (status.finishing) return setTimeout(waitForFinishing, 400);
+    if (status.problem) return over("Not all could be written", status.problem);
+    finished(status.decided);
+  }
+
+  async function fetchPictures() {
+    const found = await ask("api/pictures");
+    list.showPictures(found.pictures);
+    if (!found.ready) setTimeout(() => fetchPictures().catch(() => {}), 1200);
+  }
+
+  const clicks = {
+    finish, add: addHere, rest: acceptRest, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
+    box: anotherBox, "box-too": anotherBox, cut, split, join, play: () => play(!view.isPlaying),
+  };
+  for (const [id, does] of Object.entries(clicks)) byId(id).addEventListener("click", (event) => { event.currentTarget.blur(); if (run) does(); });
   byId("over-back").addEventListener("click", () => { byId("over").hidden = true; });
-  byId("moment").addEventListener("input", (event) => { play(false); show(+event.target.value); });
-  byId("play").addEventListener("click", (event) => { play(!timer); event.target.blur(); });
-  for (const button of document.querySelectorAll(".choice")) {
+  byId("moment").addEventListener("input", (event) => {
+    if (mode === "place") return goToScan(+event.target.value);
+    play(false);
+    view.show(+event.target.value);
+  });
+  for (const button of document.querySelectorAll("[data-verdict]")) {
     button.addEventListener("click", () => { decide(button.dataset.verdict); button.blur(); });
   }
+
+  const stepMoment = (by) => { if (mode === "place") return goToScan(scan + by); play(false); view.step(by); };
+  const always = { ArrowRight: () => stepMoment(1), ArrowLeft: () => stepMoment(-1), ArrowDown: () => step(1), ArrowUp: () => step(-1), j: null };
+  const keys = {
+    object: {
+      m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"), n: addHere, c: cut, x: split, j: join,
+      a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying), Escape: () => { joining = null; outliner.set(false); if (current) drawFacts(); },
+    },
+    place: { b: anotherBox, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
+    proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
+  };
   document.addEventListener("keydown", (event) => {
-    if (event.repeat && "mMsSuUzZ".includes(event.key)) return; // a key held down decides once
-    if (event.ctrlKey || event.metaKey || event.altKey || !byId("over").hidden || event.target.tagName === "BUTTON") return;
-    const does = {
-      m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"),
-      ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1),
-      ArrowRight: () => { play(false); show(moment + 1); }, ArrowLeft: () => { play(false); show(moment - 1); },
-      " ": () => play(!timer), a: () => { isAll = !isAll; show(moment); }, r: resetView,
-    }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (event.repeat && !event.key.startsWith("Arrow")) return; // a key held down decides once
+    if (event.ctrlKey || event.metaKey || event.altKey || !byId("over").hidden || /^(BUTTON|SELECT)$/.test(event.target.tagName)) return;
+    if (document.body.classList.contains("busy")) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const does = keys[mode][key] || always[key];
     if (does && run) { event.preventDefault(); does(); }
   });
   window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });
-  new ResizeObserver(drawAbove).observe(byId("above"));
 
   ask("api/overview").then((overview) => {
     run = overview;
     byId("name").textContent = run.name;
     document.title = `${run.name} – AutoMOS review`;
-    if (!space) tell("this browser has no WebGL: the view from above must do", true);
-    if (!run.tracks.length) return over("Nothing to review", "No object was followed in this recording.");
-    if (run.lost.length) over("Some decisions found no object", run.lost.join(". "));
-    drawQueue();
-    open(run.tracks.find((track) => !track.decided) || run.tracks[0]);
+    list.fill(run.items, null);
+    drawProgress();
+    fetchPictures().catch(() => {});
+    if (!view.hasSpace) tell("this browser has no WebGL: the view from above must do", true);
+    if (!run.items.length) { over("Nothing to review", "No object was followed in this recording. What was missed can be added."); goToScan(0); } else {
+      if (run.lost.length || run.sentences.length) over("Worth knowing", [...run.sentences, ...run.lost].join(" "));
+      open(run.items.find((item) => !item.decided) || run.items[0]);
+    }
+    ask("api/status").then((status) => { if (status.finishing) waitForFinishing(); });
   }).catch((error) => tell(error.message, true));
 })();

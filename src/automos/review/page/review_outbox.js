@@ -1,5 +1,22 @@
 "use strict";
-/* Decisions on their way: sent one after another, in their order, each kept until the server has it in its log. */
+/* What is said to the server, and decisions on their way: sent one after another, each kept until it is in the log. */
+async function ask(path, body) {
+  const content = body === undefined ? undefined : JSON.stringify(body);
+  const sent = body === undefined ? {} : {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: content,
+    keepalive: content.length < 60000, // outlives a closed tab; browsers allow no more
+  };
+  let answer, said;
+  try {
+    answer = await fetch(path, sent);
+    said = await answer.json();
+  } catch {
+    throw new Error("automos review does not answer, it may have ended");
+  }
+  if (!answer.ok) throw new Error(said.error);
+  return said;
+}
+
 function makeOutbox(post, onSaved) {
   const decisions = []; // oldest first; the first may be on its way
   let sending = null;
@@ -22,7 +39,7 @@ function makeOutbox(post, onSaved) {
       return sending || Promise.resolve();
     },
     add: (decision) => decisions.push(decision),
-    tracks: () => [...new Set(decisions.map((decision) => decision.track))],
+    tracks: () => [...new Set(decisions.flatMap((decision) => decision.tracks))],
     get length() { return decisions.length; },
   };
 }

@@ -14,6 +14,19 @@
   const spent = Object.values(data.run.seconds).reduce((sum, s) => sum + s, 0);
   const stampOf = (i) => (data.has_clock ? `${data.stamps[i].toFixed(1)} s` : `scan ${i}`);
 
+  /* A sentence, and a button that goes to where it points. */
+  function warning({ sentence, scan, track }) {
+    if (scan === undefined) return element("li", {}, sentence);
+    const go = () => {
+      if (byTrack.has(track)) choose(byTrack.get(track), true);
+      show(scan);
+      byId("place").scrollIntoView({ behavior: "smooth", block: "nearest" });
+    };
+    return element("li", {}, `${sentence} `, element("button", { class: "plain", onclick: go }, "show"));
+  }
+
+  const interval = (found) => `${Look.percent(found.low, 0)} to ${Look.percent(found.high, 0)} with 95 % confidence`;
+
   function head() {
     put("kicker", "AutoMOS labelled this recording");
     put("title", data.name);
@@ -28,14 +41,18 @@
       [Look.percent(points ? total[0] / points : 0, 2), "without a label", `${Look.count(total[0])} points`],
     ];
     if (data.truth) cards.push([Look.percent(data.truth.all.iou), "IoU of what moves", "against the truth"]);
+    for (const [name, what] of [["precision", "of what is labelled moving does move"], ["recall", "of what moves is labelled so"]]) {
+      const found = data.run.quality && data.run.quality[name];
+      if (found) cards.push([Look.percent(found.value, 0), what, `${interval(found)}, by a random sample`]);
+    }
     if (spent) cards.push([Look.duration(spent), "of computing", `${(spent / data.scans).toFixed(2)} s a scan`]);
     put("cards", ...cards.map(([value, what, rest]) => element("div", { class: "card" },
       element("div", { class: "value" }, value), element("div", { class: "what" }, what), element("div", { class: "more" }, rest))));
-    const sentences = data.caveats;
+    const sentences = [...data.caveats.map((sentence) => ({ sentence })), ...data.warnings];
     byId("caveats").hidden = false;
     byId("caveats").classList.toggle("fine", !sentences.length);
     put("caveats", element("h2", {}, sentences.length ? "Worth knowing" : "No warnings: no drift was seen, no scan is missing, the sensor stands level."),
-      ...(sentences.length ? [element("ul", {}, ...sentences.map((sentence) => element("li", {}, sentence)))] : []));
+      ...(sentences.length ? [element("ul", {}, ...sentences.map(warning))] : []));
     const decided = data.run.review && data.run.review.decisions;
     put("foot", `Written ${data.made} by AutoMOS ${data.version}.${decided ? ` ${decided} ${decided === 1 ? "verdict was" : "verdicts were"} decided by a person.` : ""}`);
     put("legend", ...[["moving", "moved here"], ["static", "stands still"], ["path", "where the sensor drove"],

@@ -1,0 +1,133 @@
+"""Objects that a person made: added where none was found, or cut, split or joined from those that were.
+
+Such an object is its points and its box, scan by scan. The points are rows of the recording's scans and the box is in
+the scan's own sensor frame, so that neither depends on what a run with other settings finds, or where it puts its
+poses. What a person made replaces whatever holds its points in a run: a track that was cut is two such objects.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import inverse, transform
+from automos.review.log import append_lines, read_lines
+from automos.scan import Pose
+
+HOW = ("added", "cut", "split", "joined")
+"""What a person did to make an object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One scan of an object made by hand.
+
+    Attributes
+    ----------
+    rows : (K,) int64, ascending: its points, rows of the scan as the recording has it.
+    center, heading : (3,) metres, and a unit vector along its length; sensor frame.
+    size : (3,) metres, length, width, height.
+    """
+
+    rows: npt.NDArray[np.int64]
+    center: npt.NDArray[np.float64]
+    heading: npt.NDArray[np.float64]
+    size: npt.NDArray[np.float64]
+
+    @staticmethod
+    def of_box(rows: npt.NDArray, box: npt.NDArray[np.float64], T_level_sensor: Pose) -> Part:
+        """Return the part of points `rows` and an upright `box` (7,): centre, size, yaw; level frame."""
+        T = inverse(T_level_sensor)
+        heading = T[:3, :3] @ [np.cos(box[6]), np.sin(box[6]), 0.0]
+        return Part(np.sort(rows).astype(np.int64), transform(T, box[None, :3])[0], heading, np.asarray(box[3:6]))
+
+    def box_level(self, T_level_sensor: Pose) -> npt.NDArray[np.float64]:
+        """Return its upright box (7,): centre, size, yaw; level frame."""
+        heading = T_level_sensor[:3, :3] @ self.heading
+        center = transform(T_level_sensor, self.center[None])[0]
+        return np.array([*center, *self.size, np.arctan2(heading[1], heading[0])])
+
+
+@dataclass(frozen=True, eq=False)
+class Amendment:
+    """An object made by hand: key in the log, when, how, its verdict ("moving", "static", "unknown"), its parts."""
+
+    key: str
+    at: str
+    how: str
+    verdict: str
+    parts: Mapping[str, Part]
+
+
+def append_amendments(folder: Path, amendments: Iterable[Amendment]) -> None:
+    """Add objects made by hand to the log in `folder`; errors are those of the log."""
+    append_lines(
+        folder,
+        [
+            {
+                "kind": "amendment", "at": one.at, "key": one.key, "how": one.how, "verdict": one.verdict,
+                "parts": {scan: _pack(part) for scan, part in one.parts.items()},
+            }
+            for one in amendments
+        ],
+    )  # fmt: skip
+
+
+def append_verdicts(folder: Path, at: str, verdicts: Mapping[str, str]) -> None:
+    """Add to the log what was decided of objects made by hand, by key; "undo" takes the object back."""
+    lines = [{"kind": "amendment", "at": at, "key": key, "verdict": verdict} for key, verdict in verdicts.items()]
+    append_lines(folder, lines)
+
+
+def read_amendments(folder: Path) -> list[Amendment]:
+    """Return the objects made by hand that hold, oldest first, with what was decided last; errors as of the log."""
+    held: dict[str, Amendment] = {}
+    for key, verdict, made in read_lines(folder, "amendment", "object made by hand", _parse):
+        if made is not None:
+            held[key] = made
+        elif verdict == "undo":
+            held.pop(key, None)
+        elif key in held:
+            held[key] = replace(held[key], verdict=verdict)
+    return list(held.values())
+
+
+def new_keys(folder: Path, n: int) -> list[str]:
+    """Return `n` keys that no object in the log of `folder` has or had."""
+    used = read_lines(folder, "amendment", "object made by hand", lambda fields: str(fields["key"]))
+    first = 1 + max((int(key[1:]) for key in used if key[1:].isdecimal()), default=0)
+    return [f"h{first + k}" for k in range(n)]
+
+
+def _parse(fields: dict[str, Any]) -> tuple[str, str, Amendment | None]:
+    key, verdict = fields["key"], fields["verdict"]
+    if verdict not in ("moving", "static", "unknown", "undo"):
+        raise ValueError(verdict)
+    if "parts" not in fields:
+        return key, verdict, None
+    parts = {scan: _unpack(part) for scan, part in fields["parts"].items()}
+    return key, verdict, Amendment(key, fields["at"], fields["how"], verdict, parts)
+
+
+def _pack(part: Part) -> dict[str, Any]:
+    steps = np.diff(part.rows, prepend=0).astype("<u4")
+    box = np.concatenate([part.center, part.heading, part.size]).round(4).tolist()
+    return {"rows": base64.b64encode(zlib.compress(steps.tobytes(), 9)).decode(), "box": box}
+
+
+def _unpack(packed: dict[str, Any]) -> Part:
+    try:
+        steps = np.frombuffer(zlib.decompress(base64.b64decode(packed["rows"])), "<u4")
+    except zlib.error as error:
+        raise ValueError(error) from None
+    box = np.array(packed["box"], np.float64)
+    if box.shape != (9,):
+        raise ValueError(f"box has {box.size} numbers, not 9")
+    return Part(np.cumsum(steps, dtype=np.int64), box[:3], box[3:6], box[6:])

@@ -1,0 +1,132 @@
+"""What the page may ask and say, by path: the session's methods with their arguments checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from automos.errors import InputError
+from automos.review.looking import Looking
+from automos.review.session import Session
+
+Body = Mapping[str, Any]
+MAX_BODY = 200_000
+"""Bytes that what the page says may have: a bulk decision names thousands of objects."""
+
+
+def _decide(session: Session, body: Body) -> dict[str, Any]:
+    named = body.get("tracks", [body.get("track")])
+    if not isinstance(named, list):
+        raise InputError("tracks is no list of objects' numbers")
+    session.decide([number(track) for track in named], str(body.get("verdict")))
+    return session.status()
+
+
+def _propose(session: Session, body: Body) -> dict[str, Any]:
+    if "boxes" in body:
+        if not isinstance(body["boxes"], list) or not body["boxes"]:
+            raise InputError("boxes is no list of drawn boxes")
+        boxes = {number(one.get("index"), "scan"): _box(one.get("box")) for one in body["boxes"] if _is_map(one)}
+        return session.propose(boxes=boxes)
+    if "place" in body:
+        return session.propose(number=number(body["place"], "place"))
+    return session.propose(number(body.get("index"), "scan"), (_metres(body.get("x")), _metres(body.get("y"))))
+
+
+def _accept(session: Session, body: Body) -> dict[str, Any]:
+    first, last = (number(body.get(key), "scan") for key in ("first", "last"))
+    return {"id": session.accept(first, last, str(body.get("verdict", "moving"))), **session.status()}
+
+
+def _cut(session: Session, body: Body) -> dict[str, Any]:
+    return {"ids": session.cut(number(body.get("track")), number(body.get("index"), "scan")), **session.status()}
+
+
+def _split(session: Session, body: Body) -> dict[str, Any]:
+    made = session.split(number(body.get("track")), number(body.get("index"), "scan"), _box(body.get("box")))
+    return {"ids": made, **session.status()}
+
+
+def _join(session: Session, body: Body) -> dict[str, Any]:
+    named = body.get("tracks")
+    if not isinstance(named, list):
+        raise InputError("tracks is no list of objects' numbers")
+    return {"id": session.join([number(track) for track in named]), **session.status()}
+
+
+def _dismiss(session: Session, body: Body) -> dict[str, Any]:
+    session.dismiss(number(body.get("place"), "place"))
+    return session.status()
+
+
+def _finish(session: Session, body: Body) -> dict[str, Any]:
+    session.finish()
+    return session.status()
+
+
+def _looking(session: Session) -> Looking:
+    if session.looking is None:
+        raise InputError("no sample is drawn: run automos review with --sample 100")
+    return session.looking
+
+
+def _missed(session: Session, body: Body) -> dict[str, Any]:
+    return _looking(session).missed(number(body.get("look"), "look"), _metres(body.get("x")), _metres(body.get("y")))
+
+
+ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] = {
+    "overview": lambda session, query: session.overview(),
+    "status": lambda session, query: session.status(),
+    "pictures": lambda session, query: session.pictures.to_page(),
+    "scene": lambda session, query: session.scene(number(query.get("track", [""])[0])),
+    "sample": lambda session, query: _looking(session).overview(),
+    "look": lambda session, query: _looking(session).look(number(query.get("look", [""])[0], "look")),
+    "place": lambda session, query: session.place(number(query.get("index", [""])[0], "scan")),
+}
+"""What is asked (GET), given what stands in the address after the question mark."""
+
+SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
+    "decide": _decide,
+    "propose": _propose,
+    "accept": _accept,
+    "cut": _cut,
+    "split": _split,
+    "join": _join,
+    "dismiss": _dismiss,
+    "finish": _finish,
+    "answer": lambda session, body: _looking(session).answer(number(body.get("look"), "look"), str(body.get("answer"))),
+    "missed": _missed,
+    "forget": lambda session, body: _looking(session).forget(number(body.get("look"), "look")),
+}
+"""What is said (POST), given the body as JSON."""
+
+
+def number(value: Any, what: str = "object") -> int:
+    """Return `value` as the number of an object, a scan or a place; InputError if it is none."""
+    try:
+        return int(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{value!r} is no {what}'s number") from None
+
+
+def _metres(value: Any) -> float:
+    try:
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not math.isfinite(found):
+        raise InputError(f"{value!r} is no number of metres")
+    return found
+
+
+def _box(values: Any) -> list[float]:
+    if not isinstance(values, list) or len(values) != 5:
+        raise InputError("a drawn box has five numbers: x, y, length, width, yaw")
+    return [_metres(value) for value in values]
+
+
+def _is_map(one: Any) -> bool:
+    if not isinstance(one, Mapping):
+        raise InputError("a drawn box has an index and a box")
+    return True

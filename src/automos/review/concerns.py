@@ -1,0 +1,177 @@
+"""Warnings that point at something: an object, a scan, a place to look at.
+
+A moving track that ends is followed on without the evidence, by the same tracker. If something goes on from there that
+was not there before it came, the evidence may have lost it: a vehicle that halts, one that others hide for long.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import write_text
+from automos.detections import Detections
+from automos.review.follow import Detect, Heading, Path, follow_ahead
+from automos.review.run_stages import RunStages
+from automos.settings import Settings
+from automos.tracking.verdict import Verdict
+from automos.workspace import RUN_FILE, Workspace
+
+RUN_UP = 5
+"""Observations before its end from which a track is followed on, so that it is known how fast it was."""
+GOES_ON = 3
+"""Observations beyond its end from which something is taken to go on there."""
+MAY_CHANGE = 8.0
+"""Metres per second a second or so by which its velocity changes."""
+SAME_PLACE, SAME_SIZE = 0.5, 0.2
+"""Metres, and share of the size besides, by which two segments of one standing thing differ."""
+WALK = 1.0
+"""Metres per second: the slowest that should still be told from what stands."""
+CLIMB = 0.5
+"""Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
+LEAST_WAY = 2.0
+"""Metres of way from which its steepness says something."""
+
+
+def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, Any]]:
+    """Return what should be looked at, the gravest first.
+
+    Each has `kind` and `sentence`; one about a place has `scan` (name), `at` (x, y in metres, level frame), `track`
+    (id), `segment` and `points` as well.
+    """
+    about = stages.trajectory
+    path = about.T_level_sensor[:, :3, 3]
+    return [
+        *(_steep(path) if has_given_poses else []),
+        *_short(about.stamps, stages.settings),
+        *_lost_ends(stages),
+    ]
+
+
+def _short(stamps: npt.NDArray[np.float64], settings: Settings) -> list[dict[str, Any]]:
+    """A recording in which who walks does not get as far as counts, or of fewer scans than any verdict needs."""
+    way, scans = settings.tracking.judge.min_distance, max(settings.tracking.judge.min_moved_scans, 2) + 1
+    needed = way / WALK
+    seconds = float(stamps[-1] - stamps[0]) if len(stamps) else 0.0
+    if seconds >= needed and len(stamps) >= scans:
+        return []
+    return [
+        {
+            "kind": "short",
+            "sentence": f"The recording is too short to decide what moves: {len(stamps)} scan"
+            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in {scans} "
+            "scans to be told from what stands; give more of the recording.",
+        }
+    ]
+
+
+def _steep(path: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Poses along which the sensor goes up or down as nothing goes: those of a camera, whose z-axis points ahead."""
+    way = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    if way < LEAST_WAY:
+        return []
+    rise = float(np.abs(np.diff(path[:, 2])).sum())
+    if rise < CLIMB * way:
+        return []
+    return [
+        {
+            "kind": "camera",
+            "sentence": f"By the given poses the sensor rises or sinks by {rise:.0f} m on a way of {way:.0f} m. They "
+            "look like a camera's, whose z-axis points ahead: give --calib with the camera's calibration, or poses of "
+            "the sensor itself.",
+        }
+    ]
+
+
+# -------------------------------------------------------------------------------------------- tracks that end too soon
+def _lost_ends(stages: RunStages) -> list[dict[str, Any]]:
+    tracks, stamps = stages.tracks, stages.trajectory.stamps
+
+    @lru_cache(4000)
+    def detect(index: int) -> Detections:
+        return Detections.from_arrays(stages.stage("instances").load(stages.names[index], *Detections.columns()))
+
+    is_moving = stages.verdicts.verdict == Verdict.MOVING
+    rows = np.flatnonzero(tracks.is_observed & is_moving[tracks.track])
+    taken = set(zip(tracks.scan[rows].tolist(), tracks.segment[rows].tolist(), strict=True))
+    found = []
+    for track in np.flatnonzero(is_moving).tolist():
+        own = rows[tracks.track[rows] == track]
+        for step in (1, -1):
+            seen = [(int(tracks.scan[row]), int(tracks.segment[row])) for row in own[::step]]
+            beyond = _beyond(seen, detect, stamps, stages, step)
+            beyond = {scan: at for scan, at in beyond.items() if at[0] >= 0 and (scan, at[0]) not in taken}
+            if len(beyond) < GOES_ON or _was_there(seen, beyond, detect):
+                continue
+            found.append(_lost(stages, track, seen[-1][0], beyond, detect, step))
+    return sorted(found, key=lambda concern: -concern["points"])
+
+
+def _beyond(
+    seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[np.float64], stages: RunStages, step: int
+) -> Path:
+    """Return how what was observed as `seen` (scan, segment) goes on after the last; nothing if it does not."""
+    end, segment = seen[-1]
+    if end in (0, len(stamps) - 1) and (end == 0) == (step < 0):
+        return {}
+    start = seen[-min(RUN_UP, len(seen))]
+    heading = Heading(_velocity(seen[-RUN_UP:], detect, stamps), MAY_CHANGE)
+    path = follow_ahead(detect, stamps, *start, stages.settings.tracking.follow, step, heading)
+    if end not in path or path[end][0] != segment:
+        return {}
+    return {scan: at for scan, at in path.items() if (scan - end) * step > 0}
+
+
+def _velocity(seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (2,) metres per second, along `seen` whichever way time goes."""
+    (first, one), (last, other) = seen[0], seen[-1]
+    away = detect(last).boxes.center[other, :2] - detect(first).boxes.center[one, :2]
+    return away / max(abs(stamps[last] - stamps[first]), 0.05)
+
+
+def _was_there(seen: list[tuple[int, int]], beyond: Path, detect: Detect) -> bool:
+    """Return whether what goes on stood there while the track was still elsewhere."""
+    for scan, (segment, box) in list(beyond.items())[:GOES_ON]:
+        for before, own in seen:
+            boxes = detect(before).boxes
+            if np.linalg.norm(boxes.center[own, :2] - box[:2]) < max(boxes.size[own, 0], 1.0):
+                continue
+            is_near = np.linalg.norm(boxes.center - box[:3], axis=1) < SAME_PLACE
+            size = detect(scan).boxes.size[segment]
+            is_alike = (np.abs(boxes.size - size) < SAME_PLACE + SAME_SIZE * size).all(axis=1)
+            if (is_near & is_alike).any():
+                return True
+    return False
+
+
+def _lost(stages: RunStages, track: int, end: int, beyond: Path, detect: Detect, step: int) -> dict[str, Any]:
+    points = int(sum(detect(scan).n_points[segment] for scan, (segment, _) in beyond.items()))
+    first = min(beyond, key=lambda scan: abs(scan - end))
+    segment, box = beyond[first]
+    seconds = float(np.ptp(stages.trajectory.stamps[[end, *beyond]]))
+    where = "ends after" if step > 0 else "begins only with"
+    return {
+        "kind": "lost",
+        "sentence": f"Object {track + 1} {where} scan {stages.names[end]}, but something like it "
+        f"{'goes on' if step > 0 else 'was there before'} for {seconds:.1f} s ({points:,} points): was it lost?",
+        "track": track + 1,
+        "scan": stages.names[first],
+        "segment": int(segment),
+        "at": [round(float(v), 2) for v in box[:2]],
+        "points": points,
+    }
+
+
+def note_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, Any]]:
+    """Write what should be looked at into run.json, found once for the tracks that are there; return it."""
+    stage = stages.stage("tracking")
+    if not stage.has("concerns"):
+        stage.save("concerns", {"json": np.array(json.dumps(find_concerns(stages, has_given_poses)))})
+    concerns: list[dict[str, Any]] = json.loads(str(stage.load("concerns", "json")["json"]))
+    run = Workspace(stages.folder).read_run()
+    write_text(stages.folder / RUN_FILE, json.dumps({**run, "warnings": concerns}, indent=1))
+    return concerns

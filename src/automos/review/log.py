@@ -1,0 +1,75 @@
+"""The log of a review: a line of JSON for each thing a person did, only ever added to.
+
+Every line says which points it is about, as rows of some scans. These belong to the recording: they are the same in
+every run, whatever settings, poses or track numbers it has. The field `kind` tells lines apart: decisions on tracks
+have none, objects made by hand are "amendment", answers on a random sample are "answer".
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from automos.errors import InputError
+
+LOG_FILE = "review.jsonl"
+T = TypeVar("T")
+
+
+def now() -> str:
+    """Return the time in UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def append_lines(folder: Path, lines: Iterable[dict[str, Any]]) -> None:
+    """Add `lines` to the log in `folder`, on disk when this returns.
+
+    Raises
+    ------
+    InputError
+        The log cannot be written.
+    """
+    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
+    try:
+        with (folder / LOG_FILE).open("ab") as file:
+            if file.tell() and not _ends_whole(folder / LOG_FILE):
+                file.write(b"\n")  # a line cut short by a crash must not swallow this one
+            file.write(text.encode())
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise InputError(f"{folder / LOG_FILE} cannot be written ({error.strerror}): free some space") from error
+
+
+def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[str, Any]], T]) -> list[T]:
+    """Return what `parse` makes of the lines of one `kind` in the log of `folder`, oldest first; [] without a log.
+
+    Raises
+    ------
+    InputError
+        A line that is no `what`. Lines cut short by a crash, without their closing brace, are passed over.
+    """
+    path = folder / LOG_FILE
+    if not path.exists():
+        return []
+    found = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        if not line.strip().endswith("}"):
+            continue
+        try:
+            fields = json.loads(line)
+            if fields.pop("kind", None) == kind:
+                found.append(parse(fields))
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise InputError(f"{path}, line {number} is no {what} ({error}); mend or remove that line") from None
+    return found
+
+
+def _ends_whole(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) == b"\n"

@@ -1,0 +1,46 @@
+"""What the page shows of one scan: everything around the sensor from above, and what moves in it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from automos.labels import Label
+from automos.review.apply import Changes, changed_labels
+from automos.review.run_stages import RunStages
+from automos.review.scenes import AROUND, AROUND_GROUND, OTHER_MOVING, OWN, pack_moments, thin
+from automos.scan import GROUND
+
+MAX_STANDING, MAX_GROUND = 60_000, 15_000
+"""Points shown of what stands and of the ground; of what moves, all."""
+REACH = 120.0
+"""Metres around the sensor that are shown."""
+UNSURE = OWN
+"""Kind of points without a label, drawn like an object that is decided on."""
+
+
+def place(stages: RunStages, index: int, changes: Changes) -> dict[str, Any]:
+    """Return scan `index` as the page draws it: as a scene of one moment, the sensor at its origin."""
+    frame, labels = stages.frame(index), changed_labels(stages, index, changes)["label"]
+    kind = stages.stage("candidates").load(stages.names[index], "kind")["kind"]
+    points = frame.points_level - frame.origin_level
+    label = labels[frame.kept]
+    kinds = np.select(
+        [label == Label.MOVING, kind == GROUND, label == Label.UNLABELED],
+        [OTHER_MOVING, AROUND_GROUND, UNSURE],
+        AROUND,
+    ).astype(np.uint8)
+    near = (np.abs(points) < REACH).all(axis=1)
+    rows = [
+        thin(np.flatnonzero(near & (kinds == one)), most)
+        for one, most in ((AROUND_GROUND, MAX_GROUND), (AROUND, MAX_STANDING), (UNSURE, 10**6), (OTHER_MOVING, 10**6))
+    ]
+    shown = np.concatenate(rows)
+    return {
+        "scan": stages.names[index],
+        "index": index,
+        "time": round(float(stages.trajectory.stamps[index] - stages.trajectory.stamps[0]), 2),
+        "origin": frame.origin_level.round(3).tolist(),
+        **pack_moments([points[shown]], [kinds[shown]]),
+    }

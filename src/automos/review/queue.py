@@ -1,0 +1,138 @@
+"""What there is to decide on, as the page lists it: objects and places, those first that a minute mends most."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+
+from automos.review.amendments import Amendment
+from automos.review.apply import Changes, amended_entry, replaced, scans_of
+from automos.review.log import append_lines, now, read_lines
+from automos.review.run_stages import RunStages
+from automos.review.stake import most_telling, weigh
+
+LOST_DOUBT = 0.5
+"""Chance that what goes on where a moving track ends does move."""
+
+
+class Queue:
+    """The objects of a run and the places that its warnings point at, with what is at stake in each."""
+
+    def __init__(self, stages: RunStages, concerns: list[dict[str, Any]]):
+        """Take a run and what it warns of."""
+        self._stages = stages
+        self._stakes = weigh(stages)
+        self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
+        self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
+        self._rest = [concern["sentence"] for concern in concerns if "segment" not in concern]
+        self._gone: dict[int, set[int]] = {}
+
+    def note(self, changes: Changes) -> None:
+        """Find anew which tracks objects made by hand stand for."""
+        gone: dict[int, set[int]] = defaultdict(set)
+        for index in scans_of(self._stages, [], changes.amendments):
+            for track in replaced(self._stages, index, changes):
+                gone[track].add(index)
+        self._gone = gone
+
+    def to_page(self, changes: Changes) -> dict[str, Any]:
+        """Return objects and places in their order; those that hold nearly all doubtful points are its `core`.
+
+        What an object made by hand stands for is not listed, and counts as decided on.
+        """
+        rows = [{**row, "decided": changes.decided.get(k)} for k, row in enumerate(self._rows)]
+        rows += [self._row_of_place(place, changes) for place in self.places]
+        order, n = most_telling(np.array([row["doubtful"] for row in rows], np.float64))
+        found = [{**rows[k], "core": place < n} for place, k in enumerate(order.tolist())]
+        made = [{**self._row_of_amendment(one), "core": False} for one in changes.amendments]
+        return {
+            "items": [*[row for row in found if "id" not in row or not self._is_gone(row["id"] - 1)], *made],
+            "enough": n,
+            "doubtful": float(sum(row["doubtful"] for row in rows)),
+            "sentences": self._rest,
+        }
+
+    # ------------------------------------------------------------------------------------------------------ the rows
+    def _row_of_track(self, track: int) -> dict[str, Any]:
+        tracks, verdicts = self._stages.tracks, self._stages.verdicts
+        rows = np.arange(len(tracks.track))[tracks.rows_of(track)]
+        seen = rows[tracks.is_observed[rows]] if tracks.is_observed[rows].any() else rows
+        ends = tracks.center[seen[[0, -1]], :2]
+        return {
+            "id": track + 1,
+            "verdict": self._stages.verdict(track),
+            "confidence": round(float(verdicts.confidence[track]), 3),
+            "points": round(float(self._stakes.points[track])),
+            "doubtful": round(float(self._stakes.doubtful[track]), 1),
+            "seen": len(seen),
+            "first": int(tracks.scan[seen[0]]),
+            "last": int(tracks.scan[seen[-1]]),
+            "moved": round(float(np.linalg.norm(ends[1] - ends[0])), 1),
+            "size": tracks.size[seen].max(axis=0).round(1).tolist(),
+        }
+
+    def _row_of_amendment(self, amendment: Amendment) -> dict[str, Any]:
+        entry = amended_entry(self._stages, amendment)
+        boxes = entry["boxes"]
+        away = np.subtract(boxes[-1]["center"], boxes[0]["center"]) if boxes else np.zeros(3)
+        return {
+            "id": entry["id"],
+            "made": amendment.how,
+            "verdict": amendment.verdict,
+            "decided": amendment.verdict,
+            "confidence": 1.0,
+            "points": sum(len(part.rows) for part in amendment.parts.values()),
+            "doubtful": 0.0,
+            "seen": len(boxes),
+            "first": boxes[0]["scan"] if boxes else 0,
+            "last": boxes[-1]["scan"] if boxes else 0,
+            "moved": round(float(np.hypot(*away[:2])), 1),
+            "size": np.max([box["size"] for box in boxes] or [[0.0] * 3], axis=0).round(1).tolist(),
+        }
+
+    def _row_of_place(self, place: dict[str, Any], changes: Changes) -> dict[str, Any]:
+        shown = {key: place[key] for key in ("place", "sentence", "track", "scan", "at", "points")}
+        is_done = self._is_dismissed(place) or self._is_mended(place, changes)
+        return {
+            **shown,
+            "index": self._stages.index[place["scan"]],
+            "doubtful": round(LOST_DOUBT * place["points"], 1),
+            "decided": "done" if is_done else None,
+        }
+
+    def _is_gone(self, track: int) -> bool:
+        if track not in self._gone:
+            return False
+        rows = self._stages.tracks.rows_of(track)
+        seen = self._stages.tracks.scan[rows][self._stages.tracks.is_observed[rows]]
+        return set(seen.tolist()) <= self._gone[track]
+
+    # -------------------------------------------------------------------------------------------------------- places
+    def dismiss(self, number: int) -> None:
+        """Log that nothing is to be mended at a place: by one of its points, which other runs know too."""
+        place = self.places[number]
+        row = self._points_of(place)[0]
+        append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])
+
+    def _is_dismissed(self, place: dict[str, Any]) -> bool:
+        dismissed = read_lines(
+            self._stages.folder, "dismissed", "place", lambda fields: (str(fields["scan"]), int(fields["row"]))
+        )
+        rows = {row for scan, row in dismissed if scan == place["scan"]}
+        return bool(rows) and bool(rows & set(self._points_of(place)))
+
+    def _is_mended(self, place: dict[str, Any], changes: Changes) -> bool:
+        own = set(self._points_of(place))
+        parts = [one.parts[place["scan"]] for one in changes.amendments if place["scan"] in one.parts]
+        return any(own & set(part.rows.tolist()) for part in parts)
+
+    def _points_of(self, place: dict[str, Any]) -> list[int]:
+        if "rows" not in place:
+            index = self._stages.index[place["scan"]]
+            found = self._stages.stage("instances").load(place["scan"], "ids", "stayed")
+            own = (found["ids"] == place["segment"]) | (found["stayed"] == place["segment"])
+            place["rows"] = self._stages.kept(index)[own].tolist()
+        rows: list[int] = place["rows"]
+        return rows

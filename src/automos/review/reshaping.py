@@ -1,0 +1,117 @@
+"""Cutting, splitting and joining objects: what comes out is made by hand, and stands for what went in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.errors import InputError
+from automos.instances.boxes import fit_boxes
+from automos.review.amendments import Amendment, Part
+from automos.review.apply import Changes, changed_labels, number_of
+from automos.review.log import now
+from automos.review.run_stages import RunStages
+from automos.upright_boxes import Boxes, points_in_boxes
+
+
+def as_amendment(stages: RunStages, track: int, changes: Changes) -> Amendment:
+    """Return the object with index `track` (from 0) as if it were made by hand: all its points, scan by scan.
+
+    Its points are those that are, or would be, painted if it moves.
+    """
+    made = next((one for one in changes.amendments if number_of(stages, one) == track), None)
+    if made is not None:
+        return made
+    tracks = stages.tracks
+    painted = Changes({**changes.decided, track: "moving"}, changes.amendments)
+    parts = {}
+    for row in range(*tracks.rows_of(track).indices(len(tracks.track))):
+        i = int(tracks.scan[row])
+        rows = np.flatnonzero(changed_labels(stages, i, painted)["track"] == track)
+        if len(rows):
+            box = np.array([*tracks.center[row], *tracks.size[row], tracks.yaw[row]])
+            parts[stages.names[i]] = Part.of_box(rows, box, stages.trajectory.T_level_sensor[i])
+    verdict = changes.decided.get(track, stages.verdict(track))
+    if not parts:
+        raise InputError(f"object {track + 1} has no points of its own left")
+    return Amendment("", now(), "cut", verdict, parts)
+
+
+def cut(stages: RunStages, one: Amendment, index: int) -> list[Amendment]:
+    """Return `one` before scan `index`, and from it on.
+
+    Raises
+    ------
+    InputError
+        One of the two would be nothing.
+    """
+    before = {name: part for name, part in one.parts.items() if stages.index[name] < index}
+    after = {name: part for name, part in one.parts.items() if stages.index[name] >= index}
+    if not before or not after:
+        raise InputError("it begins here: go to the first moment of the second half, and cut there")
+    return [replace(one, key="", at=now(), how="cut", parts=parts) for parts in (before, after)]
+
+
+def split(stages: RunStages, one: Amendment, index: int, box: npt.NDArray[np.float64]) -> list[Amendment]:
+    """Return what of `one` is in `box` (5,), drawn in scan `index`, and the rest.
+
+    The box is carried along with the object: in every scan it is where it was drawn beside, and turned against, the
+    object's own box. Level frame; x, y, length, width, yaw.
+
+    Raises
+    ------
+    InputError
+        All of it or nothing of it is in the box.
+    """
+    T = stages.trajectory.T_level_sensor
+    if stages.names[index] not in one.parts:
+        raise InputError("it is not in this scan: go to one in which it is, and draw the box there")
+    at = one.parts[stages.names[index]].box_level(T[index])
+    halves: tuple[dict[str, Part], dict[str, Part]] = ({}, {})
+    for name, part in one.parts.items():
+        i = stages.index[name]
+        own = part.box_level(T[i])
+        # A box that is fitted anew may be turned by quarters; the object is not.
+        turn = (own[6] - at[6] + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi
+        c, s = np.cos(turn), np.sin(turn)
+        center = own[:2] + np.array([[c, -s], [s, c]]) @ (box[:2] - at[:2])
+        drawn = np.array([*center, 0.0, box[2], box[3], 2e3])
+        frame, kept = stages.frame(i), stages.kept(i)
+        points = frame.points_level[np.searchsorted(kept, part.rows)]
+        carried = Boxes(drawn[None, :3], drawn[None, 3:], np.array([box[4] + turn]), np.ones(1))
+        inside = points_in_boxes(points, carried) >= 0
+        for half, mask in zip(halves, (inside, ~inside), strict=True):
+            if mask.any():
+                half[name] = _fitted(stages, i, part.rows[mask], points[mask])
+    if not all(halves):
+        raise InputError("the box must hold a part of the object, and leave a part: draw it again")
+    return [replace(one, key="", at=now(), how="split", parts=parts) for parts in halves]
+
+
+def join(stages: RunStages, several: Iterable[Amendment]) -> Amendment:
+    """Return one object that is all of `several`; its verdict is that of the first."""
+    parts: dict[str, list[Part]] = {}
+    first, *others = several
+    for one in (first, *others):
+        for name, part in one.parts.items():
+            parts.setdefault(name, []).append(part)
+    joined = {}
+    for name, these in sorted(parts.items(), key=lambda item: stages.index[item[0]]):
+        if len(these) == 1:
+            joined[name] = these[0]
+            continue
+        i = stages.index[name]
+        rows = np.unique(np.concatenate([part.rows for part in these]))
+        points = stages.frame(i).points_level[np.searchsorted(stages.kept(i), rows)]
+        joined[name] = _fitted(stages, i, rows, points)
+    return replace(first, key="", at=now(), how="joined", parts=joined)
+
+
+def _fitted(stages: RunStages, index: int, rows: npt.NDArray[np.int64], points: npt.NDArray) -> Part:
+    """Return the part of the points `rows` (K,), at `points` (K, 3) in the level frame, in the box that fits them."""
+    found = fit_boxes(points, np.zeros(len(points), np.int32), np.ones(1))
+    box = np.array([*found.center[0], *found.size[0], found.yaw[0]])
+    return Part.of_box(rows, box, stages.trajectory.T_level_sensor[index])

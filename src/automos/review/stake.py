@@ -1,0 +1,69 @@
+"""What is at stake with each track: how many labels hang on its verdict, and how doubtful that is.
+
+The doubtful points of a track are the labels one may expect to be wrong because of it: its points times the chance
+that its verdict is wrong. Ordered by these, a queue begins where a minute mends most, and where it may end can be told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.review.run_stages import RunStages
+from automos.tracking.verdict import Verdict
+
+ENOUGH = 0.95
+"""Share of the doubtful points with whose objects a review may end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stakes:
+    """What is at stake with each track, a row each.
+
+    Attributes
+    ----------
+    points : (T,) how many points its segments have in all scans.
+    doubt : (T,) in [0, 1], the chance that its verdict is wrong.
+    """
+
+    points: npt.NDArray[np.float64]
+    doubt: npt.NDArray[np.float64]
+
+    @property
+    def doubtful(self) -> npt.NDArray[np.float64]:
+        """(T,) points whose label may be expected to be wrong."""
+        return self.points * self.doubt
+
+
+def weigh(stages: RunStages) -> Stakes:
+    """Return what is at stake with every track that a run found.
+
+    What was seen once has no motion that could be judged, and its confidence, one half, says only that; what the
+    evidence says of its points is said of it as of any track that stayed: a half of those that have moved.
+    """
+    tracks, n = stages.tracks, len(stages.tracks)
+    points, moved = np.zeros((2, len(tracks.track)))
+    for i, name in enumerate(stages.names):
+        rows = np.flatnonzero((tracks.scan == i) & tracks.is_observed)
+        found = stages.stage("instances").load(name, "n_points", "n_moving")
+        points[rows], moved[rows] = (found[key][tracks.segment[rows]] for key in ("n_points", "n_moving"))
+    of_track, has_moved = (np.bincount(tracks.track, column, n) for column in (points, moved))
+    seen = np.bincount(tracks.track, tracks.is_observed, n)
+    doubt = 1.0 - stages.verdicts.confidence
+    is_glimpse = (seen < 2) & (stages.verdicts.verdict != Verdict.MOVING)
+    doubt = np.where(is_glimpse, 0.5 * has_moved / np.maximum(of_track, 1.0), doubt)
+    return Stakes(of_track.astype(np.float64), np.clip(doubt, 0.0, 1.0))
+
+
+def most_telling(doubtful: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], int]:
+    """Return the order of what holds most doubtful points first, and how many hold `ENOUGH` of all of them.
+
+    doubtful : (K,) points.
+    """
+    order = np.argsort(-doubtful, kind="stable")
+    total = doubtful.sum()
+    if not total:
+        return order, 0
+    return order, int(np.searchsorted(np.cumsum(doubtful[order]), ENOUGH * total * (1.0 - 1e-12))) + 1

@@ -1,0 +1,105 @@
+"""The thread that writes what was decided into the results, behind the page's back."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from queue import Empty, Queue
+
+from automos.errors import AutomosError, InputError
+from automos.export.run_files import RunFiles
+from automos.review.apply import Changes, rewrite_run, rewrite_scan
+from automos.review.decisions import Decision
+from automos.review.run_stages import RunStages
+from automos.visualization.report import write_report
+
+_log = logging.getLogger(__name__)
+
+REST = 0.4
+"""Seconds without a new decision after which tracks.json and run.json are written: each takes as long as a scan."""
+
+
+class Writer:
+    """Writes scans that a decision concerns, then tracks.json and run.json, again and again until nothing is left."""
+
+    def __init__(self, run: RunFiles, lost: list[Decision], changes: Callable[[], Changes]):
+        """Take the run, decisions that find no track, and what gives all changes as they are now."""
+        self.problem: str | None = None
+        self.is_finishing = False
+        self._run, self._lost, self._changes = run, lost, changes
+        self._queue: Queue[Iterable[int] | None] = Queue()
+        self._is_stale = False
+        self._finishing = threading.Lock()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    @property
+    def waiting(self) -> int:
+        """How many decisions are not in the results yet."""
+        return self._queue.unfinished_tasks
+
+    def add(self, scans: Iterable[int]) -> None:
+        """Have `scans` written anew, and what is written of the run as a whole."""
+        self._queue.put(scans)
+
+    def finish(self) -> None:
+        """Wait until everything is in the results, then write the report if anything was decided.
+
+        Raises
+        ------
+        InputError
+            Something could not be written. It is tried again when finishing next.
+        """
+        with self._finishing:
+            self.is_finishing = True
+            try:
+                self._finish()
+            finally:
+                self.is_finishing = False
+
+    def _finish(self) -> None:
+        if self.problem is not None:
+            self._queue.put(None)
+        self._queue.join()
+        if self.problem is not None:
+            raise InputError(f"{self.problem}; the decisions are in the log: run automos review again to apply them")
+        if self._is_stale:
+            fresh = RunFiles(self._run.folder, self._run.sequence)  # its tracks are read anew
+            path = self._run.folder / "report.html"
+            try:
+                write_report(fresh, path)
+            except OSError as error:
+                raise InputError(f"{path} cannot be written ({error.strerror}): free some space") from error
+            self._is_stale = False
+
+    def _work(self) -> None:
+        stages = RunStages(self._run.folder, self._run.sequence)  # of its own, so that looking never waits for writing
+        unwritten: set[int] = set()
+        while True:
+            taken = self._take()
+            for scans in taken:
+                unwritten.update(scans or ())  # None: try again what failed before
+            try:
+                while unwritten:
+                    index = min(unwritten)
+                    rewrite_scan(stages, index, self._changes())
+                    unwritten.discard(index)
+                rewrite_run(stages, self._changes(), self._lost)
+                self.problem, self._is_stale = None, True
+            except Exception as error:  # whatever it is, the one who waits for this thread must hear of it
+                self.problem = str(error) if isinstance(error, (AutomosError, OSError)) else repr(error)
+                _log.exception("decisions could not be written into the results")
+            for _ in taken:
+                self._queue.task_done()
+
+    def _take(self) -> list[Iterable[int] | None]:
+        """Wait for something to write; return it with all that comes while decisions follow each other quickly."""
+        taken = [self._queue.get()]
+        while not self.is_finishing:
+            try:
+                taken.append(self._queue.get(timeout=REST))
+            except Empty:
+                break
+        while not self._queue.empty():
+            taken.append(self._queue.get())
+        return taken

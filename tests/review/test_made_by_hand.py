@@ -1,0 +1,216 @@
+"""What a person adds, draws, cuts, splits and joins is in the results, and survives other settings and poses."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from automos.cli import app
+from automos.errors import InputError
+from automos.export.open_run import open_run
+from automos.labels import Label
+from automos.review.amendments import Part, read_amendments
+from automos.review.log import LOG_FILE
+from automos.review.session import Session
+from automos.tracking.verdict import Verdict
+
+
+@pytest.fixture
+def session(lane_run, tmp_path):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    return Session(open_run(run, lane_run.parent / "lane"))
+
+
+def labels_of(run):
+    return {p.stem: np.fromfile(p, np.uint32) & 0xFFFF for p in sorted((run / "predictions").iterdir())}
+
+
+def moving_track(session):
+    return int(np.flatnonzero(session.stages.verdicts.verdict == Verdict.MOVING)[0])
+
+
+def rows_of(session, track):
+    return {
+        name: np.flatnonzero(session.stages.labels(i)["track"] == track) for i, name in enumerate(session.stages.names)
+    }
+
+
+def miss(session, track):
+    """Judge a moving track static, as if the run had missed it; return where to click on it: scan, x, y."""
+    session.decide([track + 1], "static")
+    rows = session.stages.tracks.rows_of(track)
+    seen = np.flatnonzero(session.stages.tracks.is_observed[rows]) + rows.start
+    row = seen[len(seen) // 2]
+    index = int(session.stages.tracks.scan[row])
+    frame, own = session.stages.frame(index), rows_of(session, track)[session.stages.names[index]]
+    points = frame.points_level[np.searchsorted(frame.kept, own)]
+    nearest = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
+    return index, float(nearest[0]), float(nearest[1])
+
+
+def test_a_cluster_that_is_clicked_is_followed_accepted_and_painted(session):
+    track = moving_track(session)
+    own = rows_of(session, track)
+    index, x, y = miss(session, track)
+    shown = session.propose(index, (x, y))
+    assert shown["n_scans"] >= 0.8 * sum(len(rows) > 0 for rows in own.values())
+    made = session.accept(0, len(session.stages.names))
+    session.finish()
+    after = labels_of(session.run.folder)
+    found = sum(int((after[name][rows] == Label.MOVING).sum()) for name, rows in own.items())
+    assert found >= 0.95 * sum(map(len, own.values()))
+    entry = next(t for t in json.loads((session.run.folder / "tracks.json").read_text())["tracks"] if t["id"] == made)
+    assert (entry["verdict"], entry["made"]) == ("moving", "added")
+    assert track + 1 not in {t["id"] for t in json.loads((session.run.folder / "tracks.json").read_text())["tracks"]}
+
+
+def test_its_beginning_and_end_can_be_set(session):
+    track = moving_track(session)
+    index, x, y = miss(session, track)
+    session.propose(index, (x, y))
+    session.accept(index - 1, index + 1)
+    (made,) = read_amendments(session.run.folder)
+    assert {session.stages.index[name] for name in made.parts} <= {index - 1, index, index + 1}
+
+
+def test_what_was_made_by_hand_survives_other_settings(session, lane_run):
+    track = moving_track(session)
+    own = rows_of(session, track)
+    index, x, y = miss(session, track)
+    session.propose(index, (x, y))
+    session.accept(0, len(session.stages.names))
+    session.finish()
+    before = labels_of(session.run.folder)
+    run, recording = session.run.folder, lane_run.parent / "lane"
+    options = ["--workers", "1", "--set", "instances.components.min_points=4"]
+    done = CliRunner().invoke(app, ["label", str(recording), "--out", str(run), *options])
+    assert done.exit_code == 0, done.output
+    after = labels_of(run)
+    for name, rows in own.items():
+        np.testing.assert_array_equal(after[name][rows], before[name][rows])
+    assert sum(t.get("made") == "added" for t in json.loads((run / "tracks.json").read_text())["tracks"]) == 1
+
+
+def test_a_box_that_is_drawn_becomes_an_object_and_two_lead_its_way(session):
+    track = moving_track(session)
+    miss(session, track)
+    tracks = session.stages.tracks
+    rows = np.arange(len(tracks.track))[tracks.rows_of(track)]
+    first, last = rows[1], rows[-2]
+    drawn = {
+        int(tracks.scan[row]): [*tracks.center[row, :2], *(tracks.size[row, :2] + 0.6), tracks.yaw[row]]
+        for row in (first, last)
+    }
+    shown = session.propose(boxes=drawn)
+    session.accept(0, len(session.stages.names))
+    session.finish()
+    assert shown["n_scans"] == tracks.scan[last] - tracks.scan[first] + 1
+    own, after = rows_of(session, track), labels_of(session.run.folder)
+    between = session.stages.names[tracks.scan[first] : tracks.scan[last] + 1]
+    found = sum(int((after[name][own[name]] == Label.MOVING).sum()) for name in between)
+    assert found >= 0.7 * sum(len(own[name]) for name in between)
+
+
+@pytest.mark.parametrize("where", [{"index": 0, "at": (500.0, 500.0)}, {"boxes": {0: [500.0, 500.0, 2.0, 2.0, 0.0]}}])
+def test_where_nothing_stands_it_is_said(session, where):
+    with pytest.raises(InputError, match="nothing stands"):
+        session.propose(**where)
+
+
+def test_what_moves_already_is_not_added_twice(session):
+    track = moving_track(session)
+    rows = session.stages.tracks.rows_of(track)
+    index = int(session.stages.tracks.scan[rows.start + 3])
+    frame, own = session.stages.frame(index), rows_of(session, track)[session.stages.names[index]]
+    x, y = frame.points_level[np.searchsorted(frame.kept, own[0]), :2]
+    with pytest.raises(InputError, match="moves already"):
+        session.propose(index, (float(x), float(y)))
+
+
+def test_a_track_is_cut_at_a_time_and_each_half_is_decided_on_alone(session):
+    track = moving_track(session)
+    own = rows_of(session, track)
+    scans = [session.stages.index[name] for name, rows in own.items() if len(rows)]
+    at = scans[len(scans) // 2]
+    before, after = session.cut(track + 1, at)
+    session.decide([after], "static")
+    session.finish()
+    labels = labels_of(session.run.folder)
+    for name, rows in own.items():
+        expected = Label.MOVING if session.stages.index[name] < at else Label.STATIC
+        assert (labels[name][rows] == expected).all()
+    tracks = {t["id"]: t for t in json.loads((session.run.folder / "tracks.json").read_text())["tracks"]}
+    assert (
+        max(box["scan"] for box in tracks[before]["boxes"]) < at <= min(box["scan"] for box in tracks[after]["boxes"])
+    )
+
+
+def test_halves_are_joined_again_and_everything_taken_back_brings_back_every_label(session):
+    track = moving_track(session)
+    found = labels_of(session.run.folder)
+    halves = session.cut(track + 1, int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).start + 5]))
+    whole = session.join(halves)
+    session.finish()
+    for name, labels in labels_of(session.run.folder).items():
+        np.testing.assert_array_equal(labels, found[name])
+    assert {one.how for one in session.changes.amendments} == {"joined"}
+    session.decide([whole], "undo")
+    session.finish()
+    assert session.changes.amendments == []
+    assert track + 1 in {t["id"] for t in json.loads((session.run.folder / "tracks.json").read_text())["tracks"]}
+
+
+def test_a_track_is_split_by_a_box_that_goes_along_with_it(session):
+    track = moving_track(session)
+    own = rows_of(session, track)
+    tracks = session.stages.tracks
+    row = tracks.rows_of(track).start + 4
+    c, s = np.cos(tracks.yaw[row]), np.sin(tracks.yaw[row])
+    ahead = tracks.center[row, :2] + 0.5 * tracks.size[row, 0] * np.array([c, s])  # the half in front
+    box = [*ahead, tracks.size[row, 0], tracks.size[row, 1] + 1.0, tracks.yaw[row]]
+    front, rest = session.split(track + 1, int(tracks.scan[row]), box)
+    parts = {session.number(one): one.parts for one in session.changes.amendments}
+    n_front, n_rest = (sum(len(part.rows) for part in parts[one].values()) for one in (front, rest))
+    assert n_front + n_rest == sum(map(len, own.values()))
+    assert min(n_front, n_rest) > 0.1 * (n_front + n_rest)
+    with pytest.raises(InputError, match="the box must hold a part"):
+        session.split(front, int(tracks.scan[row]), [500.0, 500.0, 1.0, 1.0, 0.0])
+
+
+def test_a_part_is_where_it_was_whatever_the_poses():
+    rows, box = np.array([5, 2, 9]), np.array([3.0, 4.0, 1.0, 4.0, 2.0, 1.5, 0.7])
+    T = np.eye(4)
+    part = Part.of_box(rows, box, T)
+    np.testing.assert_allclose(part.box_level(T), box)
+    np.testing.assert_array_equal(part.rows, [2, 5, 9])
+    turned = np.array([[0.0, -1, 0, 10], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    np.testing.assert_allclose(part.box_level(turned), [6.0, 3.0, 1.0, 4.0, 2.0, 1.5, 0.7 + np.pi / 2])
+
+
+def test_a_damaged_line_of_an_object_is_named(session):
+    (session.run.folder / LOG_FILE).write_text(
+        '{"kind": "amendment", "key": "h1", "verdict": "moving", "parts": {"0": 3}}\n'
+    )
+    with pytest.raises(InputError, match="line 1 is no object made by hand"):
+        read_amendments(session.run.folder)
+
+
+def test_the_rest_of_the_queue_is_one_decision(session):
+    page = session.overview()
+    rest = [item["id"] for item in page["items"] if "id" in item and not item["core"]]
+    assert 0 < page["enough"] <= len(page["items"])
+    session.decide(rest, "found")
+    after = session.overview()
+    decided = [item for item in after["items"] if "id" in item and item["decided"]]
+    assert {item["id"] for item in decided} == set(rest)
+    assert all(item["decided"] == item["verdict"] for item in decided)
+
+
+def test_the_objects_at_the_head_of_the_queue_hold_95_percent_of_the_doubtful_points(session):
+    page = session.overview()
+    core = sum(item["doubtful"] for item in page["items"] if item["core"])
+    assert core >= 0.95 * page["doubtful"] - 0.1 * len(page["items"])
+    fewer = sum(item["doubtful"] for item in page["items"][: page["enough"] - 1])
+    assert fewer < 0.95 * page["doubtful"] + 0.1 * len(page["items"])
