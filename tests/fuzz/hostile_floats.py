@@ -27,7 +27,7 @@ from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, level, speed
+from automos.odometry import azimuths, facing, level
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
@@ -180,7 +180,7 @@ def _odometry(points: np.ndarray) -> None:
         fit_surfels(submap, surfels, T, 0.2, 0.03, 0.1)
         distances = np.resize(points, 5).astype(float)
         scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
-        speed._score(
+        facing._score(
             submap.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
             T[:3, 3].copy(), way, distances, distances, 0.15, 2.7, scores,
         )  # fmt: skip

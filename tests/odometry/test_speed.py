@@ -3,12 +3,12 @@ import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import record, van
 
+from automos.odometry.facing import score_distances
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import (
     OFFSETS,
     _expected_share,
     _prior,
-    _score_distances,
     _stands,
     lengthen,
     missing_distance,
@@ -93,7 +93,7 @@ def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
     come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is high stays
     after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None, SETTINGS)
     submap = make_submap([before], np.eye(4)[None], SETTINGS.voxel, SETTINGS.near)
-    scores = _score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS)
+    scores = score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS)
     low, high = scores
     assert low[0] > 0.0 == low[1] == low[2]
     assert high[2] > 0.0 == high[0] == high[1]

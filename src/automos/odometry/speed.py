@@ -15,15 +15,15 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse
 from automos.odometry.body import without_body
+from automos.odometry.facing import score_distances, signed_distance
 from automos.odometry.stretch import Stretch
-from automos.odometry.submap import Submap, make_submap
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.submap import make_submap
+from automos.odometry.surfels import Surfels
 from automos.scan import Pose
 from automos.settings import RefineSettings
 
@@ -111,14 +111,14 @@ def _growth_along(
 
     def score(start: int) -> tuple[Array, Array, Array]:
         submap = make_submap([surfels[start]], np.eye(4)[None], settings.voxel, settings.near)
-        whole = _score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings)[:, 0]
+        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings)[:, 0]
         refound, believed = np.zeros((2, len(speeds))), np.zeros(len(speeds))
         for end in start + np.array(lags):
             T_start_end = inverse(T[start]) @ T[end]
             seconds = clock[end] - clock[start]
             per_sweep = stretch.share * period / seconds
             distances = speeds * seconds
-            found = _score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings)
+            found = score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings)
             weighed, expected = weights @ found, weights @ whole * _expected_share(distances, settings)
             believed += weighed * np.minimum(weighed / np.maximum(expected, 1e-9), 1.0)
             refound += found
@@ -128,7 +128,7 @@ def _growth_along(
     scored = list(map(score, todo) if pool is None else pool.map(score, todo))
     scores = np.array([each[0] for each in scored])
     ends = starts + max(lags)
-    present = _signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
+    present = signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
     refound = sum(
         np.interp(now + OFFSETS, speeds, each[1][1], left=0.0, right=0.0)
         for now, each in zip(present, scored, strict=True)
@@ -208,97 +208,6 @@ def _direction(steps: Pose, settings: RefineSettings) -> Array | None:
     mean = np.mean(steps[is_moving, :3, 3] / np.maximum(length[is_moving, None], 1e-9), axis=0)
     norm = float(np.linalg.norm(mean))
     return mean / norm if norm > settings.min_straightness else None
-
-
-def _signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
-    """Return (...,) metres come, negative backwards, and the (..., 3) direction that is forwards."""
-    come = T_start_end[..., :3, 3]
-    length = np.linalg.norm(come, axis=-1)
-    sign = np.where(come @ forward < 0.0, -1.0, 1.0)
-    direction = sign[..., None] * come / np.maximum(length, 1e-9)[..., None]
-    return sign * length, np.where((length > 0.5)[..., None], direction, forward)
-
-
-def _score_distances(
-    submap: Submap,
-    surfels: Surfels,
-    T_submap_surfels: Pose,
-    forward: Array,
-    distances: Array,
-    per_sweep: float,
-    settings: RefineSettings,
-) -> Array:
-    """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
-
-    Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
-    `per_sweep` is the share of the distance that is driven during a sweep.
-    """
-    scores = np.zeros((2, len(distances)))
-    present, direction = _signed_distance(T_submap_surfels, forward)
-    sideways = T_submap_surfels[:3, 3] - present * direction
-    R = np.ascontiguousarray(T_submap_surfels[:3, :3])
-    stretch = per_sweep * (distances - present)
-    _score(
-        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
-        settings.speed_close, settings.overhead, scores,
-    )  # fmt: skip
-    return scores
-
-
-@numba.njit(cache=True, nogil=True)
-def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, scores
-):  # fmt: skip
-    keys, rows, mean, axes, variance, voxel, near = submap
-    inverse_voxel = 1.0 / voxel
-    told = np.zeros(len(mean))  # how much each voxel says about the way
-    for row in range(len(mean)):
-        for k in range(2):
-            if variance[row, k] < 0.0:
-                break
-            told[row] += (
-                axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
-            ) ** 2
-    n_telling = 0
-    for slot in range(len(keys)):
-        if keys[slot] != -1 and told[rows[slot]] > 0.1:
-            n_telling += 1
-    size = 16
-    while size < 4 * n_telling:
-        size *= 2
-    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough to stay in cache
-    for slot in range(len(keys)):
-        if keys[slot] != -1 and told[rows[slot]] > 0.1:
-            few = find_slot(few_keys, keys[slot])
-            few_keys[few] = keys[slot]
-            few_rows[few] = rows[slot]
-    a = np.empty(3)
-    for k in range(3):  # the way in the surfels' frame
-        a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
-    for i in range(len(points)):
-        c = covariance[i]
-        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the way
-            continue
-        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
-        y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
-        z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
-        height = 1 if points[i, 2] > overhead else 0
-        for d in range(len(distances)):
-            e = distances[d] + times[i] * stretch[d]
-            x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
-            if few_keys[slot] == -1:
-                continue
-            row = few_rows[slot]
-            worst = 0.0
-            for k in range(2):
-                if variance[row, k] < 0.0:
-                    break
-                off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
-                worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
-            if worst < close:
-                scores[height, d] += told[row]
 
 
 def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:

@@ -1,0 +1,105 @@
+"""How much of the surface that faces along the way is found again, as a function of the distance come."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.odometry.submap import Submap
+from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.scan import Pose
+from automos.settings import RefineSettings
+
+Array = npt.NDArray[np.float64]
+
+
+def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
+    """Return (...,) metres come, negative backwards, and the (..., 3) direction that is forwards."""
+    come = T_start_end[..., :3, 3]
+    length = np.linalg.norm(come, axis=-1)
+    sign = np.where(come @ forward < 0.0, -1.0, 1.0)
+    direction = sign[..., None] * come / np.maximum(length, 1e-9)[..., None]
+    return sign * length, np.where((length > 0.5)[..., None], direction, forward)
+
+
+def score_distances(
+    submap: Submap,
+    surfels: Surfels,
+    T_submap_surfels: Pose,
+    forward: Array,
+    distances: Array,
+    per_sweep: float,
+    settings: RefineSettings,
+) -> Array:
+    """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
+
+    Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
+    `per_sweep` is the share of the distance that is driven during a sweep.
+    """
+    scores = np.zeros((2, len(distances)))
+    present, direction = signed_distance(T_submap_surfels, forward)
+    sideways = T_submap_surfels[:3, 3] - present * direction
+    R = np.ascontiguousarray(T_submap_surfels[:3, :3])
+    stretch = per_sweep * (distances - present)
+    _score(
+        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
+        settings.speed_close, settings.overhead, scores,
+    )  # fmt: skip
+    return scores
+
+
+@numba.njit(cache=True, nogil=True)
+def _score(  # type: ignore[no-untyped-def]
+    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, scores
+):  # fmt: skip
+    keys, rows, mean, axes, variance, voxel, near = submap
+    inverse_voxel = 1.0 / voxel
+    told = np.zeros(len(mean))  # how much each voxel says about the way
+    for row in range(len(mean)):
+        for k in range(2):
+            if variance[row, k] < 0.0:
+                break
+            told[row] += (
+                axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
+            ) ** 2
+    n_telling = 0
+    for slot in range(len(keys)):
+        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+            n_telling += 1
+    size = 16
+    while size < 4 * n_telling:
+        size *= 2
+    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough to stay in cache
+    for slot in range(len(keys)):
+        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+            few = find_slot(few_keys, keys[slot])
+            few_keys[few] = keys[slot]
+            few_rows[few] = rows[slot]
+    a = np.empty(3)
+    for k in range(3):  # the way in the surfels' frame
+        a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
+    for i in range(len(points)):
+        c = covariance[i]
+        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the way
+            continue
+        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
+        y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
+        z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
+        height = 1 if points[i, 2] > overhead else 0
+        for d in range(len(distances)):
+            e = distances[d] + times[i] * stretch[d]
+            x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
+            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+            if few_keys[slot] == -1:
+                continue
+            row = few_rows[slot]
+            worst = 0.0
+            for k in range(2):
+                if variance[row, k] < 0.0:
+                    break
+                off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
+                worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
+            if worst < close:
+                scores[height, d] += told[row]
