@@ -14,6 +14,7 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry.clock import Clock, find_missing, read_clock
 from automos.odometry.consistency import measure_consistency, summarize
+from automos.odometry.distinct import DistinctScans, with_repeats
 from automos.odometry.kiss import Registered
 from automos.odometry.leaps import find_leaps, mend_leaps, replay
 from automos.odometry.level import level_frame
@@ -61,6 +62,10 @@ def estimate_trajectory(
 
     if len(sequence) == 0:
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
+    is_repeat = sequence.repeats
+    if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
+        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, progress=progress)
+        return with_repeats(distinct, is_repeat)
     clock = read_clock(sequence)
     if poses is not None:
         poses = _checked_poses(poses, len(sequence))
