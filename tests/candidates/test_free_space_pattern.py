@@ -40,6 +40,15 @@ def test_rows_and_columns_of_spinning_sensors_are_found(elevations, step):
     assert rows[-1] <= pattern.n_rows + 0.5
 
 
+def test_coordinates_rounded_to_centimetres_hide_no_pattern():
+    azimuth, elevation = grid(np.arange(-15.0, 16.0, 2.0), 0.2)
+    exact = frame_of(azimuth, elevation)
+    rounded = (np.round(exact.points / 0.02) * 0.02).astype(np.float32)
+    pattern = learn_pattern([Frame(rounded, exact.kept, exact.n_points, np.eye(4), 0.0)])
+    assert pattern.n_columns == pytest.approx(1800, rel=0.05)
+    assert pattern.n_rows == pytest.approx(16, rel=0.3)
+
+
 def test_a_pattern_that_never_repeats_gets_square_cells_of_one_ray():
     rng = np.random.default_rng(2)
     pattern = learn_pattern([frame_of(rng.uniform(-0.6, 0.6, 24_000), rng.uniform(-0.6, 0.6, 24_000))])

@@ -23,7 +23,8 @@ _MIN_POINTS = 100
 _TIME_BINS = 360
 _SAME_LOOK = 0.5
 """Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
-_MICRO_ROW = np.radians(0.05)
+_MICRO_ROW, _ROUGH_ROW = np.radians(0.05), np.radians(0.1)
+"""Height of rows far thinner than the gap between beams; where coordinates were rounded, twice that."""
 _ELEVATION_BIN = np.radians(0.25)
 _LONGEST_GAP = np.radians(2.5)
 _SECTORS = 90
@@ -104,7 +105,7 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
 
     Frames of hardly a point show none; where all are like that, rows and columns are half a degree apart.
     """
-    azimuths, elevations, frame_times = [], [], np.zeros(_TIME_BINS, np.float32)
+    azimuths, elevations, is_far, frame_times = [], [], [], np.zeros(_TIME_BINS, np.float32)
     for frame in frames:
         if len(frame.points) < _MIN_POINTS:
             continue
@@ -112,10 +113,17 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
         points = raw.astype(np.float64)
         azimuths.append(np.arctan2(points[:, 1], points[:, 0]))
         elevations.append(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
+        ranges = np.linalg.norm(points, axis=1)
+        is_far.append(ranges > np.median(ranges))
         frame_times = frame_times if frame_times.any() else times_of_directions(raw, frame.sweep_time)
     if not azimuths:
         return _unknown_pattern()
-    step, kept = _azimuth_step(azimuths, elevations)
+    step, kept = _azimuth_step(azimuths, elevations, _MICRO_ROW)
+    if step is None:  # where coordinates were rounded, angles are exact only far away
+        far = [
+            [angles[k] for angles, k in zip(all_angles, is_far, strict=True)] for all_angles in (azimuths, elevations)
+        ]
+        step, kept = _azimuth_step(far[0], far[1], _ROUGH_ROW)
     density, edges = _row_density(
         azimuths, elevations, step, kept
     )  # rows per bin, for one ray per row and azimuth step
@@ -172,7 +180,7 @@ def _unknown_pattern() -> BeamPattern:
     return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
 
 
-def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) -> tuple[float | None, float]:
+def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray], row: float) -> tuple[float | None, float]:
     """Return the radians between firings of one beam and the share of rays that were kept in a thinned-out scan.
 
     None and 1 where neighbours in a row keep no common distance.
@@ -180,7 +188,7 @@ def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) ->
     edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
     best_share, step, kept = 0.0, None, 1.0
     for shift in (0.0, 0.5):  # a beam on the border of two rows would be torn apart
-        parts = [_neighbour_gaps(a, e, shift) for a, e in zip(azimuths, elevations, strict=True)]
+        parts = [_neighbour_gaps(a, e, row, shift) for a, e in zip(azimuths, elevations, strict=True)]
         at, gaps = np.concatenate(parts, axis=1)
         is_usual = (gaps > edges[0]) & (gaps < edges[-1])
         at, gaps = at[is_usual], gaps[is_usual]
@@ -200,9 +208,9 @@ def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray]) ->
     return step, kept
 
 
-def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, shift: float) -> npt.NDArray:
-    """Return (2, K) azimuths and how far on the next ray is, in rows far thinner than the gap between beams."""
-    micro_row = np.floor(elevation / _MICRO_ROW + shift).astype(np.int64)
+def _neighbour_gaps(azimuth: npt.NDArray, elevation: npt.NDArray, row: float, shift: float) -> npt.NDArray:
+    """Return (2, K) azimuths and how far on the next ray is, in rows of height `row`, radians."""
+    micro_row = np.floor(elevation / row + shift).astype(np.int64)
     order = np.lexsort((azimuth, micro_row))
     same_row = np.diff(micro_row[order]) == 0
     return np.stack([azimuth[order][:-1][same_row], np.diff(azimuth[order])[same_row]])
