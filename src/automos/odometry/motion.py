@@ -65,9 +65,10 @@ class SweepTiming:
         else:
             seam = "drifting" if self.seam_deg is None else f"at {self.seam_deg:.0f} degrees"
             text = f"azimuth ({way[self.turn]}, seam {seam})"
-        if self.share < 0.0:
-            return f"{text}, backwards"
-        return f"{text}, every second scan" if self.source != "file" and self.share < 0.6 else text
+        part = abs(self.share) / max(1.0 if self.order is None else self.order.span / self.order.turns_per_scan, 1e-9)
+        if self.source != "file" and part < 0.6:
+            text += f", {part:.2g} of the time between scans"
+        return f"{text}, backwards" if self.share < 0.0 else text
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
+from automos.odometry.links import choose_links, fit_links
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
 from automos.odometry.moving_windows import Window, moving_windows
 from automos.odometry.refine import refine_poses
@@ -36,6 +37,12 @@ USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
 N_LIKELY = 3
 """Of them, looked at closely."""
+LINKS_OF_A_SCAN = 4
+"""Links of one scan err together."""
+LEAST_LINKS = 8
+"""Of a window that meet enough surfaces, to tell anything."""
+N_ERRORS = 1.5
+"""Standard errors by which another hypothesis must be better."""
 GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
@@ -57,8 +64,8 @@ class TimingChoice:
     Attributes
     ----------
     timing : the best.
-    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met;
-        empty where nothing had to be, or could be, decided.
+    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met, less
+        that of the first; empty where nothing had to be, or could be, decided.
     """
 
     timing: SweepTiming
@@ -108,7 +115,7 @@ def choose_timing(
     known = {"raw": SweepTiming()}
     known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
     windows = moving_windows(sequence, settings, poses, clock, known, pool)
-    windows = [window for window in windows if np.isfinite(_misfit(window, SweepTiming(), is_rough=True))]
+    windows = [w for w in windows if np.isfinite(_link_misfits(w, SweepTiming(), is_rough=True)).sum() >= LEAST_LINKS]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     timed = [known[source] for source in ("file", "order") if source in known]
     if not windows:  # nothing bends where nothing moves, or nothing is there to tell
@@ -131,17 +138,19 @@ class _Search:
     def __init__(self, windows: list[Window], pool: ThreadPoolExecutor | None):
         self._windows = windows
         self._map: Callable = map if pool is None else pool.map
-        self._misfit = functools.cache(lambda guess, k, is_rough: _misfit(windows[k], guess, is_rough))
+        self._misfit = functools.cache(lambda guess, k, is_rough: _link_misfits(windows[k], guess, is_rough))
         self.misfits: dict[str, float] = {}
 
     def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
+        """Return (G, L) misfits of the links of all windows."""
         ks = range(len(self._windows))
-        asked = [(guess, k, is_rough) for guess in guesses for k in ks]
-        return np.reshape(list(self._map(lambda one: self._misfit(*one), asked)), (-1, len(ks))).mean(axis=1)
+        found = list(self._map(lambda one: self._misfit(*one), [(guess, k, is_rough) for guess in guesses for k in ks]))
+        return np.array([np.concatenate(found[g * len(ks) : (g + 1) * len(ks)]) for g in range(len(guesses))])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
         """Return the `n` of `guesses` under which the windows fit best as their poses are."""
-        return [guesses[i] for i in np.argsort(self._ask(guesses, is_rough=True), kind="stable")[:n]]
+        found = np.nanmean(self._ask(guesses, is_rough=True), axis=1)
+        return [guesses[i] for i in np.argsort(found, kind="stable")[:n]]
 
     def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
         """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
@@ -152,11 +161,18 @@ class _Search:
         if not guesses:
             return None
         found = self._ask(guesses, is_rough=False)
-        finite = zip(map(str, guesses), found.tolist(), np.isfinite(found), strict=True)
-        self.misfits.update((guess, misfit) for guess, misfit, is_finite in finite if is_finite)
-        found[1:] += GAIN
-        found[len(likely) :] += CLEAR_GAIN
-        return guesses[int(np.argmin(found))]
+        better = found - found[0]  # of each link with itself: how well links fit differs more than hypotheses do
+        n = np.maximum(np.isfinite(better).sum(axis=1), 1)
+        mean = np.nanmean(better, axis=1)
+        error = np.nanstd(better, axis=1) / np.sqrt(n / LINKS_OF_A_SCAN)
+        self.misfits.setdefault(str(guesses[0]), 0.0)
+        base = self.misfits[str(guesses[0])]
+        for guess, difference in zip(guesses, mean, strict=True):
+            self.misfits.setdefault(str(guess), base + float(difference))
+        margin = np.where(np.arange(len(guesses)) < len(likely), GAIN, GAIN + CLEAR_GAIN)
+        score = mean + np.maximum(margin, N_ERRORS * error)
+        score[0] = 0.0
+        return guesses[int(np.argmin(score))]
 
 
 def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
@@ -211,21 +227,26 @@ def _sees_all_round(sequence: Sequence) -> bool:
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
 
 
-def _misfit(window: Window, guess: SweepTiming, is_rough: bool) -> float:
-    """Return how badly the window fits together once its poses are made anew under the guess.
+def _link_misfits(window: Window, guess: SweepTiming, is_rough: bool) -> npt.NDArray[np.float64]:
+    """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
 
-    Infinite where too few surfaces are seen twice. `is_rough`: neighbours keep their steps, in a third of the time.
+    A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
+    neighbours keep their steps, in a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])
     surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
     timed = Stretch(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
+    links = list(choose_links(timed, ON_SUBMAPS))
     is_fixed = np.zeros(len(timed), bool)
     if not is_rough:
         timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
-    links = refine_poses(timed, is_fixed, ON_SUBMAPS)[2]
-    # Of each link, not of all together: where hypotheses differ little, only like compared with like tells.
-    return float(np.log(links.thickness / links.share).mean()) if len(links.share) else np.inf
+    timed = refine_poses(timed, is_fixed, ON_SUBMAPS)[0]
+    fits = fit_links(timed, links, ON_SUBMAPS.kernels[-1], ON_SUBMAPS, None)[0]
+    share = np.array(
+        [fit.n_close / fit.n_surfels if fit.n_matched >= ON_SUBMAPS.min_matched else np.nan for fit in fits]
+    )
+    return np.log(np.array([fit.thickness for fit in fits]) / np.where(share > 0.0, share, np.nan))
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
