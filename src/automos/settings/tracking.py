@@ -69,7 +69,7 @@ class JudgeSettings(Group):
     unsteady: float = Field(-1.24, le=0, description="of how its foot and its roof change their heights")
     hover: float = Field(-1.35, le=0, description="of a metre that it hovers above the first over the ground")
     pieces: float = Field(-4.15, le=0, description="of its being no whole segment but what the evidence cut out of one")
-    min_probability: float = Field(0.8, gt=0, lt=1, description="of having moved, from which on it is labelled moving")
+    min_probability: float = Field(0.9, gt=0, lt=1, description="of having moved, from which on it is labelled moving")
 
 
 class CompletionSettings(Group):
