@@ -19,6 +19,7 @@ from rich.table import Table
 from automos import Workspace, label, load_settings, open_sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
+from automos.settings import PRESETS
 
 NEVER = 1e9
 CHOICES: dict[str, dict[str, Any]] = {
@@ -33,20 +34,14 @@ CHOICES: dict[str, dict[str, Any]] = {
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "curtains of points join what they touch": {"instances.components.segments.thin_share": 0.0},
     "torn segments stay whole": {"instances.components.torn_share": 0.5},
-    "a piece's middle counts as the object's": {"tracking.judge.alike": NEVER},
-    "long things are seen whole": {"tracking.follow.filter.measurement_share": 0.0,
-                                   "tracking.extension.filter.measurement_share": 0.0,
-                                   "tracking.extension.gates.filter.measurement_share": 0.0},
-    "more or less seen of them is all of them": {"tracking.extension.filter.unlike_share": 0.0,
-                                                 "tracking.extension.gates.filter.unlike_share": 0.0},
-    "the middle of long things must move": {"tracking.judge.long_side": NEVER},
-    "tracks end where the evidence does": {"tracking.extension.min_time": NEVER},
-    "pieces at their ends are kept": {"tracking.extension.whole_size": 0.0, "tracking.extension.fray_share": 0.0},
-    "others may have stood there before": {"tracking.extension.look_back": 0.0},
-    "crooked tracks move, too": {"tracking.judge.min_straightness": 0.0, "tracking.judge.sparse_min_straightness": 0.0},
-    "insignificant motion is motion": {"tracking.judge.min_significance": 0.0},
+    "long things are seen whole": {"tracking.filter.measurement_share": 0.0},
+    "where it went does not count": {"tracking.judge.displacement": 0.0},
+    "unsteady things move, too": {"tracking.judge.unsteady": 0.0},
+    "hovering things move, too": {"tracking.judge.hover": 0.0},
+    "pieces are as good as wholes": {"tracking.judge.pieces": 0.0},
+    "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},
-    "the paper's tracker and verdict": {"tracking.method": "paper"},
+    "the paper's tracker and verdict": {f"tracking.{k}": v for k, v in PRESETS["paper"]["tracking"].items()},
 }  # fmt: skip
 
 

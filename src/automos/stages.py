@@ -2,7 +2,7 @@
 
 Every method of a stage leaves the same arrays, so that methods can be combined freely:
 
-    candidates   score (M,) uint8: 255 has moved, 0 has stayed, 128 unknown;  kind (M,) uint8;  height (M,) metres
+    candidates   log_odds (M,) float16: has moved, against has stayed;  kind (M,) uint8;  height (M,) metres
     instances    ids (M,) int32, -1 for none;  boxes and counts of every segment (`Detections`)
     tracking     tracks and verdicts
     labels       label (N,), track (N,) and confidence (N,) uint8, one per point of the user's scan;  n_body, how many
@@ -31,20 +31,20 @@ from automos.odometry import Trajectory
 from automos.parallel import available_cores, map_in_order
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
 from automos.settings import InstancesSettings, SelfTrainingSettings, Settings
-from automos.tracking.completion import paint_objects
+from automos.tracking.completion import paint_objects, tracks_of_points
 from automos.tracking.confidence import point_confidence
-from automos.tracking.extension import extend_tracks
-from automos.tracking.follow import follow_objects
-from automos.tracking.judge import judge_by_evidence
+from automos.tracking.judge import judge_by_evidence, without_scenery
 from automos.tracking.painting import paint_points
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
 from automos.tracking.unfollowed import can_follow, find_moved
-from automos.tracking.verdict import Verdict, Verdicts, judge_by_trajectory
+from automos.tracking.verdict import Verdicts, judge_by_trajectory
 from automos.workspace import Arrays, Stage
 
 PerScan = Iterable[tuple[int, Arrays]]
+_CERTAIN = 4.0
+"""Log-odds of a point that a method only calls moving, or not."""
 
 
 # ---------------------------------------------------------------------------------------------------- candidates
@@ -70,7 +70,7 @@ def hear_network(
             continue
         frame = frames[i]
         probability = read_cue(settings, names[i], frame.n_points)[frame.kept]
-        yield i, {**arrays, "score": add_cue(arrays["score"], probability, settings)}
+        yield i, {**arrays, "log_odds": add_cue(arrays["log_odds"], probability, settings)}
 
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
@@ -84,7 +84,7 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
         kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
         kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < settings.candidates.erasor.ego_radius] = EGO_BODY
         height = points[:, 2] - surface.height_at(points)
-        yield i, _candidates(is_moving.astype(np.float32), kind, height, ray_steps)
+        yield i, _candidates(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, ray_steps)
 
 
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
@@ -92,12 +92,12 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
     space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
     ray_steps = space.ray_steps
     for i, evidence in space.collect(scans.start, scans.stop):
-        yield i, _candidates(1.0 / (1.0 + np.exp(-evidence.net)), evidence.kind, evidence.height, ray_steps)
+        yield i, _candidates(evidence.net, evidence.kind, evidence.height, ray_steps)
 
 
-def _candidates(score: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, ray_steps: npt.NDArray) -> Arrays:
-    score = np.round(255.0 * score).astype(np.uint8)
-    return {"score": score, "kind": kind, "height": height.astype(np.float16), "ray_steps": ray_steps}
+def _candidates(log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, ray_steps: npt.NDArray) -> Arrays:
+    half = np.float16
+    return {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "ray_steps": ray_steps}
 
 
 # ----------------------------------------------------------------------------------------------------- instances
@@ -117,7 +117,7 @@ def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
     frame, about = task
     horizontal = np.hypot(frame.points[:, 0], frame.points[:, 1])
     is_eligible = (about["kind"] == OBJECT) & (horizontal < settings.max_range)
-    is_candidate = (about["score"] > 128).astype(np.float64)
+    is_candidate = (about["log_odds"] > 0.0).astype(np.float64)
     instances = find_instances(frame.points_level, is_candidate, is_eligible, settings.hdbscan)
     ids, n = instances.ids, len(instances.boxes)
     inside = ids >= 0
@@ -134,7 +134,7 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
     ids[objects], stayed[objects], found = detect_objects(
         np.take(frame.points_level, objects, axis=0),
         frame.origin_level,
-        about["score"][objects] / 255.0,
+        about["log_odds"][objects].astype(np.float32),
         about["height"][objects].astype(np.float32),
         tuple(about["ray_steps"]),
         settings.components,
@@ -145,23 +145,17 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
 # ------------------------------------------------------------------------------------------------------ tracking
 def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str], settings: Settings) -> Arrays:
     """Return the tracks of all objects and the verdict on each."""
-    tracking = settings.tracking
+    tracking, stamps = settings.tracking, trajectory.stamps
     detections = [Detections.from_arrays(instances.load(name, *Detections.columns())) for name in names]
-    if tracking.method != "paper" and not can_follow(trajectory.stamps):
+    if tracking.method != "paper" and not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
+    tracks = track_objects(zip(stamps, detections, strict=True), tracking)
     if tracking.method == "paper":
-        boxes = ((stamp, found.boxes) for stamp, found in zip(trajectory.stamps, detections, strict=True))
-        tracks = track_objects(boxes, tracking)
         verdicts = judge_by_trajectory(tracks, tracking.verdict)
     else:
-        tracks = follow_objects(zip(trajectory.stamps, detections, strict=True), tracking.follow)
-        verdicts = judge_by_evidence(
-            tracks, detections, trajectory.stamps, trajectory.T_level_sensor[:, :3, 3], tracking.judge
-        )
-        is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
-        moving = extend_tracks(tracks[is_moving], detections, trajectory.stamps, tracking.extension)
-        moving = smooth_tracks(moving, detections, trajectory.stamps, tracking.smoothing)
-        tracks = Tracks.concatenate([tracks[~is_moving], moving])
+        verdicts = judge_by_evidence(tracks, detections, tracking.judge)
+        tracks, verdicts = without_scenery(tracks, verdicts, detections)
+        tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps, tracking.smoothing)
     return {**tracks.to_arrays(), **verdicts.to_arrays()}
 
 
@@ -179,27 +173,32 @@ def paint(
 ) -> PerScan:
     """Yield for each missing scan every point's label, the moving track it belongs to, and how sure that is."""
     is_followed = settings.tracking.method == "paper" or can_follow(frames.stamps)
-    is_moving = verdicts.verdict[tracks.track] == Verdict.MOVING
+    is_moving = verdicts.is_moving[tracks.track]
     if settings.labels.moving == "now":
         is_moving &= np.linalg.norm(tracks.velocity, axis=1) >= settings.labels.now_speed
+    by_scan = np.argsort(tracks.scan, kind="stable")
+    first = np.searchsorted(tracks.scan[by_scan], np.arange(len(names) + 1))
 
     def paint_scan(i: int) -> Arrays:
-        frame, here = frames[i], tracks[np.flatnonzero(is_moving & (tracks.scan == i))]
-        found, about = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind", "score")
+        frame, rows = frames[i], by_scan[first[i] : first[i + 1]]
+        here = tracks[rows[is_moving[rows]]]
+        found, about = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind", "log_odds")
         if settings.tracking.method == "paper":
             label, track = paint_points(frame.points_level, found["ids"], here)
         else:
-            may_move = (about["kind"] != EGO_BODY) & (about["score"] >= 128)
+            may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
             label, track = paint_objects(
                 frame.points_level, found["ids"], found["stayed"], about["kind"] == GROUND, may_move, here,
                 settings.tracking.completion,
             )  # fmt: skip
             label[about["kind"] == EGO_BODY] = Label.UNLABELED
-        confidence = point_confidence(track, verdicts.confidence, about["score"], about["kind"])
+        owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], tracks[rows]))
+        confidence = point_confidence(track >= 0, owner, verdicts.confidence, about["log_odds"], about["kind"])
         if not is_followed:
             segments = Detections.from_arrays(instances.load(names[i], *Detections.columns()))
             moves = find_moved(found["ids"], segments)
-            label[moves], confidence[moves] = Label.MOVING, about["score"][moves]
+            label[moves] = Label.MOVING
+            confidence[moves] = np.round(255.0 / (1.0 + np.exp(-about["log_odds"][moves].astype(np.float32))))
         label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
         per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
         n_body = np.array(np.count_nonzero(about["kind"] == EGO_BODY))

@@ -7,19 +7,19 @@ from automos.settings import SelfTrainingSettings
 
 
 def test_a_network_that_does_not_know_changes_nothing():
-    score = np.arange(256).astype(np.uint8)
-    assert np.array_equal(add_cue(score, np.full(256, 0.5), SelfTrainingSettings(weight=1.0)), score)
+    log_odds = np.linspace(-8.0, 8.0, 33).astype(np.float16)
+    assert np.array_equal(add_cue(log_odds, np.full(33, 0.5), SelfTrainingSettings(weight=1.0)), log_odds)
 
 
 def test_log_odds_add_up():
-    # evidence 128.5 / 256 is 0.502, log-odds 0.008; the network's 0.9 has 2.197, half of it 1.099: 0.752 in all
-    got = add_cue(np.array([128], np.uint8), np.array([0.9]), SelfTrainingSettings(weight=0.5))
-    assert got.tolist() == [int(256 * 0.7515)]
+    # the network's 0.9 has log-odds 2.197, half of it 1.099
+    got = add_cue(np.array([-0.5], np.float16), np.array([0.9]), SelfTrainingSettings(weight=0.5))
+    assert got[0] == pytest.approx(0.599, abs=1e-3)
 
 
 def test_what_was_clearly_seen_stands_against_the_network():
-    got = add_cue(np.array([0, 255], np.uint8), np.array([1.0, 0.0]), SelfTrainingSettings(weight=1.0))
-    assert got[0] < 128 < got[1]
+    got = add_cue(np.array([-6.0, 6.0], np.float16), np.array([1.0, 0.0]), SelfTrainingSettings(weight=1.0))
+    assert got[0] < 0.0 < got[1]
 
 
 def test_a_cue_that_does_not_belong_to_the_scan_is_told(tmp_path):

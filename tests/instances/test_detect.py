@@ -6,7 +6,7 @@ from automos.instances.detect import detect_objects
 from automos.settings import DetectSettings
 
 STEPS = (np.deg2rad(2.0), np.deg2rad(0.2))  # as far apart as the points of a block, 5 m away
-MOVED, STAYED, UNKNOWN = 1.0, 0.0, 0.5
+MOVED, STAYED, UNKNOWN = 4.0, -4.0, 0.0
 
 
 def block(x, y, length=2.0, width=1.0):
@@ -16,10 +16,10 @@ def block(x, y, length=2.0, width=1.0):
 
 
 def detect(*things):
-    """Detect objects among (points, score) pairs."""
+    """Detect objects among (points, log-odds) pairs."""
     points = np.concatenate([p for p, _ in things]).astype(np.float32)
-    score = np.concatenate([np.broadcast_to(s, len(p)) for p, s in things])
-    return detect_objects(points, np.zeros(3), score, points[:, 2], STEPS, DetectSettings())
+    log_odds = np.concatenate([np.broadcast_to(s, len(p)) for p, s in things])
+    return detect_objects(points, np.zeros(3), log_odds, points[:, 2], STEPS, DetectSettings())
 
 
 def test_a_thing_of_which_the_evidence_speaks_with_one_voice_is_one_object():
@@ -78,7 +78,7 @@ def test_two_that_nearly_touch_are_split_where_one_moves_and_the_other_does_not(
 
 def test_a_lorry_of_which_only_the_ends_have_left_their_place_stays_whole():
     lorry = block(5, 0, 8.0, 2.0)
-    score = np.where(np.abs(lorry[:, 0] - 9.0) > 1.5, MOVED, STAYED)
-    objects, _, found = detect((lorry, score))
+    log_odds = np.where(np.abs(lorry[:, 0] - 9.0) > 1.5, MOVED, STAYED)
+    objects, _, found = detect((lorry, log_odds))
     assert set(objects) == {0}
-    assert found.n_static.tolist() == [(score == STAYED).sum()]
+    assert found.n_static.tolist() == [(log_odds == STAYED).sum()]

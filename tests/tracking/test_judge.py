@@ -2,22 +2,30 @@
 
 import numpy as np
 import pytest
+from scipy.special import gammaln
 
 from automos.detections import Detections
 from automos.settings import JudgeSettings
-from automos.tracking.judge import judge_by_evidence, motion
+from automos.tracking.judge import (
+    LOOKS,
+    MISJUDGED,
+    MOVED,
+    STAYED,
+    TERMS,
+    UNDER_WAY,
+    judge_by_evidence,
+    track_terms,
+    without_scenery,
+)
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict
+from automos.tracking.verdict import Verdict, Verdicts
 from automos.upright_boxes import Boxes
 
-STAMPS = 0.1 * np.arange(20)
-FAR_SENSOR = np.tile([0.0, -30.0, 1.7], (20, 1))
 
-
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, climb=0.0, is_piece=False, lift=0.0):
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False, lift=0.0):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
-    center = np.column_stack([center, np.linspace(0.0, climb, len(center))])
+    center = np.column_stack([center, np.broadcast_to(z, len(center))])
     size = np.column_stack([np.broadcast_to(side, len(center)), *np.ones((2, len(center)))])
     table = Tracks(
         np.zeros(len(scans), np.int64), scans, np.zeros(len(scans), np.int64), center, size,
@@ -30,21 +38,21 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     for at, one in zip(np.broadcast_to(lift, 20), seen, strict=True):
         one.part_of[:] = 0 if is_piece else -1
         one.lift[:] = at
+        one.has_stayed[:] = stayed > moved
     return table, seen
 
 
-def verdict_on(sensor=FAR_SENSOR, **track):
-    tracks, detections = one_track(**track)
-    return judge_by_evidence(tracks, detections, STAMPS, sensor, JudgeSettings()).verdict[0]
+def verdict_on(**track):
+    return judge_by_evidence(*one_track(**track), JudgeSettings()).verdict[0]
+
+
+def terms_of(**track):
+    return dict(zip(TERMS, track_terms(*one_track(**track))[0], strict=True))
 
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
 SHAKING = 0.5 * np.random.default_rng(0).standard_normal((20, 2))
-HERE_AND_THERE = np.column_stack([1.5 * np.sin(0.6 * np.arange(20)), 0.05 * np.arange(20)])
-
-
-CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
-"""Its boot alone, then the whole: the middle jumps, backwards or forwards, by more than the car has come."""
+CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
 
 
 @pytest.mark.parametrize(
@@ -52,50 +60,30 @@ CAR_FIRST_SEEN_IN_PART = np.r_[[0.0, 0.5], 3.0 + 0.1 * np.arange(18)]
     [
         ({"center": STRAIGHT}, Verdict.MOVING),
         ({"center": STRAIGHT, "moved": 0.6, "stayed": 0.1}, Verdict.MOVING),
-        ({"center": STRAIGHT, "moved": 0.3, "stayed": 0.6}, Verdict.STATIC),
-        ({"center": SHAKING, "moved": 0.6}, Verdict.STATIC),
-        ({"center": 0.01 * STRAIGHT}, Verdict.STATIC),
+        ({"center": STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
+        ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.STATIC),
+        ({"center": SHAKING, "moved": 0.2, "stayed": 0.3, "z": CLIMBING}, Verdict.STATIC),
+        ({"center": 0.001 * STRAIGHT, "moved": 0.1, "stayed": 0.8}, Verdict.STATIC),
         ({"center": STRAIGHT[:1]}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 4}, Verdict.MOVING),
-        ({"center": STRAIGHT[::4], "n_points": 4, "scans": range(0, 20, 4)}, Verdict.STATIC),
-        ({"center": STRAIGHT[::4], "scans": range(0, 20, 4)}, Verdict.MOVING),
-        ({"center": STRAIGHT[:4]}, Verdict.MOVING),
         ({"center": STRAIGHT[[0, 4]], "scans": (0, 1)}, Verdict.MOVING),
-        ({"center": STRAIGHT[[0, 8]], "scans": (0, 8)}, Verdict.STATIC),
-        ({"center": STRAIGHT[:4], "n_points": 15}, Verdict.STATIC),
-        ({"center": STRAIGHT[:10], "n_points": 15, "moved": 0.7}, Verdict.STATIC),
-        ({"center": STRAIGHT, "n_points": 15, "moved": 0.7}, Verdict.MOVING),
-        ({"center": HERE_AND_THERE, "n_points": 30}, Verdict.MOVING),
-        ({"center": HERE_AND_THERE, "n_points": 30, "is_piece": True}, Verdict.STATIC),
-        ({"center": STRAIGHT, "n_points": 30, "is_piece": True}, Verdict.MOVING),
-        ({"center": STRAIGHT, "climb": 8.0}, Verdict.MOVING),
-        ({"center": STRAIGHT, "climb": -11.0}, Verdict.STATIC),
-        ({"center": np.vstack([0.01 * STRAIGHT[:-1], [[3.0, 3.0]]])}, Verdict.STATIC),
-        ({"center": STRAIGHT, "lift": 3.0}, Verdict.STATIC),
-        ({"center": STRAIGHT, "lift": np.where(np.arange(20) < 6, 1.5, 3.0)}, Verdict.MOVING),
+        ({"center": STRAIGHT, "is_piece": True, "moved": 0.1, "stayed": 0.3}, Verdict.STATIC),
+        ({"center": STRAIGHT, "z": 0.2 * np.arange(20)}, Verdict.MOVING),
+        ({"center": SHAKING, "lift": 4.0, "z": CLIMBING}, Verdict.STATIC),
+        ({"center": STRAIGHT, "lift": np.where(np.arange(20) < 6, 0.5, 3.0)}, Verdict.MOVING),
     ],
     ids=[
         "a car that drives",
-        "half of it seen through, but straight",
+        "half of it seen through",
         "most of it hit again",
+        "never looked at by others",
         "foliage that shakes",
-        "something that stays within a decimetre",
+        "something that stays, and is seen through here and there",
         "seen once",
         "a few points, in every scan",
-        "a few points, in every fourth scan",
-        "many points, in every fourth scan",
-        "many points in a few scans",
         "many points in two scans, one after the other",
-        "many points in two scans that are far apart",
-        "a glimpse",
-        "a longer glimpse, not all of it seen through",
-        "the same for long",
-        "all of it seen through, here and there",
-        "pieces that were, here and there",
-        "a piece that drives",
+        "pieces of something",
         "up a ramp",
-        "down a tree",
-        "something that stays, then once something else",
         "a crown of leaves",
         "a lorry whose wheels are hidden mostly",
     ],
@@ -104,60 +92,75 @@ def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
     assert verdict_on(**track) == expected
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_piece_seen_first_does_not_hide_the_motion_of_the_whole(direction):
-    center = np.column_stack([direction * CAR_FIRST_SEEN_IN_PART, np.zeros(20)])
-    side = np.r_[[1.0, 1.0], np.full(18, 4.5)]
-    assert verdict_on(center=center, side=side, moved=0.6, stayed=0.3) == Verdict.MOVING
-    jumping = center.copy()
-    jumping[2:] = center[2]  # and then it stands
-    assert verdict_on(center=jumping, side=side, moved=0.6, stayed=0.3) == Verdict.STATIC
+def test_the_log_odds_are_the_sum_of_weighted_terms_and_the_confidence_their_probability():
+    track = {"center": 0.02 * STRAIGHT, "moved": 0.1, "stayed": 0.5}
+    weights = JudgeSettings()
+    log_odds = weights.prior + sum(getattr(weights, name, 1.0) * value for name, value in terms_of(**track).items())
+    moves = 1.0 / (1.0 + np.exp(-log_odds))
+    for threshold, verdict, confidence in ((0.9 * moves, Verdict.MOVING, moves), (0.99, Verdict.STATIC, 1.0 - moves)):
+        found = judge_by_evidence(*one_track(**track), JudgeSettings(min_probability=threshold))
+        assert found.verdict[0] == verdict
+        assert found.confidence[0] == pytest.approx(confidence)
 
 
-SLIDING = 20.0 - np.abs(np.arange(20) - 9.5)
-"""Length of what is seen of a long thing through a gap: first more of it comes into sight, then less is left."""
+def test_the_evidence_of_a_scan_by_hand():
+    def likelihood(prior):
+        a, n = np.array(prior), np.array([30.0, 50.0, 20.0])
+        return gammaln(a.sum()) - gammaln(a.sum() + n.sum()) + (gammaln(a + n) - gammaln(a)).sum()
+
+    ratio = np.exp(likelihood(MOVED) - likelihood(STAYED))
+    found = terms_of(center=STRAIGHT, moved=0.3, stayed=0.5)["evidence"]
+    scan = UNDER_WAY * ratio + 1.0 - UNDER_WAY
+    assert found == pytest.approx(-np.log((1.0 - MISJUDGED) * scan**-LOOKS + MISJUDGED))
 
 
-@pytest.mark.parametrize(
-    ("track", "expected"),
-    [
-        ({"side": SLIDING, "moved": 0.6, "stayed": 0.3}, Verdict.MOVING),
-        ({"side": SLIDING, "moved": 0.4, "stayed": 0.35}, Verdict.STATIC),
-        ({"side": 0.2 * SLIDING, "moved": 0.6, "stayed": 0.3}, Verdict.STATIC),
-    ],
-    ids=["a tram", "a hedge, half of it seen through", "a bush"],
-)
-def test_of_something_long_the_evidence_decides_wherever_its_middle_is(track, expected):
-    assert verdict_on(center=0.01 * STRAIGHT, **track) == expected
+def test_all_evidence_of_one_place_is_worth_no_more_than_the_odds_of_its_being_misjudged():
+    assert terms_of(center=STRAIGHT, n_points=10_000)["evidence"] < -np.log(MISJUDGED)
+    wrong_poses = {"center": SHAKING, "is_piece": True, "moved": 0.7}
+    assert verdict_on(**wrong_poses) == Verdict.STATIC
 
 
-def test_what_rides_along_beside_the_sensor_is_its_own_vehicle():
-    sensor = np.column_stack([STRAIGHT, np.full(20, 1.7)])
-    beside = {"center": STRAIGHT + np.array([1.0, 1.0])}
-    ahead = {"center": STRAIGHT + np.array([12.0, 0.0])}
-    assert verdict_on(sensor, **beside) == Verdict.STATIC
-    assert verdict_on(sensor, **beside, side=6.0) == Verdict.MOVING  # a lorry in the next lane
-    assert verdict_on(sensor, **ahead) == Verdict.MOVING
-
-
-def test_motion_of_a_straight_line_by_hand():
-    # x = 0, 1, 2 m at 0, 1, 2 s: 1 m/s, no scatter; standard error = noise / sqrt(sum (t - 1)^2) = 0.1 / sqrt(2).
-    significance, straightness, distance = motion(
-        np.array([[0.0, 0], [1, 0], [2, 0]]), np.array([0.0, 1, 2]), JudgeSettings(noise=0.1)
+def test_many_points_of_one_scan_say_little_more_than_some_and_a_scan_can_hardly_speak_against():
+    some, many = (terms_of(center=STRAIGHT, n_points=n)["evidence"] for n in (100, 10_000))
+    assert 0.0 < many - some < some
+    assert terms_of(center=STRAIGHT, moved=0.0, stayed=1.0, n_points=10_000)["evidence"] > LOOKS * np.log(
+        1.0 - UNDER_WAY
     )
-    assert significance == pytest.approx(10 * np.sqrt(2))
-    assert (straightness, distance) == (1.0, 2.0)
 
 
-def test_someone_who_walks_and_then_stands_has_walked_straight():
-    stamps = 0.1 * np.arange(100)
-    x = np.minimum(1.2 * stamps, 3.0) + 0.15 * np.random.default_rng(0).standard_normal(100)  # his box scatters
-    _, straightness, _ = motion(np.column_stack([x, np.zeros(100)]), stamps, JudgeSettings())
-    assert straightness > 0.6  # 0.15 over the raw centres
+def test_both_faces_must_go_the_same_way():
+    growing = np.linspace(1.0, 9.0, 20)  # more and more of it comes into sight: one face stands
+    assert terms_of(center=np.column_stack([0.5 * growing, np.zeros(20)]), side=growing)["displacement"] == 0.0
+    assert terms_of(center=0.0 * STRAIGHT, side=growing)["displacement"] == 0.0
+    assert terms_of(center=STRAIGHT)["displacement"] > 5.0
 
 
-def test_a_way_there_and_back_is_not_straight():
-    _, straightness, distance = motion(
-        np.array([[0.0, 0], [1, 0], [0, 0]]), np.array([0.0, 1, 2]), JudgeSettings(noise=0.1)
-    )
-    assert (straightness, distance) == (0.0, 0.0)
+def test_one_observation_of_something_else_at_an_end_is_no_way():
+    center = np.vstack([0.0 * STRAIGHT[:-1], [[3.0, 3.0]]])
+    assert terms_of(center=center)["displacement"] == 0.0
+
+
+def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
+    table, seen = one_track(STRAIGHT)
+    for i, one in enumerate(seen):
+        one.boxes.size[:, 2] = 1.0 + i % 2
+        one.boxes.center[:, 2] = 0.5 * one.boxes.size[:, 2]
+    assert track_terms(table, seen)[0, TERMS.index("unsteady")] == 0.0
+    assert terms_of(center=STRAIGHT, z=CLIMBING)["unsteady"] > 1.0
+
+
+def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew():
+    (car, seen_car), (wall, seen_wall) = one_track(STRAIGHT), one_track(0.0 * STRAIGHT, moved=0.0, stayed=1.0)
+    wall = Tracks(wall.track, wall.scan, wall.segment, wall.center, wall.size, wall.yaw, wall.velocity)
+    car = Tracks(car.track + 1, car.scan, car.segment + 1, car.center, car.size, car.yaw, car.velocity)
+    seen = [Detections.concatenate([a, b]) for a, b in zip(seen_wall, seen_car, strict=True)]
+    verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([0.9, 0.8]))
+    kept, left = without_scenery(Tracks.concatenate([wall, car]), verdicts, seen)
+    assert len(kept) == len(left.verdict) == 1
+    assert set(kept.segment) == {1}
+    assert left.confidence.tolist() == [0.8]
+
+
+def test_no_tracks_have_no_verdicts():
+    none = one_track(STRAIGHT)[0][np.zeros(0, np.int64)]
+    assert len(judge_by_evidence(none, [], JudgeSettings()).verdict) == 0

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from automos.detections import Detections
 from automos.geometry import make_transform, wrap_angle
 from automos.settings import load_settings
 from automos.tracking.tracker import track_objects
@@ -19,7 +20,8 @@ def boxes(centers, size=CAR, yaw=0.0) -> Boxes:
 
 def track(scans, stamps=None, **changes):
     stamps = 0.1 * np.arange(len(scans)) if stamps is None else stamps
-    return track_objects(zip(stamps, scans, strict=True), SETTINGS.model_copy(update=changes))
+    found = [Detections.of_objects(boxes, *np.zeros((3, len(boxes)))) for boxes in scans]
+    return track_objects(zip(stamps, found, strict=True), SETTINGS.model_copy(update=changes))
 
 
 def drive(n: int, speed: float, missed=(), start=0.0) -> list[Boxes]:

@@ -16,16 +16,14 @@ from automos.settings import SelfTrainingSettings
 
 
 def add_cue(
-    score: npt.NDArray[np.uint8], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
-) -> npt.NDArray[np.uint8]:
-    """Return scores (M,) uint8 (255 has moved, 0 has stayed, 128 unknown) with the network's word added.
+    log_odds: npt.NDArray[np.floating], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
+) -> npt.NDArray[np.float16]:
+    """Return (M,) `log_odds` (has moved, against has stayed) with the network's word added.
 
     `probability` (M,) is that of moving, in [0, 1].
     """
-    evidence = (score.astype(np.float64) + 0.5) / 256.0
     heard = np.clip(probability.astype(np.float64), 1.0 - settings.most, settings.most)
-    odds = np.log(evidence / (1.0 - evidence)) + settings.weight * np.log(heard / (1.0 - heard))
-    return np.clip(256.0 / (1.0 + np.exp(-odds)), 0.0, 255.0).astype(np.uint8)
+    return (log_odds + settings.weight * np.log(heard / (1.0 - heard))).astype(np.float16)
 
 
 def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.NDArray[np.floating]:

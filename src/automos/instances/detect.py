@@ -22,7 +22,7 @@ from automos.settings import DetectSettings
 def detect_objects(
     points: npt.NDArray,
     origin: npt.NDArray,
-    score: npt.NDArray[np.float64],
+    log_odds: npt.NDArray[np.floating],
     heights: npt.NDArray[np.float32],
     ray_steps: tuple[float, float],
     settings: DetectSettings,
@@ -32,7 +32,7 @@ def detect_objects(
     Parameters
     ----------
     points : (N, 3) float32 metres, level frame; neither ground nor ego body.   origin : (3,) the sensor's position.
-    score : (N,) in [0, 1]: has moved, 0.5 unknown.   heights : (N,) metres above the ground.
+    log_odds : (N,) has moved, against has stayed.   heights : (N,) metres above the ground.
     ray_steps : radians between neighbouring rays, up and sideways.
 
     Returns
@@ -42,7 +42,7 @@ def detect_objects(
         segment was cut, its pieces are among the objects.
     found : all segments, objects first.
     """
-    has_moved, has_stayed = score > settings.moved_score, score < settings.stayed_score
+    has_moved, has_stayed = log_odds > settings.min_log_odds, log_odds < -settings.min_log_odds
     seen_from = points - origin.astype(np.float32)
     ranges = np.linalg.norm(seen_from, axis=1)
     rows, columns = ray_steps

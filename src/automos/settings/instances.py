@@ -51,8 +51,9 @@ class DetectSettings(Group):
     """Segments of the whole scan, cut by the evidence of motion."""
 
     segments: SegmentSettings = SegmentSettings()
-    moved_score: float = Field(0.62, ge=0, le=1, description="score from which on a point has moved")
-    stayed_score: float = Field(0.38, ge=0, le=1, description="score up to which a point has stayed")
+    min_log_odds: float = Field(
+        0.5, ge=0, description="of a point that has moved; below minus this it has stayed, between them it is unknown"
+    )
     min_points: int = Field(3, ge=1, description="points of the smallest object")
     max_side: float = Field(45.0, gt=0, description="m, longest object")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")

@@ -22,7 +22,19 @@ PRESETS: dict[str, dict[str, Any]] = {
         "odometry": {"refine": False},
         "candidates": {"method": "erasor"},
         "instances": {"method": "hdbscan"},
-        "tracking": {"method": "paper"},
+        "tracking": {
+            "method": "paper",
+            "filter": {  # AB3DMOT's, from 0.1 s frames to seconds
+                "initial_variance": 10.0,
+                "initial_velocity_variance": 1e6,
+                "process_variance": 10.0,
+                "process_velocity_variance": 10.0,
+                "measurement_variance": 1.0,
+                "measurement_share": 0.0,
+            },
+            "max_misses": 5,
+            "max_gap": 0.0,
+        },
     },
     "default": {},
 }

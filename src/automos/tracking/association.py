@@ -1,18 +1,22 @@
-"""Which detection is which tracked object: three costs, three gates, one optimal assignment (paper III-D)."""
+"""Which detection is which tracked object: costs, gates and one optimal assignment (paper III-D)."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
-from automos.settings import AssociationSettings
+from automos.detections import Detections
+from automos.settings import AssociationSettings, FilterSettings, GateSettings
+from automos.tracking import filter as kalman
 from automos.upright_boxes import Boxes, iou_3d
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> npt.NDArray[np.float64]:
-    """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids the pair."""
+    """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
     c_d = cdist(tracked.center, detected.center)
     c_o = 1.0 - iou_3d(tracked, detected)
     v_i, v_j = tracked.volume[:, None], detected.volume[None, :]
@@ -23,14 +27,94 @@ def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSetti
     return np.where(is_new, np.inf, cost)
 
 
+def motion_cost(
+    alive: kalman.Beliefs,
+    share: npt.NDArray[np.float64],
+    count: npt.NDArray[np.float64],
+    seen: Detections,
+    noise: FilterSettings,
+    settings: GateSettings,
+) -> npt.NDArray[np.float64]:
+    """Return the (K, M) cost of taking detection j for object i, inf where a gate forbids it (`default`).
+
+    The paper's gates are metres per scan: an object faster than 2 m a scan never gets a second observation, and one
+    that shows another side changes its volume. Here the gate is the filter's own uncertainty; size, height, number of
+    points and evidence choose among those that are near.
+
+    Parameters
+    ----------
+    alive : (K) predicted objects.
+    share, count : (K,) what the evidence said of them so far, and how many points they last had.
+    noise : of measured boxes.
+    """
+    reach = settings.gate * np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    spread = kalman.measurement_noise(seen.boxes, noise)[:, :2, :2]
+    reach = reach[:, None] + settings.gate * np.sqrt(spread[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    is_near = np.ones(reach.shape, np.bool_)
+    for axis in range(2):  # a box around the gate's ellipse: most pairs are far apart
+        is_near &= np.abs(seen.boxes.center[None, :, axis] - alive.mean[:, None, axis]) < 1.5 * reach
+    k, j = np.nonzero(is_near)
+    offset = seen.boxes.center[j] - alive.mean[k, :3]
+    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread[j])
+    climb = np.abs(offset[:, 2])
+    size_before = np.sort(np.maximum(alive.mean[k, 4:6], 0.1), axis=-1)
+    size_now = np.sort(np.maximum(seen.boxes.size[j, :2], 0.1), axis=-1)
+    growth = (np.abs(size_before - size_now) / (1.0 + np.maximum(size_before, size_now))).max(axis=-1, initial=0.0)
+    # A few points more or less say nothing of something that has a few points.
+    thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
+    contrast = np.abs(share[k] - seen.moving_share[j])
+    is_possible = (
+        (squared < settings.gate**2)
+        & (climb < settings.max_climb)
+        & (growth < settings.max_size_change)
+        & (thinning < np.log(settings.max_count_ratio))
+    )
+    cost = np.full(is_near.shape, np.inf)
+    cost[k, j] = np.where(
+        is_possible,
+        squared
+        + climb
+        + settings.size_weight * growth
+        + settings.count_weight * thinning
+        + settings.evidence_weight * contrast,
+        np.inf,
+    )
+    return cost
+
+
+def _mahalanobis(offset: npt.NDArray[np.float64], spread: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the squared length (P,) of `offset` (P, 2) in standard deviations of `spread` (P, 2, 2)."""
+    x, y, a, b, c = offset[:, 0], offset[:, 1], spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+
+
 def assign(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return rows and columns of the assignment with the most pairs and, among those, the least total cost.
 
-    cost : (K, M), inf where a pair is forbidden (Hungarian method; a finite stand-in, since SciPy refuses rows of inf).
+    cost : (K, M), inf where a pair is forbidden. Objects that share no detection do not compete: each group of those
+    that do is solved by itself (Hungarian method).
     """
+    n_rows, n_columns = cost.shape
+    row, column = np.nonzero(np.isfinite(cost))
+    n = n_rows + n_columns
+    graph = coo_array((np.ones(len(row)), (row, n_rows + column)), shape=(n, n))
+    group = connected_components(graph, directed=False)[1][row] if len(row) else row
+    order = np.argsort(group, kind="stable")
+    pairs = []
+    for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        rows, columns = np.unique(row[members]), np.unique(column[members])
+        if len(members) > 1:
+            chosen = _assign_all(cost[np.ix_(rows, columns)])
+            rows, columns = rows[chosen[0]], columns[chosen[1]]
+        pairs.append((rows, columns))
+    rows, columns = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    order = np.argsort(rows)
+    return rows[order], columns[order]
+
+
+def _assign_all(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return rows and columns of the best assignment; a finite stand-in, since SciPy refuses rows of inf."""
     is_allowed = np.isfinite(cost)
-    if not is_allowed.any():
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
     forbidden = (cost[is_allowed].max() + 1.0) * (min(cost.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))
     keep = is_allowed[rows, columns]

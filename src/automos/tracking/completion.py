@@ -39,17 +39,23 @@ def paint_objects(
     -------
     labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int32, -1 where static.
     """
-    track_of_segment = np.full(max(ids.max(initial=-1), stayed.max(initial=-1)) + 2, -1, np.int32)
-    seen = moving.is_observed
-    track_of_segment[moving.segment[seen]] = moving.track[seen]
-    track_of = np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
-    segment_of_row = np.where(seen, moving.segment, -1)
+    track_of = tracks_of_points(ids, stayed, moving)
+    segment_of_row = np.where(moving.is_observed, moving.segment, -1)
     boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
     _fill(
         np.asarray(points), ids, stayed, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
         settings.margin, settings.ring, settings.ground_clearance, track_of,
     )  # fmt: skip
     return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
+
+
+def tracks_of_points(
+    ids: npt.NDArray[np.int32], stayed: npt.NDArray[np.int32], tracks: Tracks
+) -> npt.NDArray[np.int32]:
+    """Return (M,) the track among those of one scan that each point's segment belongs to, or its whole; -1 for none."""
+    track_of_segment = np.full(max(ids.max(initial=-1), stayed.max(initial=-1)) + 2, -1, np.int32)
+    track_of_segment[tracks.segment[tracks.is_observed]] = tracks.track[tracks.is_observed]
+    return np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -7,23 +7,31 @@ import numpy.typing as npt
 
 from automos.scan import OBJECT
 
+_PRIOR, _WEIGHT = -4.0, 2.0
+"""Log-odds of moving of a point that belongs to no object, and what the evidence's count there: of the points of
+simulated worlds that are of no object and nobody saw again, 2 of 100 move, of those hit again, 1 of 1000."""
+
 
 def point_confidence(
-    track: npt.NDArray[np.int32],
-    track_confidence: npt.NDArray[np.float64],
-    score: npt.NDArray[np.uint8],
+    is_moving: npt.NDArray[np.bool_],
+    owner: npt.NDArray[np.int32],
+    confidence: npt.NDArray[np.float64],
+    log_odds: npt.NDArray[np.floating],
     kind: npt.NDArray[np.uint8],
 ) -> npt.NDArray[np.uint8]:
-    """Return (M,) uint8, 255 for certain: a moving point's is its track's, a static one's falls with the evidence.
+    """Return (M,) uint8, 255 for certain: the probability that each point's label is right.
 
-    Ground is certain. What stands on it and was hit again is certain to be static; what nobody looked at again is less
-    so (0.75), and what was seen through without being on anything that moves could as well be moving (0.5).
+    A point of an object is as sure as the verdict on it; ground is certain; of what else stands on it, the evidence
+    says.
 
     Parameters
     ----------
-    track : (M,) moving track of each point, -1 for none.   track_confidence : (T,) in [0, 1].
-    score : (M,) 255 has moved, 0 has stayed, 128 unknown.   kind : (M,) OBJECT, GROUND or EGO_BODY.
+    is_moving : (M,) whether each point is labelled moving.
+    owner : (M,) track that each point belongs to, whatever the verdict on it, -1 for none.
+    confidence : (T,) in [0, 1], of the verdicts on the tracks.
+    log_odds : (M,) has moved, against has stayed.   kind : (M,) OBJECT, GROUND or EGO_BODY.
     """
-    static = np.where(kind == OBJECT, 255.0 - 0.5 * score, 255.0)
-    moving = 255.0 * track_confidence[track] if len(track_confidence) else static
-    return np.round(np.where(track >= 0, moving, static)).astype(np.uint8)
+    moves = 1.0 / (1.0 + np.exp(-(_PRIOR + _WEIGHT * log_odds.astype(np.float32))))
+    alone = np.where(kind == OBJECT, 1.0 - moves, 1.0)
+    by_track = np.append(confidence, 1.0)[owner]
+    return np.round(255.0 * np.where((owner >= 0) & (is_moving | (kind == OBJECT)), by_track, alone)).astype(np.uint8)

@@ -79,10 +79,6 @@ def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
 def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
     P, R = beliefs.covariance, measurement_noise(boxes, settings)
-    unlike = unlike_sides(beliefs, boxes, settings)
-    R[:, :2, :2] += along(beliefs.mean[:, YAW], unlike[:, :2])
-    R[:, 2, 2] += unlike[:, 2] ** 2
-    R[:, [4, 5, 6], [4, 5, 6]] += unlike**2
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
     innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
@@ -103,26 +99,6 @@ def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
     spread = settings.measurement_share * np.maximum(boxes.size[:, :2] - settings.whole_side, 0.0)
     R[:, :2, :2] += along(boxes.yaw, spread)
     return R
-
-
-def unlike_sides(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Array:
-    """Return (K, 3) metres by which the middle may be off along length, width and height, as more or less is seen.
-
-    `beliefs` (K) and `boxes` (K) are paired. A bus half of which is hidden is seen where its other half is; one that
-    hangs together with what is beside it, between the two; of a car behind another, only the roof is seen. Of something
-    short, none of it is likely.
-    """
-    turn = boxes.yaw - beliefs.mean[:, YAW]
-    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    length, width, height = boxes.size.T
-    seen = np.stack([c * length + s * width, s * length + c * width, height], axis=1)
-    known = beliefs.mean[:, SIZE]
-    return settings.unlike_share * np.where(is_long(beliefs, settings)[:, None], np.abs(known - seen), 0.0)
-
-
-def is_long(beliefs: Beliefs, settings: FilterSettings) -> npt.NDArray[np.bool_]:
-    """Return (K,) whether the boxes are so long that often only a part of them is seen."""
-    return beliefs.mean[:, SIZE][:, :2].max(axis=1, initial=0.0) > settings.whole_side
 
 
 def along(yaw: Array, sigma: Array) -> Array:

@@ -1,9 +1,33 @@
-"""Has it moved? What the evidence and the motion of a track say together (the `default` preset's verdict)."""
+"""Has it moved? The log-odds of a track, from the evidence and from its motion (the `default` preset's verdict).
+
+    log odds(moved) = prior + evidence + displacement - unsteadiness - hovering - pieces
+
+Each term is a log-likelihood ratio, "it moved" against "it stayed", but for the first times a weight; weights and
+distributions were fitted once, by maximum likelihood, on tracks of simulated worlds, so that the sum is calibrated.
+
+*Evidence*: of a thing that stays, now and then some points are seen through (an edge, foliage), of one that moves
+more are; and the points of one scan agree with each other. So how many of them have moved, have stayed and are unknown
+is Dirichlet-multinomial under either hypothesis, which caps what one scan of many points can say; and since a mover may
+as well stand for a while, a scan can hardly speak against it. Scans that look at the same place agree, too: it is their
+mean that counts, as two looks; and where poses are off the evidence is wrong as a whole, so that all of it is worth no
+more than the odds of that.
+
+*Displacement*: a thing that goes takes both its faces along, one of which more comes into sight only one. So each axis
+counts the lesser of its two faces' ways, if they go the same way; the noise is the scatter of the steadier face about
+its own path. Segments jump, so the noise has heavy tails (Cauchy): what is far for its scatter counts by its logarithm.
+
+*Unsteadiness, hovering, pieces*: vehicles and people stand on the ground, and their foot or their roof keeps its height
+from scan to scan; segments of trees and walls do neither. What is no whole segment, but what the evidence cut out of
+one, is seldom an object.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -12,155 +36,127 @@ from automos.settings import JudgeSettings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
+TERMS = ("evidence", "displacement", "unsteady", "hover", "pieces")
+MOVED = (1.02, 0.49, 0.455)
+"""Dirichlet distribution of the shares of moved, stayed and unknown points in a scan of a mover under way."""
+STAYED = (0.18, 0.98, 0.455)
+"""The same of what stays."""
+UNDER_WAY = 0.986
+"""Share of its scans in which the evidence knows of a mover."""
+LOOKS = 2.2
+"""How many looks that know nothing of each other all scans of a track are worth."""
+MISJUDGED = 0.03
+"""Share of what stays of which the evidence is wrong in all scans: the poses are off there, or it is thin and bare."""
+NOISE = 0.05
+"""Metres, scatter that no face of a tracked box is without."""
 LOW_PERCENTILE = 20
 """Of a vehicle whose foot is hidden mostly, or whose ground is misjudged, some scans show it on the ground."""
+_ENDS, _AROUND = 5, 3
+"""Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
-def judge_by_evidence(
-    tracks: Tracks,
-    detections: Sequence[Detections],
-    stamps: npt.NDArray[np.float64],
-    sensor: npt.NDArray[np.float64],
-    settings: JudgeSettings,
-) -> Verdicts:
-    """Return moving for tracks whose places were seen empty and that went somewhere.
+def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
+    """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
-    Static things are seen through too: foliage, edges, thin poles. But only part of their points are, and what is left
-    of them does not travel: their speed is not significant against its own scatter and their path turns back on
-    itself. A track therefore moves if most of its points have moved, or fewer have and its motion is significant and
-    straight; it must have left its place either way. Of a tram more or less is in sight from scan to scan, so that what
-    is seen of it may even stand while it passes: of something long, what the evidence says in most scans is enough.
-    What is seen twice or thrice must not flicker. Of sparse tracks, a few points a scan, and of those of pieces, from
-    which what has stayed was taken out, more is asked: they must be seen in most scans, and go straight; of glimpses,
-    that nearly all of their points have moved. Nothing climbs farther than it goes, or hovers. What keeps its
-    place beside the sensor is part of the vehicle itself.
+    The confidence is the probability that the verdict is right. What was seen once is static.
 
-    stamps : (N,) seconds.   sensor : (N, 3) metres, where the sensor was, level frame.
+    Parameters
+    ----------
+    detections : per scan, its segments.
     """
-    n = len(tracks)
-    evidence = _rows(tracks, detections)
-    verdict, confidence = np.full(n, Verdict.STATIC, np.int8), np.ones(n)
-    for k in range(n):
-        rows = tracks.rows_of(k)
-        seen = tracks.is_observed[rows]
-        center, size, points, moved, stayed, is_piece, lift = (column[rows][seen] for column in evidence)
-        if len(center) < 2:
-            confidence[k] = 0.5
-            continue
-        share = moved.sum() / points.sum()
-        scans, whole = tracks.scan[rows][seen], _seen_alike(size, settings)
-        significance, straightness, distance = motion(center[whole, :2], stamps[scans[whole]], settings)
-        is_witnessed = (
-            moved.sum() >= settings.min_moved_points
-            and moved.sum() > settings.min_share * (moved.sum() + stayed.sum())
-            and (moved > 0.5 * points).sum() >= settings.min_moved_scans
-        )
-        is_long = size[:, :2].max() >= settings.long_side
-        passes_by = is_long and np.median(moved / np.maximum(moved + stayed, 1.0)) >= settings.long_share
-        goes_somewhere = distance > settings.min_distance and (
-            share >= settings.sure_share
-            or (significance >= settings.min_significance and straightness >= settings.min_straightness)
-        )
-        is_known = len(center) >= settings.sparse_min_observations
-        is_present = len(center) >= settings.sparse_min_presence * (scans[-1] - scans[0] + 1)
-        is_sparse = np.median(points) < (settings.sparse_pieces if is_piece.mean() > 0.5 else settings.sparse_points)
-        is_steady = is_known and is_present and straightness >= settings.sparse_min_straightness
-        is_glimpse = np.median(points) < settings.glimpse_points and len(center) < settings.glimpse_observations
-        is_clear = len(center) >= settings.glimpse_min_observations and share >= settings.glimpse_min_share
-        if (
-            is_witnessed
-            and (goes_somewhere or passes_by)
-            and (is_known or is_present)
-            and (is_steady or not is_sparse)
-            and (is_clear or not is_glimpse)
-            and np.percentile(lift, LOW_PERCENTILE) <= settings.max_lift
-            and abs(np.subtract(*_ends(center[:, 2]))) <= max(settings.max_climb, distance)
-            and not _is_carried(center, size, sensor[scans], settings)
-        ):
-            verdict[k] = Verdict.MOVING
-        confidence[k] = (
-            _confidence(share, significance, settings) if verdict[k] == Verdict.MOVING else 1.0 - 0.5 * share
-        )
-    return Verdicts(verdict, confidence)
+    weights = np.array([1.0, *(getattr(settings, name) for name in TERMS[1:])])
+    log_odds = settings.prior + track_terms(tracks, detections) @ weights
+    n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
+    probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
+    is_moving = probability >= settings.min_probability
+    verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
+    return Verdicts(verdict, np.where(is_moving, probability, 1.0 - probability))
 
 
-def _seen_alike(size: npt.NDArray[np.float64], settings: JudgeSettings) -> npt.NDArray[np.int64]:
-    """Return the observations in which as much was seen as usual: a piece's middle is not the object's.
-
-    All of them where most are unlike each other.
-    """
-    side = size[:, :2].max(axis=1)
-    usual = np.median(side)
-    alike = np.flatnonzero(np.abs(side - usual) <= settings.alike * (usual + 1.0))
-    return alike if len(alike) > 0.5 * len(side) and len(alike) > 1 else np.arange(len(side))
-
-
-def motion(
-    center: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64], settings: JudgeSettings
-) -> tuple[float, float, float]:
-    """Return how significant, how straight and how far the motion along `center` (T, 2) was.
-
-    Significance is the speed of a straight line fitted to the centres over its standard error, which counts the
-    scatter about the line and at least the settings' noise; straightness is the distance over the length of the path,
-    whose corners are means over a while, so that someone who stands does not walk by the scatter of his box.
-    """
-    block = np.floor((stamps - stamps[0]) / settings.block).astype(np.int64)
-    _, block, n = np.unique(block, return_inverse=True, return_counts=True)
-    if len(n) < 4:  # too short a time to walk astray
-        block, n = np.arange(len(center)), np.ones(len(center), np.int64)
-    way = np.column_stack([np.bincount(block, center[:, axis]) / n for axis in range(2)])
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
-    straightness = np.linalg.norm(way[-1] - way[0]) / max(steps, 1e-6)
-    first, last = _ends(center)
-    distance = float(np.linalg.norm(last - first))
-    t = stamps - stamps.mean()
-    spread = float(t @ t)
-    velocity = t @ center / spread
-    scatter = center - center.mean(axis=0) - t[:, None] * velocity
-    error = np.sqrt(((scatter**2).sum(axis=1).mean() + settings.noise**2) / spread)
-    return float(np.linalg.norm(velocity) / error), float(straightness), distance
+def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
+    """Return the tracks, and the verdicts on them, of all but what has stayed in every scan and does not move."""
+    stays = np.ones(len(tracks), np.bool_)
+    for scan, segment, rows in _observed(tracks, len(detections)):
+        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
+    is_kept = ~stays | verdicts.is_moving
+    number = np.cumsum(is_kept) - 1
+    kept = tracks[np.flatnonzero(is_kept[tracks.track])]
+    return replace(kept, track=number[kept.track]), Verdicts(verdicts.verdict[is_kept], verdicts.confidence[is_kept])
 
 
-def _ends(path: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return where `path` (T, ...) begins and ends: one observation of something else at an end is no way."""
-    n = 3 if len(path) >= 6 else 1
-    return np.median(path[:n], axis=0), np.median(path[-n:], axis=0)
-
-
-def _is_carried(
-    center: npt.NDArray[np.float64],
-    size: npt.NDArray[np.float64],
-    sensor: npt.NDArray[np.float64],
-    settings: JudgeSettings,
-) -> bool:
-    """Return whether `center` (T, 3) kept its distance to the moving `sensor` (T, 3), as parts of its vehicle do.
-
-    They are near as a whole: a lorry beside the sensor may keep its distance for long, too.
-    """
-    if np.linalg.norm(sensor[-1] - sensor[0]) < settings.carried_travel:
-        return False
-    distance = np.linalg.norm(center[:, :2] - sensor[:, :2], axis=1)
-    reach = distance + 0.5 * size[:, :2].max(axis=1)
-    spread = np.median(np.abs(distance - np.median(distance)))
-    return bool(np.median(reach) < settings.carried_reach and spread < settings.carried_spread)
-
-
-def _confidence(share: float, significance: float, settings: JudgeSettings) -> float:
-    by_evidence = share / (share + (1.0 - settings.sure_share))
-    by_motion = significance / (significance + settings.min_significance)
-    return float(1.0 - (1.0 - by_evidence) * (1.0 - by_motion))
-
-
-def _rows(tracks: Tracks, detections: Sequence[Detections]) -> list[npt.NDArray[np.float64]]:
-    """Return centre, size (R, 3), points, moved, stayed, if it is a piece, lift (R,) of each row's segment; else 0."""
-    (center, size), counts = np.zeros((2, len(tracks.track), 3)), np.zeros((5, len(tracks.track)))
+def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray[np.float64]:
+    """Return (T, 5) what the verdict adds up of each track, unweighted: `TERMS`."""
+    center, half, about = np.zeros((3, len(tracks.track), 3))
+    columns = np.zeros((len(tracks.track), 2))
+    for scan, segment, rows in _observed(tracks, len(detections)):
+        found = detections[scan]
+        boxes = found.boxes[segment]
+        center[rows] = boxes.center
+        c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
+        length, width, height = boxes.size.T
+        half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
+        unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
+        about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
+        columns[rows] = np.stack([found.lift, found.part_of >= 0], axis=-1)[segment]
     seen = np.flatnonzero(tracks.is_observed)
-    order = seen[np.argsort(tracks.scan[seen], kind="stable")]
-    first = np.searchsorted(tracks.scan[order], np.arange(len(detections) + 1))
-    for scan, found in enumerate(detections):
-        rows = order[first[scan] : first[scan + 1]]
-        segment = tracks.segment[rows]
-        center[rows], size[rows] = found.boxes.center[segment], found.boxes.size[segment]
-        counts[:3, rows] = found.n_points[segment], found.n_moving[segment], found.n_static[segment]
-        counts[3, rows], counts[4, rows] = found.part_of[segment] >= 0, found.lift[segment]
-    return [center, size, *counts]
+    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
+    terms = np.zeros((len(tracks), len(TERMS)))
+    _add_up(first, center[seen], half[seen], about[seen], columns[seen], terms)
+    return terms
+
+
+def _observed(tracks: Tracks, n_scans: int) -> list[tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
+    """Return for each scan its number, the segments (K,) that were matched in it, and the rows (K,) they are in."""
+    seen = np.flatnonzero(tracks.is_observed)
+    seen = seen[np.argsort(tracks.scan[seen], kind="stable")]
+    first = np.searchsorted(tracks.scan[seen], np.arange(n_scans + 1))
+    rows = [seen[first[scan] : first[scan + 1]] for scan in range(n_scans)]
+    return [(scan, tracks.segment[here], here) for scan, here in enumerate(rows)]
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_up(first, center, half, counts, columns, terms):  # type: ignore[no-untyped-def]
+    for k in range(len(first) - 1):
+        a, b = first[k], first[k + 1]
+        for i in range(a, b):
+            ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
+            terms[k, 0] += math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY) / (b - a)
+        terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
+        way, scatter = 0.0, np.zeros((2, 3))
+        for axis in range(3):
+            low, high = center[a:b, axis] - half[a:b, axis], center[a:b, axis] + half[a:b, axis]
+            scatter[0, axis], scatter[1, axis] = _scatter(low), _scatter(high)
+            low_way, high_way = _way(low), _way(high)
+            if axis < 2 and low_way * high_way > 0.0:
+                way += min(abs(low_way), abs(high_way)) ** 2
+        steadier = math.sqrt(scatter[:, :2].sum(axis=1).min())
+        terms[k, 1] = math.log(1.0 + way / (NOISE + steadier) ** 2)
+        terms[k, 2] = math.log(1.0 + math.sqrt(scatter[:, 2].min()) / NOISE)
+        terms[k, 3] = min(max(np.percentile(columns[a:b, 0], LOW_PERCENTILE) - 1.0, 0.0), 3.0)
+        terms[k, 4] = columns[a:b, 1].mean()
+
+
+@numba.njit(cache=True, nogil=True)
+def _way(path):  # type: ignore[no-untyped-def]
+    """Return how far `path` (T,) goes: one observation of something else at an end is no way."""
+    n = max(1, min(_ENDS, len(path) // 3))
+    return np.median(path[-n:]) - np.median(path[:n])
+
+
+@numba.njit(cache=True, nogil=True)
+def _scatter(path):  # type: ignore[no-untyped-def]
+    """Return the mean square of `path` (T,) about its running median."""
+    total = 0.0
+    for i in range(len(path)):
+        total += (path[i] - np.median(path[max(i - _AROUND, 0) : i + _AROUND + 1])) ** 2
+    return total / len(path)
+
+
+@numba.njit(cache=True, nogil=True)
+def _log_dirichlet(counts, prior):  # type: ignore[no-untyped-def]
+    """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`."""
+    total = prior[0] + prior[1] + prior[2]
+    value = math.lgamma(total) - math.lgamma(total + counts.sum())
+    for c in range(3):
+        value += math.lgamma(prior[c] + counts[c]) - math.lgamma(prior[c])
+    return value

@@ -20,23 +20,27 @@ from automos.tracking.tracks import Tracks
 
 
 def smooth_tracks(
-    tracks: Tracks, detections: Sequence[Detections], stamps: npt.NDArray[np.float64], settings: SmoothingSettings
+    tracks: Tracks,
+    is_moving: npt.NDArray[np.bool_],
+    detections: Sequence[Detections],
+    stamps: npt.NDArray[np.float64],
+    settings: SmoothingSettings,
 ) -> Tracks:
-    """Return `tracks` with centres and velocities that all their observations agree on best.
+    """Return `tracks`, the moving ones with centres and velocities that all their observations agree on best.
 
-    detections : per scan, its segments.   stamps : (N,) seconds.
+    is_moving : (T,) which tracks move.   detections : per scan, its segments.   stamps : (N,) seconds.
     """
-    measured = np.full((len(tracks.track), 3), np.nan)
-    for row in np.flatnonzero(tracks.is_observed):
-        measured[row] = detections[tracks.scan[row]].boxes.center[tracks.segment[row]]
     center, velocity = tracks.center.copy(), tracks.velocity.copy()
-    for track in np.unique(tracks.track):
-        rows = tracks.rows_of(track)
+    for track in np.flatnonzero(is_moving):
+        rows = tracks.rows_of(int(track))
+        measured = np.full((rows.stop - rows.start, 3), np.nan)
+        for i, (scan, segment) in enumerate(zip(tracks.scan[rows], tracks.segment[rows], strict=True)):
+            if segment >= 0:
+                measured[i] = detections[scan].boxes.center[segment]
         t = stamps[tracks.scan[rows]]
         for axis in range(3):
-            center[rows, axis], velocity[rows, axis] = smooth(
-                t, np.ascontiguousarray(measured[rows, axis]), settings.noise**2, settings.acceleration**2
-            )
+            z = np.ascontiguousarray(measured[:, axis])
+            center[rows, axis], velocity[rows, axis] = smooth(t, z, settings.noise**2, settings.acceleration**2)
     return replace(tracks, center=center, velocity=velocity)
 
 

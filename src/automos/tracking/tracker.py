@@ -1,56 +1,131 @@
-"""Follow every object through the recording: predict, associate, update, start, forget (paper III-D)."""
+"""Follow every object through the recording: predict, associate, update, start, forget (paper III-D).
+
+One loop for both presets; they differ in which pairs cost what (`association`), in how fast a new object may be and in
+how long one may be out of sight. In `default` a scan's whole segments, the pieces that the evidence cut out of them
+and what has stayed are alternative measurements: an object is seen as the one that is most like it, whatever the
+evidence says of it at that moment. So a car that comes to a halt, waits and drives off is one object.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.detections import Detections
 from automos.settings import TrackingSettings
 from automos.tracking import filter as kalman
-from automos.tracking.association import assign, association_cost
+from automos.tracking.association import assign, association_cost, motion_cost
 from automos.tracking.tracks import Tracks
-from automos.upright_boxes import Boxes
+
+_MEMORY = 0.7
+"""How much of an object's evidence is kept when it is seen again."""
 
 
-def track_objects(detections: Iterable[tuple[float, Boxes]], settings: TrackingSettings) -> Tracks:
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The objects that are followed at one time.
+
+    Attributes
+    ----------
+    belief : where they are, (K).
+    track : (K,) int64, their numbers.
+    unseen : (K,) seconds since each was last seen.   misses : (K,) scans since then.
+    share : (K,) in [0, 1], what the evidence said of each: has moved, against has stayed.
+    count : (K,) points each last had.
+    """
+
+    belief: kalman.Beliefs
+    track: npt.NDArray[np.int64]
+    unseen: npt.NDArray[np.float64]
+    misses: npt.NDArray[np.int64]
+    share: npt.NDArray[np.float64]
+    count: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    def __getitem__(self, rows: npt.NDArray) -> Objects:
+        return Objects(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def joined(self, other: Objects) -> Objects:
+        """Return these objects, then those of `other`."""
+        columns = [f.name for f in fields(self) if f.name != "belief"]
+        belief = kalman.Beliefs.concatenate([self.belief, other.belief])
+        return Objects(belief, *(np.concatenate([getattr(self, c), getattr(other, c)]) for c in columns))
+
+
+def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
     """Return the tracks of all detected objects.
 
-    An object that is not matched keeps moving by its motion model and can be found again for `max_misses` consecutive
-    scans (n_old); then its track ends at its last observation.
+    An object that is not matched keeps moving by its motion model and can be found again for a while; then its track
+    ends at its last observation.
 
     Parameters
     ----------
-    detections : per scan, in time order, its time in seconds and its boxes (level frame); row j is segment j.
+    detections : per scan, in time order, its time in seconds and its segments (level frame); row j is segment j.
     """
-    alive = kalman.Beliefs(np.zeros((0, 10)), np.zeros((0, 10, 10)))
-    ids, misses = np.zeros(0, np.int64), np.zeros(0, np.int64)
     log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]] = []
-    next_id, last_stamp = 0, None
-    for scan, (stamp, boxes) in enumerate(detections):
-        if last_stamp is not None:
-            alive = kalman.predict(alive, stamp - last_stamp, settings.filter)
+    alive, next_track, last_stamp = None, 0, None
+    for scan, (stamp, found) in enumerate(detections):
+        born = _start(found, settings)
+        if alive is None:
+            alive = born[np.zeros(0, np.int64)]
+        dt = 0.0 if last_stamp is None else stamp - last_stamp
         last_stamp = stamp
-        matched, detected = assign(association_cost(alive.boxes(), boxes, settings.association))
-        after = kalman.update(alive[matched], boxes[detected], settings.filter)
-        alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
-        misses += 1
-        misses[matched] = 0
-        segment = np.full(len(ids), -1)
+        alive = _predict(alive, dt, settings)
+        matched, detected = assign(_cost(alive, found, settings))
+        _update(alive, found, matched, detected, settings)
+        segment = np.full(len(alive), -1)
         segment[matched] = detected
 
-        new = np.setdiff1d(np.arange(len(boxes)), detected)
-        keep = misses <= settings.max_misses
-        alive = kalman.Beliefs.concatenate([alive[keep], kalman.start(boxes[new], settings.filter)])
-        ids = np.concatenate([ids[keep], next_id + np.arange(len(new))])
-        misses = np.concatenate([misses[keep], np.zeros(len(new), np.int64)])
-        next_id += len(new)
-        log.append((ids, scan, np.concatenate([segment[keep], new]), alive.mean.copy()))
-    return as_table(log)
+        new = np.setdiff1d(np.arange(len(found)), detected)
+        born = born[new]
+        born.track[:] = next_track + np.arange(len(new))
+        next_track += len(new)
+        keep = np.flatnonzero((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap))
+        alive = alive[keep].joined(born)
+        log.append((alive.track, scan, np.concatenate([segment[keep], new]), alive.belief.mean.copy()))
+    return _as_table(log)
 
 
-def as_table(log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]]) -> Tracks:
+def _start(found: Detections, settings: TrackingSettings) -> Objects:
+    """Return all of `found` as new objects: what the evidence says has moved may be as fast as traffic is."""
+    n = len(found)
+    variance = np.full(n, settings.filter.initial_velocity_variance)
+    if settings.method == "evidence":
+        variance[found.moving_share > 0.5] = settings.gates.speed**2
+    belief = kalman.start(found.boxes, settings.filter, variance)
+    count = found.n_points.astype(np.float64)
+    return Objects(belief, np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64), found.moving_share, count)
+
+
+def _predict(alive: Objects, dt: float, settings: TrackingSettings) -> Objects:
+    """Return `alive` a scan and `dt` seconds later."""
+    belief = kalman.predict(alive.belief, dt, settings.filter)
+    return Objects(belief, alive.track, alive.unseen + dt, alive.misses + 1, alive.share.copy(), alive.count.copy())
+
+
+def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> npt.NDArray[np.float64]:
+    if settings.method == "paper":
+        return association_cost(alive.belief.boxes(), found.boxes, settings.association)
+    return motion_cost(alive.belief, alive.share, alive.count, found, settings.filter, settings.gates)
+
+
+def _update(
+    alive: Objects, found: Detections, matched: npt.NDArray, detected: npt.NDArray, settings: TrackingSettings
+) -> None:
+    """Write into the `matched` of `alive` what was seen of them, the `detected` of `found`."""
+    after = kalman.update(alive.belief[matched], found.boxes[detected], settings.filter)
+    alive.belief.mean[matched], alive.belief.covariance[matched] = after.mean, after.covariance
+    alive.unseen[matched], alive.misses[matched] = 0.0, 0
+    alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
+    alive.count[matched] = found.n_points[detected]
+
+
+def _as_table(log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]]) -> Tracks:
     """Return the log as tracks, without the misses after each track's last observation."""
     if not log:
         log = [(np.zeros(0, np.int64), 0, np.zeros(0, np.int64), np.zeros((0, 10)))]

@@ -31,6 +31,11 @@ class Verdicts:
     def __repr__(self) -> str:
         return f"<Verdicts: {', '.join(f'{(self.verdict == v).sum()} {v.name.lower()}' for v in Verdict)}>"
 
+    @property
+    def is_moving(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether each track has moved."""
+        return self.verdict == Verdict.MOVING
+
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
         return {"verdict": self.verdict, "confidence": self.confidence}
