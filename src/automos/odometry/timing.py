@@ -64,8 +64,8 @@ class TimingChoice:
     Attributes
     ----------
     timing : the best.
-    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met, less
-        that of the first; empty where nothing had to be, or could be, decided.
+    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met,
+        less that of the first; empty where nothing had to be, or could be, decided.
     """
 
     timing: SweepTiming
@@ -243,10 +243,9 @@ def _link_misfits(window: Window, guess: SweepTiming, is_rough: bool) -> npt.NDA
         timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
     timed = refine_poses(timed, is_fixed, ON_SUBMAPS)[0]
     fits = fit_links(timed, links, ON_SUBMAPS.kernels[-1], ON_SUBMAPS, None)[0]
-    share = np.array(
-        [fit.n_close / fit.n_surfels if fit.n_matched >= ON_SUBMAPS.min_matched else np.nan for fit in fits]
-    )
-    return np.log(np.array([fit.thickness for fit in fits]) / np.where(share > 0.0, share, np.nan))
+    n_close = np.array([fit.n_close if fit.n_matched >= ON_SUBMAPS.min_matched else 0 for fit in fits])
+    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
+    return np.log(np.array([fit.thickness for fit in fits]) / share)
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:

@@ -17,7 +17,6 @@ from automos.atomic import write_text
 from automos.detections import Detections
 from automos.review.follow import Detect, Heading, Path, follow_ahead
 from automos.review.run_stages import RunStages
-from automos.settings import Settings
 from automos.tracking.verdict import Verdict
 from automos.workspace import RUN_FILE, Workspace
 
@@ -33,6 +32,8 @@ WALK = 1.0
 """Metres per second: the slowest that should still be told from what stands."""
 CLIMB = 0.5
 """Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
+LEAST_TRAVEL, LEAST_SCANS = 0.5, 3
+"""Metres that something must go, and scans it must be seen in, to be told from what stands."""
 LEAST_WAY = 2.0
 """Metres of way from which its steepness says something."""
 
@@ -47,23 +48,22 @@ def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, An
     path = about.T_level_sensor[:, :3, 3]
     return [
         *(_steep(path) if has_given_poses else []),
-        *_short(about.stamps, stages.settings),
+        *_short(about.stamps),
         *_lost_ends(stages),
     ]
 
 
-def _short(stamps: npt.NDArray[np.float64], settings: Settings) -> list[dict[str, Any]]:
+def _short(stamps: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
     """A recording in which who walks does not get as far as counts, or of fewer scans than any verdict needs."""
-    way, scans = settings.tracking.judge.min_distance, max(settings.tracking.judge.min_moved_scans, 2) + 1
-    needed = way / WALK
+    needed = LEAST_TRAVEL / WALK
     seconds = float(stamps[-1] - stamps[0]) if len(stamps) else 0.0
-    if seconds >= needed and len(stamps) >= scans:
+    if seconds >= needed and len(stamps) >= LEAST_SCANS:
         return []
     return [
         {
             "kind": "short",
             "sentence": f"The recording is too short to decide what moves: {len(stamps)} scan"
-            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in {scans} "
+            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in {LEAST_SCANS} "
             "scans to be told from what stands; give more of the recording.",
         }
     ]
@@ -120,7 +120,7 @@ def _beyond(
         return {}
     start = seen[-min(RUN_UP, len(seen))]
     heading = Heading(_velocity(seen[-RUN_UP:], detect, stamps), MAY_CHANGE)
-    path = follow_ahead(detect, stamps, *start, stages.settings.tracking.follow, step, heading)
+    path = follow_ahead(detect, stamps, *start, stages.settings.tracking, step, heading)
     if end not in path or path[end][0] != segment:
         return {}
     return {scan: at for scan, at in path.items() if (scan - end) * step > 0}

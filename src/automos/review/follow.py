@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
-from automos.settings import FollowSettings
-from automos.tracking.follow import follow_objects
+from automos.settings import TrackingSettings
+from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
 
 FIRST_WINDOW = 5.0
@@ -40,7 +40,7 @@ Path = dict[int, tuple[int, npt.NDArray[np.float64]]]
 
 
 def follow_segment(
-    detect: Detect, stamps: npt.NDArray[np.float64], scan: int, segment: int, settings: FollowSettings
+    detect: Detect, stamps: npt.NDArray[np.float64], scan: int, segment: int, settings: TrackingSettings
 ) -> Path:
     """Return where segment `segment` of scan `scan` was before and after.
 
@@ -59,7 +59,7 @@ def follow_ahead(
     stamps: npt.NDArray[np.float64],
     scan: int,
     segment: int,
-    settings: FollowSettings,
+    settings: TrackingSettings,
     step: int,
     heading: Heading | None = None,
 ) -> Path:
@@ -91,7 +91,7 @@ def _follow(
     away: npt.NDArray[np.float64],
     scans: list[int],
     segment: int,
-    settings: FollowSettings,
+    settings: TrackingSettings,
     heading: Heading,
 ) -> tuple[Tracks, list[npt.NDArray[np.int64]]]:
     """Return the track of the segment through `scans`, and of each of these which segments were looked at."""
@@ -104,7 +104,7 @@ def _follow(
         rows = np.flatnonzero(near)
         kept.append(rows)
         offered.append((float(away[i]), _without_evidence(found[rows])))
-    tracks = follow_objects(offered, settings)
+    tracks = track_objects(offered, settings)
     pointed_at = int(np.searchsorted(kept[0], segment))
     row = int(np.flatnonzero((tracks.scan == 0) & (tracks.segment == pointed_at))[0])
     return tracks[np.arange(len(tracks.track))[tracks.rows_of(int(tracks.track[row]))]], kept

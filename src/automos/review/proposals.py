@@ -135,7 +135,7 @@ class Proposer:
             segment = len(self.detections(index))
             with_drawn = Detections.concatenate([self.detections(index), drawn])
             detect = lambda i: with_drawn if i == index else self.detections(i)  # noqa: E731
-        stamps, follow = self._stages.trajectory.stamps, self._stages.settings.tracking.follow
+        stamps, follow = self._stages.trajectory.stamps, self._stages.settings.tracking
         settings = follow.model_copy(update={"max_gap": max(follow.max_gap, MAX_GAP)})
         path = follow_segment(detect, stamps, index, segment, settings)
         parts = {}
