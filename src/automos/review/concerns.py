@@ -63,8 +63,8 @@ def _short(stamps: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
         {
             "kind": "short",
             "sentence": f"The recording is too short to decide what moves: {len(stamps)} scan"
-            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in {LEAST_SCANS} "
-            "scans to be told from what stands; give more of the recording.",
+            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in "
+            f"{LEAST_SCANS} scans to be told from what stands; give more of the recording.",
         }
     ]
 
