@@ -140,7 +140,7 @@ def test_a_scan_without_a_pose_near_its_stamp_is_named(tmp_path):
 def test_a_missing_file_and_a_folder_are_told(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         read_poses(tmp_path / "poses.txt", 1)
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is a folder"):
         read_poses(tmp_path, 1)
 
 

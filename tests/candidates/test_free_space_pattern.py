@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from automos.candidates.free_space_pattern import learn_pattern, raw_points, rough_turn_of, turn_of
+from automos.candidates.free_space_looks import rough_turn_of
+from automos.candidates.free_space_pattern import learn_pattern, raw_points, turn_of
 from automos.geometry import se3_exp, transform
 from automos.scan import Frame
 

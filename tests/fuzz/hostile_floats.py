@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 import automos
 from automos.baselines import height_images, octomap, range_image, removert, yoon
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates import ego_body, erasor, free_space_pattern, free_space_vote, free_space_weigh
+from automos.candidates import ego_body, erasor, free_space_looks, free_space_vote, free_space_weigh
 from automos.candidates.free_space_image import make_image, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -34,6 +34,7 @@ from automos.odometry.surfels import make_surfels
 from automos.odometry.sweeps import usable_points
 from automos.scan import Frame, Scan
 from automos.settings import load_settings
+from automos.tracking import judge
 from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
@@ -80,8 +81,8 @@ def _ground(points: np.ndarray) -> None:
 
 def _free_space(points: np.ndarray) -> None:
     raw_points(_frame(points))
-    seen, _, _ = free_space_pattern._latest_times(points, points[:, 2].copy(), 360)
-    free_space_pattern._is_last_look(points, points[:, 2].copy(), seen)
+    seen, _, _ = free_space_looks._latest_times(points, points[:, 2].copy(), 360)
+    free_space_looks.is_last_look(points, points[:, 2].copy(), seen)
     pattern, kind = _pattern(), np.zeros(len(points), np.uint8)
     pyramid = pyramid_shape(pattern)
     image = make_image(points, kind, pattern, pyramid)
@@ -155,6 +156,8 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
+    center, counts = points.astype(float), np.resize(np.arange(4.0), points.shape)
+    judge._add_up(np.array([0, len(points)]), center, np.abs(center), counts, center[:, :2], np.zeros((1, 5)))
 
 
 def _odometry(points: np.ndarray) -> None:

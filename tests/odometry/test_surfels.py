@@ -7,7 +7,7 @@ RNG = np.random.default_rng(0)
 
 def test_a_surfel_is_the_mean_and_covariance_of_the_points_in_its_voxel():
     points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)  # in one voxel of 0.4 m
-    times = RNG.uniform(-0.5, 0.5, 50).astype(np.float32)
+    times = RNG.uniform(0.1, 0.5, 50).astype(np.float32)
     surfels = make_surfels(points, times, voxel=0.4, near=20.0, max_range=80.0)
     assert len(surfels) == 1
     np.testing.assert_allclose(surfels.mean[0], points.mean(axis=0), atol=1e-5)
@@ -15,6 +15,12 @@ def test_a_surfel_is_the_mean_and_covariance_of_the_points_in_its_voxel():
     np.testing.assert_allclose(surfels.covariance[0], expected[np.triu_indices(3)], atol=1e-6)
     assert surfels.count[0] == 50
     np.testing.assert_allclose(surfels.time[0], times.mean(), atol=1e-6)
+
+
+def test_what_a_sweep_saw_first_and_last_lies_apart():
+    points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)
+    surfels = make_surfels(points, np.repeat([-0.4, 0.4], 25).astype(np.float32), voxel=0.4, near=20.0, max_range=80.0)
+    np.testing.assert_allclose(sorted(surfels.time), [-0.4, 0.4], atol=1e-6)
 
 
 def test_every_point_in_range_is_in_exactly_one_surfel():

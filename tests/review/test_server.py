@@ -404,9 +404,10 @@ def test_an_object_that_is_not_drawn_yet_is_not_decided_on(browser, server):
         window.fetch = (path, options) => path.startsWith("api/scene") ? new Promise(() => {}) : send(path, options);
     """)
     body = browser.find_element("tag name", "body")
-    last = server.session.overview()["items"][-1]["id"]  # beyond what is fetched ahead
-    browser.execute_script(f"document.querySelector('#queue [data-id=\"{last}\"]').click()")
+    browser.execute_script("[...document.querySelectorAll('#queue [data-id]')].at(-1).click()")  # not fetched ahead
     body.send_keys("u")
+    browser.execute_script("document.getElementById('queue').scrollTop = 0")  # rows out of sight are not drawn
+    wait_for(browser, f"document.querySelector('#queue [data-id=\"{first}\"]')")
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{first}\"]').click()")
     body.send_keys("s")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")

@@ -140,10 +140,10 @@ def test_a_scan_cut_short_is_told_and_the_other_recordings_are_labelled(fleet, l
 
 
 def test_a_bug_in_one_recording_stops_no_other_and_its_place_is_kept(fleet, label, tmp_path, monkeypatch):
-    def broken(sequence, *rest):
+    def broken(sequence, *rest, **named):
         if sequence.name == "log02":
             raise ZeroDivisionError("division by zero")
-        return label_recording(sequence, *rest)
+        return label_recording(sequence, *rest, **named)
 
     monkeypatch.setattr("automos.scale.units.label_recording", broken)
     outcome = label()

@@ -85,7 +85,7 @@ def test_a_kind_of_store_whose_package_is_missing_is_told_with_what_to_install()
     try:
         import gcsfs  # noqa: F401
     except ImportError:
-        with pytest.raises(MissingExtraError, match=r"automos\[gcs\]"):
+        with pytest.raises(MissingExtraError, match=r"\[gcs\]"):
             Store("gs://bucket/logs")
     with pytest.raises(InputError, match="cannot be opened"):
         Store("nosuchstore://bucket/logs")

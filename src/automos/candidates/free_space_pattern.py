@@ -15,14 +15,11 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.candidates.free_space_looks import MIN_POINTS, N_DIRECTIONS, is_last_look, times_of_directions
 from automos.geometry import se3_exp
 from automos.scan import Frame, Points
 
 _SINE_BINS = 4096
-_MIN_POINTS = 100
-_TIME_BINS = 360
-_SAME_LOOK = 0.5
-"""Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
 _MICRO_ROW, _ROUGH_ROW = np.radians(0.05), np.radians(0.1)
 """Height of rows far thinner than the gap between beams; where coordinates were rounded, twice that."""
 _ELEVATION_BIN = np.radians(0.25)
@@ -92,22 +89,14 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
 
 
-@numba.njit(cache=True, nogil=True)
-def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
-    """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
-    share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
-    turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
-
-
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
 
     Frames of hardly a point show none; where all are like that, rows and columns are half a degree apart.
     """
-    azimuths, elevations, is_far, frame_times = [], [], [], np.zeros(_TIME_BINS, np.float32)
+    azimuths, elevations, is_far, frame_times = [], [], [], np.zeros(N_DIRECTIONS, np.float32)
     for frame in frames:
-        if len(frame.points) < _MIN_POINTS:
+        if len(frame.points) < MIN_POINTS:
             continue
         raw = raw_points(frame)
         points = raw.astype(np.float64)
@@ -157,27 +146,12 @@ def seen_in(frame: Frame, raw: Points, pattern: BeamPattern) -> tuple[BeamPatter
     times = times_of_directions(raw, frame.sweep_time)
     if frame.sweep_time is None or not times.any():
         return pattern._replace(sweep_time=times), np.ones(len(raw), np.bool_)
-    return pattern._replace(sweep_time=times), _is_last_look(raw, frame.sweep_time, times)
-
-
-def times_of_directions(raw: Points, times: npt.NDArray[np.float32] | None) -> npt.NDArray[np.float32]:
-    """Return (360,) float32 when in the sweep a scan last looked along each direction; zeros where that is not fixed.
-
-    raw : (M, 3) float32, sensor frame of the raw sweep.  times : (M,) in [-0.5, 0.5], or None.
-    """
-    if times is None or len(raw) < _MIN_POINTS:
-        return np.zeros(_TIME_BINS, np.float32)
-    out, spread, n = _latest_times(raw, times, _TIME_BINS)
-    seen = np.flatnonzero(n)
-    if np.median(spread[n > 1]) > 0.1 if (n > 1).any() else True:  # of the sweep: the pattern does not turn with time
-        return np.zeros(_TIME_BINS, np.float32)
-    nearest = seen[np.searchsorted(0.5 * (seen[1:] + seen[:-1]), np.arange(_TIME_BINS))]
-    return out[nearest]
+    return pattern._replace(sweep_time=times), is_last_look(raw, frame.sweep_time, times)
 
 
 def _unknown_pattern() -> BeamPattern:
     half_degree = np.radians(0.5)
-    return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(_TIME_BINS, np.float32))
+    return _make_pattern(np.arange(-60, 60) * half_degree, half_degree, np.zeros(N_DIRECTIONS, np.float32))
 
 
 def _azimuth_step(azimuths: list[npt.NDArray], elevations: list[npt.NDArray], row: float) -> tuple[float | None, float]:
@@ -262,37 +236,6 @@ def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.
     return BeamPattern(
         len(centres), n_columns, float(np.median(gaps)), 2.0 * np.pi / n_columns, row_of_sine, sweep_time
     )
-
-
-@numba.njit(cache=True, nogil=True)
-def _latest_times(raw, times, n_bins):  # type: ignore[no-untyped-def]
-    """Return for each direction the mean time of the last look at it, its deviation, and how many points it saw."""
-    latest = np.full(n_bins, np.float32(-1.0))
-    total, square, n = np.zeros(n_bins), np.zeros(n_bins), np.zeros(n_bins, np.int64)
-    for i in range(len(raw)):
-        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n_bins))
-        latest[b] = max(latest[b], times[i])
-    for i in range(len(raw)):
-        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n_bins))
-        if times[i] > latest[b] - np.float32(_SAME_LOOK):
-            total[b] += times[i]
-            square[b] += float(times[i]) ** 2
-            n[b] += 1
-    mean, spread = np.zeros(n_bins, np.float32), np.zeros(n_bins)
-    for b in range(n_bins):
-        if n[b] > 0:
-            mean[b] = total[b] / n[b]
-            spread[b] = np.sqrt(max(square[b] / n[b] - float(mean[b]) ** 2, 0.0))
-    return mean, spread, n
-
-
-@numba.njit(cache=True, nogil=True)
-def _is_last_look(raw, times, latest):  # type: ignore[no-untyped-def]
-    out = np.empty(len(raw), np.bool_)
-    for i in range(len(raw)):
-        b = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(len(latest)))
-        out[i] = times[i] > latest[b] - np.float32(_SAME_LOOK)
-    return out
 
 
 @numba.njit(cache=True, nogil=True)

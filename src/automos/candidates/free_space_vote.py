@@ -11,7 +11,8 @@ import numba
 import numpy as np
 
 from automos.candidates.free_space_image import UNIT
-from automos.candidates.free_space_pattern import rough_turn_of, turn_of
+from automos.candidates.free_space_looks import rough_turn_of
+from automos.candidates.free_space_pattern import turn_of
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 
