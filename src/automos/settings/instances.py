@@ -51,8 +51,8 @@ class DetectSettings(Group):
     """Segments of the whole scan, cut by the evidence of motion."""
 
     segments: SegmentSettings = SegmentSettings()
-    min_log_odds: float = Field(
-        0.5, ge=0, description="of a point that has moved; below minus this it has stayed, between them it is unknown"
+    min_log_odds: float = Field(  # 0.62 to 0.38: less than half a vote, and half votes are frequent
+        0.49, ge=0, description="of a point that has moved; below minus this it has stayed, between them it is unknown"
     )
     min_points: int = Field(3, ge=1, description="points of the smallest object")
     max_side: float = Field(45.0, gt=0, description="m, longest object")
