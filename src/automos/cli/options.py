@@ -9,7 +9,7 @@ import typer
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
-Preset = Annotated[str, typer.Option(help="paper: the seed paper to the letter; default: the best we know")]
+Preset = Annotated[str, typer.Option(help="paper: as the seed paper; default: the best we know")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")

@@ -1,6 +1,6 @@
 """Settings of a run: a preset, changed by a settings file, then by the command line; and back to YAML.
 
-The preset "paper" is the seed paper to the letter; "default" is whatever measures best.
+The preset "paper" follows the seed paper; "default" is whatever measures best.
 """
 
 from __future__ import annotations
