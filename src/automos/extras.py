@@ -24,7 +24,7 @@ def pip_install(extra: str) -> str:
 def _origin() -> str:
     checkout = Path(__file__).parents[2]
     if (checkout / "pyproject.toml").is_file():
-        return "." if checkout == Path.cwd() else str(checkout)
+        return _from_here(checkout)
     try:
         told = distribution(DISTRIBUTION).read_text("direct_url.json")
     except PackageNotFoundError:
@@ -32,5 +32,9 @@ def _origin() -> str:
     url = urlparse(json.loads(told)["url"]) if told else None
     if url is None or url.scheme != "file":
         return DISTRIBUTION
-    place = url2pathname(url.path)
-    return place if Path(place).exists() else DISTRIBUTION
+    place = Path(url2pathname(url.path))
+    return _from_here(place) if place.exists() else DISTRIBUTION
+
+
+def _from_here(place: Path) -> str:
+    return "." if place == Path.cwd() else str(place)
