@@ -24,6 +24,10 @@ RUN_UP = 5
 """Observations before its end from which a track is followed on, so that it is known how fast it was."""
 GOES_ON = 3
 """Observations beyond its end from which something is taken to go on there."""
+LEAST_POINTS = 25
+"""Of the last observation, below which hardly anything is at stake beyond it."""
+LOOK_AHEAD = 1.0
+"""Seconds beyond its end in which something must be there to be followed at all."""
 MAY_CHANGE = 8.0
 """Metres per second a second or so by which its velocity changes."""
 SAME_PLACE, SAME_SIZE = 0.5, 0.2
@@ -120,10 +124,33 @@ def _beyond(
         return {}
     start = seen[-min(RUN_UP, len(seen))]
     heading = Heading(_velocity(seen[-RUN_UP:], detect, stamps), MAY_CHANGE)
-    path = follow_ahead(detect, stamps, *start, stages.settings.tracking, step, heading)
+    is_worth_it = detect(end).n_points[segment] >= LEAST_POINTS
+    if not is_worth_it or not _is_anything_there(seen[-1], heading, detect, stamps, step):
+        return {}
+    window = abs(stamps[end] - stamps[start[0]]) + LOOK_AHEAD
+    path = follow_ahead(detect, stamps, *start, stages.settings.tracking, step, heading, window)
     if end not in path or path[end][0] != segment:
         return {}
     return {scan: at for scan, at in path.items() if (scan - end) * step > 0}
+
+
+def _is_anything_there(
+    last: tuple[int, int], heading: Heading, detect: Detect, stamps: npt.NDArray[np.float64], step: int
+) -> bool:
+    """Return whether enough of the scans right beyond have anything of its size where it should be."""
+    end, segment = last
+    boxes = detect(end).boxes
+    center, size = boxes.center[segment], boxes.size[segment]
+    n = 0
+    for scan in range(end + step, len(stamps) if step > 0 else -1, step):
+        away = abs(stamps[scan] - stamps[end])
+        if away > LOOK_AHEAD or n >= GOES_ON:
+            break
+        there = detect(scan).boxes
+        reach = size[:2].max() + 0.5 * MAY_CHANGE * away**2 + SAME_PLACE
+        off = np.linalg.norm(there.center[:, :2] - center[:2] - heading.velocity * away, axis=1)
+        n += bool(((off < reach) & (there.size[:, 2] > 0.5 * size[2])).any())
+    return n >= GOES_ON
 
 
 def _velocity(seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

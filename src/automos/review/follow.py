@@ -62,9 +62,13 @@ def follow_ahead(
     settings: TrackingSettings,
     step: int,
     heading: Heading | None = None,
+    window: float = FIRST_WINDOW,
 ) -> Path:
-    """Return the path from `scan` on, forwards (`step` 1) or backwards (-1); a known `heading` saves time."""
-    window, last = FIRST_WINDOW, len(stamps) - 1 if step > 0 else 0
+    """Return the path from `scan` on, forwards (`step` 1) or backwards (-1).
+
+    A known `heading` saves time, and so do fewer seconds looked ahead at first, `window`, where it mostly ends soon.
+    """
+    last = len(stamps) - 1 if step > 0 else 0
     while True:
         end = scan
         while end != last and abs(stamps[end + step] - stamps[scan]) <= window:
