@@ -149,7 +149,8 @@ class _Search:
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
         """Return the `n` of `guesses` under which the windows fit best as their poses are."""
-        found = np.nanmean(self._ask(guesses, is_rough=True), axis=1)
+        misfits = self._ask(guesses, is_rough=True)
+        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
         return [guesses[i] for i in np.argsort(found, kind="stable")[:n]]
 
     def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
@@ -162,15 +163,16 @@ class _Search:
             return None
         found = self._ask(guesses, is_rough=False)
         better = found - found[0]  # of each link with itself: how well links fit differs more than hypotheses do
-        n = np.maximum(np.isfinite(better).sum(axis=1), 1)
-        mean = np.nanmean(better, axis=1)
-        error = np.nanstd(better, axis=1) / np.sqrt(n / LINKS_OF_A_SCAN)
-        self.misfits.setdefault(str(guesses[0]), 0.0)
-        base = self.misfits[str(guesses[0])]
-        for guess, difference in zip(guesses, mean, strict=True):
-            self.misfits.setdefault(str(guess), base + float(difference))
-        margin = np.where(np.arange(len(guesses)) < len(likely), GAIN, GAIN + CLEAR_GAIN)
-        score = mean + np.maximum(margin, N_ERRORS * error)
+        score = np.full(len(guesses), np.inf)
+        base = self.misfits.setdefault(str(guesses[0]), 0.0)
+        for g, guess in enumerate(guesses):
+            told = better[g, np.isfinite(better[g])]
+            if len(told) == 0:  # nothing meets anything under it
+                continue
+            self.misfits.setdefault(str(guess), base + float(told.mean()))
+            error = told.std() / np.sqrt(len(told) / LINKS_OF_A_SCAN)
+            margin = GAIN if g < len(likely) else GAIN + CLEAR_GAIN
+            score[g] = told.mean() + max(margin, N_ERRORS * error)
         score[0] = 0.0
         return guesses[int(np.argmin(score))]
 
