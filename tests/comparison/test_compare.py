@@ -251,7 +251,7 @@ def test_effort_tells_ones_own_work_from_that_of_others():
         while time.process_time() < end:
             pass
     assert 0.4 < effort.busy < 0.8
-    assert effort.seconds >= effort.busy - 0.05
+    assert effort.seconds >= 0.45  # of the loop; what watches works beside it, on another core
     assert effort.others >= 0.0
 
 
