@@ -25,7 +25,8 @@ from automos.baselines.methods import BUILDS_ON
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
@@ -203,8 +204,8 @@ class MethodRuns:
         """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
         name = self.sequence.names[index]
         if method in self._others:
-            return to_mos(read_prediction(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
-        return read_prediction(self.folder / method / "predictions" / f"{name}.label", n_points)
+            return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
+        return read_labels(self.folder / method / "predictions" / f"{name}.label", n_points)
 
 
 def _read_cost(file: Path, key: str) -> Cost | None:
@@ -244,7 +245,7 @@ def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
     for i in range(len(sequence) if folders else 0):
         n_points = len(sequence[i])
         for folder in folders.values():
-            read_prediction(folder / f"{sequence.names[i]}.label", n_points)
+            read_labels(folder / f"{sequence.names[i]}.label", n_points)
 
 
 def is_moving(labels: npt.NDArray) -> npt.NDArray[np.bool_]:

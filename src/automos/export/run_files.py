@@ -18,13 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.export.tracks_file import read_tracks
 from automos.geometry import inverse, make_transform, transform
-from automos.labels import Label
+from automos.label_files import read_labels
+from automos.labels import Label, to_mos
 from automos.odometry.frames import make_frame
 from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
-from automos.reading import read_json
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace
@@ -114,11 +115,11 @@ class RunFiles:
 
     def packed(self, index: int, n_points: int) -> npt.NDArray[np.uint32]:
         """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
-        return read_prediction(self._predictions / f"{self.names[index]}.label", n_points)
+        return read_labels(self._predictions / f"{self.names[index]}.label", n_points)
 
     def labels(self, index: int, n_points: int) -> npt.NDArray[np.uint16]:
         """Return (n_points,) uint16 of `Label`."""
-        return (self.packed(index, n_points) & 0xFFFF).astype(np.uint16)
+        return to_mos(self.packed(index, n_points)).astype(np.uint16)
 
     def instances(self, index: int, n_points: int) -> npt.NDArray[np.int64]:
         """Return (n_points,) the id of the track that each moving point belongs to, 0 for none.
@@ -131,7 +132,7 @@ class RunFiles:
         packed = self.packed(index, n_points)
         if (packed >> 16).any():
             return (packed >> 16).astype(np.int64)
-        is_moving = (packed & 0xFFFF) == Label.MOVING
+        is_moving = to_mos(packed) == Label.MOVING
         if not is_moving.any():
             return np.zeros(n_points, np.int64)
         run = Workspace(self.folder).read_run()
@@ -237,13 +238,7 @@ class RunFiles:
     @cached_property
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
-        path = self.folder / "tracks.json"
-        try:
-            return read_json(path)
-        except FileNotFoundError:
-            raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+        return read_tracks(self.folder / "tracks.json", len(self))
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:

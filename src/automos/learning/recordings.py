@@ -17,7 +17,8 @@ import numpy.typing as npt
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.datasets import open_recordings
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
@@ -125,7 +126,7 @@ class LabeledRecording:
         path = self._predictions.parent / "confidences" / f"{name}.npy"
         if path.exists():
             certain = np.load(path)
-        return to_mos(read_prediction(self._predictions / f"{name}.label", n_points)), certain
+        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
 
 
 class Shelf:

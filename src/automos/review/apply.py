@@ -171,7 +171,7 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> di
     run = Workspace(stages.folder).read_run()
     run["points"] = _count_points(stages)
     n_moving = sum(entry["verdict"] == "moving" for entry in entries)
-    run["tracks"] = {**run["tracks"], "total": len(entries), "moving": n_moving}
+    run["tracks"] = {**run.get("tracks", {}), "total": len(entries), "moving": n_moving}
     run["review"] = {
         "decisions": len(changes.decided),
         "made": len(changes.amendments),
