@@ -31,6 +31,7 @@ from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import SequenceFrames
 from automos.pipeline import stage_keys
+from automos.reading import read_json
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
@@ -210,9 +211,9 @@ class MethodRuns:
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_json(file)
         return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):  # damaged from outside: it is run again
         return None
 
 

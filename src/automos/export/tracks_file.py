@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry import Trajectory
 from automos.pose_files import FARTHEST
-from automos.reading import read_json
+from automos.reading import checked, read_json
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
@@ -54,6 +54,9 @@ class _Tracks(_Strict):
     tracks: list[_Track]
 
 
+_TRACKS = TypeAdapter(_Tracks)
+
+
 def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
     """Return what a tracks.json of `n_scans` scans holds.
 
@@ -64,7 +67,7 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
     """
     try:
         document: dict[str, Any] = read_json(path)
-        _Tracks.model_validate(document)
+        checked(_TRACKS, document)
         T = np.array(document["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is no rigid transform")
@@ -75,12 +78,6 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
             raise ValueError(f"it has boxes of more than {n_scans} scans")
     except FileNotFoundError:
         raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = " > ".join(str(part) for part in first["loc"])[:80]
-        raise InputError(
-            f"{path} is damaged ({where}: {first['msg'].lower()}); label again to have it written anew"
-        ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
     return document

@@ -25,6 +25,7 @@ from automos.network.projection import beam_grid
 from automos.network.residuals import pick_past
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.frames import make_frame
+from automos.reading import damage_told, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
 from automos.settings import ImageSettings, Settings
@@ -125,8 +126,16 @@ class LabeledRecording:
             return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
         path = self._predictions.parent / "confidences" / f"{name}.npy"
         if path.exists():
-            certain = np.load(path)
+            certain = _confidences(path, n_points)
         return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+
+
+def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
+    with damage_told(path, "holds no confidences of its scan"):
+        certain = read_array(path)
+        if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
+            raise ValueError(f"{n_points} numbers from 0 to 1 are needed")
+    return certain
 
 
 class Shelf:
