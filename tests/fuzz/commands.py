@@ -249,6 +249,7 @@ class Requests:
         from automos.review.session import Session
 
         self.root = work / "requests"
+        shutil.rmtree(self.root, ignore_errors=True)
         shutil.copytree(bases, self.root)
         self.session = Session(open_run(self.root / "run"), n_looks=10)
 

@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, transform
-from automos.pose_files import FARTHEST
 from automos.review.log import append_lines, read_lines
-from automos.scan import Pose
+from automos.scan import MAX_RANGE, Pose
 
 HOW = ("added", "cut", "split", "joined")
 """What a person did to make an object."""
@@ -135,6 +134,6 @@ def _unpack(packed: dict[str, Any]) -> Part:
         raise ValueError(error) from None
     steps = np.frombuffer(unpacked, "<u4")
     box = np.array(packed["box"], np.float64)
-    if box.shape != (9,) or not (np.abs(box) < FARTHEST).all():
+    if box.shape != (9,) or not (np.abs(box) < MAX_RANGE).all():
         raise ValueError(f"box is not of nine ordinary numbers: {box[:9]}")
     return Part(np.cumsum(steps, dtype=np.int64), box[:3], box[3:6], box[6:])
