@@ -120,7 +120,8 @@ def _label(root: Path, rng: random.Random, *more: object) -> None:
 def _merge(root: Path, rng: random.Random, *more: object) -> None:
     corrected = rng.choice(("boxes", "labels"))
     call("merge", root / "run", root / "log", root / corrected, "--out", root / "merged", *more)
-    _require_whole(root / "merged", root / "log")
+    if "--out" not in more:
+        _require_whole(root / "merged", root / "log")
 
 
 def _export(root: Path, rng: random.Random, *more: object) -> None:
