@@ -186,7 +186,7 @@ _OPTIONS: dict[str, tuple[str, ...]] = {
     "status": ("--nothing",),
 }
 _ALONE: tuple[tuple[str, ...], ...] = tuple(
-    (command, "{log}", "--out", "{out}", option)
+    (command, "{log}", "--out", "{out}", *(("--method", "octomap") if command != "label" else ()), option)
     for command, options in {
         "label": ("--preset", "--settings", "--set", "--format", "--poses", "--calib", "--moving", "--unsure",
                   "--shard", "--memory", "--cache", "--work", "--chunk", "--workers"),

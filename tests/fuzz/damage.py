@@ -105,6 +105,8 @@ def _las_field(path: Path, rng: random.Random) -> str:
 def _count(path: Path, rng: random.Random) -> str:
     """Change a whole number that could count something: it is no larger than the file."""
     content = bytearray(path.read_bytes())
+    if len(content) < 4:
+        return _binary(path, rng)
     near = np.lib.stride_tricks.sliding_window_view(np.frombuffer(content[:20_000], np.uint8), 4).astype(np.uint32)
     found = [near @ (1 << np.arange(0, 32, 8, dtype=np.uint32)[::way]) for way in (1, -1)]
     form, values = rng.choice(list(zip(("<I", ">I"), found, strict=True))) if len(near) else ("<I", np.zeros(0))

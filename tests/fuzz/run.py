@@ -22,6 +22,7 @@ RARE = {
     "report": 0.015,
 }  # fmt: skip
 """Kinds that take long, and their share."""
+SLOW = (*RARE, "values")
 
 
 class Reader:
@@ -51,7 +52,7 @@ class Reader:
         self._process.stdin.write(f"{kind} {seed}\n")
         self._process.stdin.flush()
         try:
-            line = self._lines.get(timeout=4 * PATIENCE if kind == "label" else PATIENCE)
+            line = self._lines.get(timeout=4 * PATIENCE if kind in SLOW else PATIENCE)
         except queue.Empty:
             line = None
         if line:
