@@ -15,7 +15,7 @@ import automos
 from automos.baselines import height_images, octomap, range_image, removert, yoon
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates import ego_body, erasor, free_space_looks, free_space_vote, free_space_weigh
-from automos.candidates.free_space_image import make_image, pyramid_shape
+from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
 from automos.candidates.region_ground import fit_region_ground
@@ -85,14 +85,15 @@ def _free_space(points: np.ndarray) -> None:
     free_space_looks.is_last_look(points, points[:, 2].copy(), seen)
     pattern, kind = _pattern(), np.zeros(len(points), np.uint8)
     pyramid = pyramid_shape(pattern)
-    image = make_image(points, kind, pattern, pyramid)
-    make_image(points, kind, _pattern(np.resize(points[:, 0], 4097)), pyramid)
+    for shape in (_pattern(np.resize(points[:, 0], 4097)), pattern):
+        projection = project(points, kind == 0, shape)
+        find_neighbours(projection, kind)
+        image = make_image(projection, kind, pyramid)
     columns, motion, T = np.ascontiguousarray(points.T), np.resize(points, 6), np.resize(points, (3, 4))
     n = len(points)
     codes, ranges, misses = np.zeros(n, np.uint8), np.zeros(n, np.float32), np.zeros(n, np.float32)
     for each in (T, np.eye(4, dtype=np.float32)[:3]):
         for pattern in (_pattern(), _pattern(np.resize(points[:, 0], 4097))):
-            free_space_vote.find_supported(columns, motion, pattern, image, np.float32(0.2), np.float32(0.01))
             arguments = (pattern, pyramid, image, (np.float32(0.1),) * 5, codes, ranges, misses)
             free_space_vote.look_through(columns, each, motion, *arguments)
     votes = np.zeros((3, n), np.int8)
@@ -107,7 +108,7 @@ def _free_space(points: np.ndarray) -> None:
 def _ego_body(points: np.ndarray) -> None:
     rows, image = _pattern().row_of_sine, np.zeros((16, 64), np.float32)
     ego_body._nearest_ranges(points, np.float32(8.0), rows, image)
-    ego_body._find_constant(np.resize(points, (3, 4, 5)), 0.1, 0.5, np.zeros((4, 5), np.float32))
+    ego_body._find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
         ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
 
@@ -157,7 +158,7 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     center, counts = points.astype(float), np.resize(np.arange(4.0), points.shape)
-    judge._add_up(np.array([0, len(points)]), center, np.abs(center), counts, center[:, :2], np.zeros((1, 5)))
+    judge._add_up(np.array([0, len(points)]), center, np.abs(center), counts, center, np.zeros((1, 6)))
 
 
 def _odometry(points: np.ndarray) -> None:

@@ -100,8 +100,6 @@ class FreeSpaceSettings(Group):
     clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
     near_miss: float = Field(0.25, gt=0, description="m, a see-through counts in full if a row of rays came so near")
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
-    support: float = Field(0.3, gt=0, description="m, in range between points that are of one thing")
-    support_per_metre: float = Field(0.02, ge=0, description="added to it per metre of range")
     lone_weight: float = Field(0.25, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
