@@ -12,7 +12,7 @@ from automos.odometry.leaps import find_leaps, mend_leaps, replay
 from automos.odometry.motion import SweepTiming
 from automos.settings import OdometrySettings
 
-SETTINGS = OdometrySettings(convergence=1e-4, voxel=0.5, start_steps=())
+SETTINGS = OdometrySettings(voxel=0.5)
 TIMED = SweepTiming("file", duration=SCAN_GAP, share=1.0)
 
 
@@ -38,7 +38,7 @@ def steps_of(speeds, period=0.1):
     ],
 )
 def test_leaps_are_rises_that_no_vehicle_makes(speeds, expected):
-    found = find_leaps(steps_of(speeds), clock_of(len(speeds) + 1, 0.1), OdometrySettings())
+    found = find_leaps(steps_of(speeds), clock_of(len(speeds) + 1, 0.1))
     assert len(found) == len(expected)
     assert np.abs(np.array(found, int) - expected).max(initial=0) <= 3
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from automos.odometry.clock import Clock
-from automos.odometry.links import Consistency, choose_links, fit_links
+from automos.odometry.links import Alignment, Consistency, choose_links, fit_links
 from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.speed import MIN_STEP
 from automos.odometry.stretch import Stretch
 from automos.odometry.sweeps import surfels_of, usable_points
 from automos.scan import Pose, Sequence
-from automos.settings import OdometrySettings, RefineSettings
+from automos.settings import OdometrySettings
 
 SAMPLES = 3
 """Places of a recording where its poses are tried."""
@@ -28,18 +29,17 @@ def measure_consistency(
     parts = []
     for first in firsts:
         ids = range(first, first + length)
-        surfels = [
-            surfels_of(*usable_points(sequence[i], timing, twists[i], settings), settings.refinement) for i in ids
-        ]
+        surfels = [surfels_of(*usable_points(sequence[i], timing, twists[i], settings)) for i in ids]
         inner = slice(first, first + length)
         gaps = clock.gaps[first : first + length - 1]
         stretch = Stretch(surfels, twists[inner], poses[inner], gaps, clock.period, timing.share)
-        links = list(choose_links(stretch, settings.refinement))
-        parts.append(fit_links(stretch, links, settings.refinement.kernels[-1], settings.refinement, None)[1])
+        about = Alignment()
+        links = list(choose_links(stretch, about))
+        parts.append(fit_links(stretch, links, about.kernels[-1], about, None)[1])
     return Consistency.concatenate(parts)
 
 
-def summarize(links: Consistency, settings: RefineSettings) -> dict[str, float | None]:
+def summarize(links: Consistency) -> dict[str, float | None]:
     """Return the figures over baselines of about a second; None where there are no such.
 
     wall_thickness_m : how far surfels lie off surfaces seen a second before or after.
@@ -54,5 +54,5 @@ def summarize(links: Consistency, settings: RefineSettings) -> dict[str, float |
     return {
         "wall_thickness_m": float(np.median(links.thickness[is_second])),
         "baseline_disagreement_m": disagreement,
-        "baseline_disagreement_percent": 100.0 * disagreement / distance if distance > settings.min_step else 0.0,
+        "baseline_disagreement_percent": 100.0 * disagreement / distance if distance > MIN_STEP else 0.0,
     }

@@ -22,7 +22,7 @@ from automos.odometry.loops import close_loops
 from automos.odometry.motion import SweepTiming, step_twists
 from automos.odometry.register import register_scans
 from automos.odometry.speed import chain, rival_speed
-from automos.odometry.sweeps import surfels_of, usable_points
+from automos.odometry.sweeps import MIN_POINTS, surfels_of, usable_points
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
 from automos.odometry.windows import RollingRefinement
@@ -33,6 +33,8 @@ _log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
 
+GROUND_SCANS = 20
+"""Scans in which the ground is looked for."""
 CLEARLY_MORE = 5.0
 """Surfels overhead by which another speed must explain more to put the present one in doubt."""
 
@@ -42,6 +44,7 @@ def estimate_trajectory(
     settings: OdometrySettings,
     poses: Pose | None = None,
     progress: Progress | None = None,
+    workers: int = 0,
 ) -> Trajectory:
     """Return the poses and the motion of the sensor at every scan of `sequence`.
 
@@ -52,6 +55,7 @@ def estimate_trajectory(
     poses : (N, 4, 4) T_world_sensor known to the user; then nothing is registered, and only the motion during each
         sweep and the ground are found.
     progress : called with the number of scans done and their total.
+    workers : threads, 0: one per core; the result does not depend on their number.
 
     Raises
     ------
@@ -64,28 +68,30 @@ def estimate_trajectory(
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
-        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, progress=progress)
+        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, None, progress, workers)
         return with_repeats(distinct, is_repeat)
     clock = read_clock(sequence)
     if poses is not None:
         poses = _checked_poses(poses, len(sequence))
     diagnostics: dict[str, Any] = {"warnings": []}
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
-    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
-        choice = choose_timing(sequence, settings, poses, clock, pool)
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
+        choice = choose_timing(sequence, settings, poses, clock, pool, workers)
         if poses is None:
-            poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+            poses, clock = _register(sequence, settings, choice.timing, clock, pool, workers, progress, diagnostics)
             if choice.timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
                 # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
-                better = choose_timing(sequence, settings, poses, clock, pool)
+                better = choose_timing(sequence, settings, poses, clock, pool, workers)
                 if better.timing != choice.timing:
                     choice, diagnostics["warnings"] = better, []
-                    poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
+                    poses, clock = _register(
+                        sequence, settings, choice.timing, clock, pool, workers, progress, diagnostics
+                    )
     timing = choice.timing
     diagnostics["timing"] = choice.to_dict()
     if "wall_thickness_m" not in diagnostics:
         links = measure_consistency(sequence, poses, timing, clock, settings)
-        diagnostics.update(summarize(links, settings.refinement))
+        diagnostics.update(summarize(links))
     _judge(diagnostics, settings)
     T_level_world = _find_level(sequence, poses, timing, clock, settings, diagnostics)
     if settings.loop_closure:
@@ -102,6 +108,7 @@ def _register(
     timing: SweepTiming,
     clock: Clock,
     pool: ThreadPoolExecutor,
+    workers: int,
     progress: Progress | None,
     diagnostics: dict[str, Any],
 ) -> tuple[Pose, Clock]:
@@ -113,19 +120,19 @@ def _register(
 
     def fold(scans: Iterable[Registered]) -> tuple[Pose, RollingRefinement]:
         steps = []
-        refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
+        refinement = RollingRefinement(clock.period, timing.share, settings, pool)
         for i, scan in enumerate(scans):
             steps.append(scan.T_last_this)
             if not scan.is_registered:
                 held.append(sequence.names[i])
             if settings.refine:
-                surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
+                surfels = pool.submit(surfels_of, scan.points, scan.times)
                 refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
             if progress is not None:
                 progress(i + 1, len(sequence))
         return np.array(steps[1:]).reshape(-1, 4, 4), refinement
 
-    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
+    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps, workers=workers))
     gaps = clock.gaps if clock.has_stamps else find_missing(steps, clock.gaps, clock.period)
     if len(missing := np.flatnonzero(gaps != clock.gaps)):
         diagnostics["warnings"].append(
@@ -134,24 +141,24 @@ def _register(
         )
         clock = clock.with_gaps(gaps)
         held.clear()
-        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
+        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps, workers=workers))
     if held:
         diagnostics["warnings"].append(
             f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
         )
     if not settings.refine:
         return chain(np.eye(4), steps), clock
-    mended = mend_leaps(sequence, steps, timing, clock, settings)
+    mended = mend_leaps(sequence, steps, timing, clock, settings, workers)
     if mended is not steps:
         _, refinement = fold(replay(sequence, mended, timing, clock, settings))
     poses, before, after = refinement.finish()
-    if leaps := find_leaps(inverse(poses[:-1]) @ poses[1:], clock, settings):
+    if leaps := find_leaps(inverse(poses[:-1]) @ poses[1:], clock):
         diagnostics["warnings"].append(
             f"the speed leaps at {len(leaps)} scans (first: {sequence.names[leaps[0]]}) as no vehicle's does: before "
             "that the poses may follow traffic rather than the world, and labels are not to be trusted."
         )
-    diagnostics.update(summarize(after, settings.refinement))
-    diagnostics["before_refinement"] = summarize(before, settings.refinement)
+    diagnostics.update(summarize(after))
+    diagnostics["before_refinement"] = summarize(before)
     diagnostics["lengthened_m"] = refinement.lengthened
     diagnostics["refound_overhead"], diagnostics["refound_at_rival"], faster = rival_speed(refinement.refound)
     if diagnostics["refound_at_rival"] > diagnostics["refound_overhead"] + CLEARLY_MORE:
@@ -205,9 +212,9 @@ def _find_level(
     twists = timing.share * step_twists(poses, clock.gaps)
     clouds: list[Points] = []
     used: list[int] = []
-    for i in np.unique(np.linspace(0, len(sequence) - 1, settings.ground_scans).round().astype(int)):
+    for i in np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)):
         points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
-        if len(points) >= settings.min_points:
+        if len(points) >= MIN_POINTS:
             clouds.append(points)
             used.append(int(i))
     T_level_world, has_ground = level_frame(clouds, poses[used], settings)

@@ -6,10 +6,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.submap import Submap
+from automos.odometry.submap import VOXEL, Submap
 from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
 from automos.scan import Pose
-from automos.settings import RefineSettings
+
+CLOSE = 0.15
+"""Metres, surfels nearer to a surface than this have found it again: poses that are not yet refined are off by less."""
 
 Array = npt.NDArray[np.float64]
 
@@ -30,12 +32,13 @@ def score_distances(
     forward: Array,
     distances: Array,
     per_sweep: float,
-    settings: RefineSettings,
+    overhead: float,
 ) -> Array:
     """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
 
     Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
-    `per_sweep` is the share of the distance that is driven during a sweep.
+    `per_sweep` is the share of the distance that is driven during a sweep. What is `overhead` metres over the sensor is
+    higher than any vehicle.
     """
     scores = np.zeros((2, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
@@ -44,17 +47,17 @@ def score_distances(
     stretch = per_sweep * (distances - present)
     _score(
         submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
-        settings.speed_close, settings.overhead, scores,
+        overhead, scores,
     )  # fmt: skip
     return scores
 
 
 @numba.njit(cache=True, nogil=True)
 def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, scores
+    submap, points, covariance, times, R, offset, direction, distances, stretch, overhead, scores
 ):  # fmt: skip
-    keys, rows, mean, axes, variance, voxel, near = submap
-    inverse_voxel = 1.0 / voxel
+    keys, rows, mean, axes, variance = submap
+    inverse_voxel = 1.0 / VOXEL
     told = np.zeros(len(mean))  # how much each voxel says about the way
     for row in range(len(mean)):
         for k in range(2):
@@ -91,7 +94,7 @@ def _score(  # type: ignore[no-untyped-def]
         for d in range(len(distances)):
             e = distances[d] + times[i] * stretch[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z), inverse_voxel))
             if few_keys[slot] == -1:
                 continue
             row = few_rows[slot]
@@ -101,5 +104,5 @@ def _score(  # type: ignore[no-untyped-def]
                     break
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
-            if worst < close:
+            if worst < CLOSE:
                 scores[height, d] += told[row]

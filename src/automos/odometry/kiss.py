@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.motion import SweepTiming
-from automos.odometry.sweeps import usable_points
+from automos.odometry.sweeps import MIN_POINTS, usable_points
 from automos.scan import Points, Pose, Scan
 from automos.settings import OdometrySettings
 
@@ -25,6 +25,30 @@ STEP_DIGITS = 6
 """Decimals (m, rad) of a step. Threads add in any order, which shows in the sixteenth digit: reruns are identical."""
 MAX_THREADS = 4
 """More have too few points each to be any faster."""
+MIN_MOTION = 0.1
+"""Metres, deviations below this do not adapt the search's threshold (KISS-ICP's own value)."""
+UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
+"""Metres, deviation expected at first: while the motion is unknown, and once it is known."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long a registration goes on.
+
+    Attributes
+    ----------
+    convergence : metres, it ends with a step shorter than this; KISS-ICP's own is 1e-4.
+    start_convergence : metres, the same for the first scans, at most.
+    max_iterations : at most.
+    """
+
+    convergence: float = 1e-3
+    start_convergence: float = 1e-4
+    max_iterations: int = 500
+
+
+CAREFUL = Effort()
+"""Of the recording itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +85,10 @@ class KissOdometry:
         twist: npt.NDArray[np.float64],
         threshold: float,
         reverse: bool = False,
+        effort: Effort = CAREFUL,
+        workers: int = 0,
     ):
-        self._icp = _make_kiss_icp(settings, threshold)
+        self._icp = _make_kiss_icp(settings, threshold, effort, workers)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
@@ -75,7 +101,7 @@ class KissOdometry:
         predicted = last_pose @ se3_exp(sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
-        is_registered = len(points) >= self._settings.min_points
+        is_registered = len(points) >= MIN_POINTS
         if is_registered:
             icp.last_delta = inverse(last_pose) @ predicted
             icp.register_frame(points.astype(np.float64), np.empty(0))
@@ -96,7 +122,7 @@ def map_voxel(settings: OdometrySettings) -> float:
     return settings.voxel or settings.max_range / 100.0
 
 
-def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
+def _make_kiss_icp(settings: OdometrySettings, threshold: float, effort: Effort, workers: int) -> Any:
     from kiss_icp.config import KISSConfig
     from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
     from kiss_icp.kiss_icp import KissICP
@@ -105,10 +131,10 @@ def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
         out_dir="",
         data=DataConfig(max_range=settings.max_range, min_range=settings.min_range, deskew=False),
         registration=RegistrationConfig(
-            max_num_iterations=settings.max_iterations,
-            convergence_criterion=settings.convergence,
+            max_num_iterations=effort.max_iterations,
+            convergence_criterion=effort.convergence,
             # The first that is asked for holds for the process: KISS-ICP limits its threads once.
-            max_num_threads=min(settings.threads or os.cpu_count() or 1, MAX_THREADS),
+            max_num_threads=min(workers or os.cpu_count() or 1, MAX_THREADS),
         ),
         mapping=MappingConfig(
             voxel_size=map_voxel(settings),
@@ -117,7 +143,7 @@ def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
         adaptive_threshold=AdaptiveThresholdConfig(
             fixed_threshold=None,
             initial_threshold=threshold,
-            min_motion_th=settings.min_motion,
+            min_motion_th=MIN_MOTION,
         ),
     )
     return KissICP(config)

@@ -24,6 +24,31 @@ from automos.settings import LoopSettings, OdometrySettings
 
 Array = npt.NDArray[np.float64]
 
+PLACE_EVERY = 5.0
+"""Metres driven between places."""
+PLACE_LENGTH, PLACE_SCANS = 10.0, 5
+"""Metres driven whose scans show a place, and how many of them: what a few beams miss, the next scans see."""
+RINGS, SECTORS = 20, 60
+"""In which a place is described (Scan Context's own)."""
+VOXEL = 0.5
+"""Metres, one point per voxel; what is nearer lies on each other."""
+MAX_TURN_DRIFT_DEG = 0.3
+"""Degrees per metre driven, by which poses may be turned."""
+MAX_OFFSET = 8.0
+"""Metres between places that show the same: two lanes and more."""
+MAX_DIFFERENCE = 0.4
+"""Between places that look alike, 0 to 1; registration then decides."""
+CANDIDATES = 3
+"""Places tried for each, most alike first."""
+REGISTRATION_DISTANCES = (8.0, 3.0, 1.0)
+"""Metres, one registration each: pairs further apart are left out."""
+MIN_POINTS = 100
+"""That stand on the ground, on which an overlap is judged."""
+DRIFT, TURN_DRIFT_DEG = 0.05, 0.1
+"""Metres and degrees over 10 m, usual drift of the odometry."""
+DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
+"""Metres and degrees, usual error of a revisit's registration."""
+
 
 def close_loops(
     sequence: Sequence,
@@ -40,27 +65,27 @@ def close_loops(
     """
     loops = settings.loops
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
-    middles = np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, loops.place_every))
+    middles = np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, PLACE_EVERY))
     middles = np.unique(np.minimum(middles, len(way) - 1))
     T_level_sensor = T_level_world @ T_world_sensor
     T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
     twists = timing.share * step_twists(T_world_sensor, clock.gaps)
 
     def see(place: int) -> Points:
-        reach = 0.5 * loops.place_length
+        reach = 0.5 * PLACE_LENGTH
         ids = np.flatnonzero(np.abs(way - way[middles[place]]) <= reach)
-        ids = ids[np.unique(np.linspace(0, len(ids) - 1, loops.place_scans).round().astype(int))]
+        ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
         for i in ids:
             points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
             cloud = transform(inverse(T_level_place[place]) @ T_level_sensor[i], points)
             cloud = cloud[np.einsum("ij,ij->i", cloud, cloud) < loops.reach**2]
-            clouds.append(cloud[rows_of_first_in_voxel(cloud, loops.voxel)])
+            clouds.append(cloud[rows_of_first_in_voxel(cloud, VOXEL)])
         cloud = np.concatenate(clouds)
-        return cloud[rows_of_first_in_voxel(cloud, loops.voxel)]
+        return cloud[rows_of_first_in_voxel(cloud, VOXEL)]
 
     found: list[_Revisit] = []
-    looks = [describe_place(see(k), loops.reach, loops.rings, loops.sectors) for k in range(len(middles))]
+    looks = [describe_place(see(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
     for second in range(len(middles)):
         for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], way[middles], loops):
             T_first_second = _verify(see(first), see(second), turn, loops)
@@ -94,13 +119,13 @@ def _look_alike(
     """Return earlier places that look like place `second`, most alike first, and the turn (rad) from each to it."""
     driven = way[second] - way
     apart = np.linalg.norm(position - position[second], axis=1)
-    is_possible = (driven >= loops.min_way) & (apart < loops.max_drift * driven + loops.max_offset)
+    is_possible = (driven >= loops.min_distance) & (apart < loops.max_drift * driven + MAX_OFFSET)
     alike = []
     for first in np.flatnonzero(is_possible):
         difference, turn = compare_places(looks[first], looks[second])
-        if difference < loops.max_difference:
+        if difference < MAX_DIFFERENCE:
             alike.append((difference, int(first), turn))
-    return [(first, turn) for _, first, turn in sorted(alike)[: loops.candidates]]
+    return [(first, turn) for _, first, turn in sorted(alike)[:CANDIDATES]]
 
 
 def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> Pose | None:
@@ -109,9 +134,9 @@ def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> 
 
     c, s = np.cos(turn), np.sin(turn)
     T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=loops.voxel)
-    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=loops.voxel)
-    for distance in loops.registration_distances:
+    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=VOXEL)
+    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=VOXEL)
+    for distance in REGISTRATION_DISTANCES:
         T = small_gicp.align(
             target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance, max_iterations=30
         ).T_target_source
@@ -126,10 +151,10 @@ def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
 
     ground = np.percentile(cloud[:, 2], 5.0)
     is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
-    asked = points[is_inside & (points[:, 2] > ground + loops.voxel)]
-    if len(asked) < loops.min_points:
+    asked = points[is_inside & (points[:, 2] > ground + VOXEL)]
+    if len(asked) < MIN_POINTS:
         return 0.0
-    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=loops.voxel)
+    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=VOXEL)
     return float(np.isfinite(distance).mean())
 
 
@@ -144,7 +169,7 @@ def _solve(
     first = np.arange(len(T_level_place) - 1)
     steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
     length = np.diff(way)
-    usual = np.repeat([loops.drift, np.radians(loops.turn_drift_deg)], 3)
+    usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
     chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
     is_left = np.ones(len(found), bool)
     asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (way[r.second] - way[r.first]) for r in found]
@@ -154,12 +179,12 @@ def _solve(
             np.array([found[k].first for k in left]),
             np.array([found[k].second for k in left]),
             np.array([found[k].T_first_second for k in left]),
-            np.tile(np.repeat([loops.deviation, np.radians(loops.turn_deviation_deg)], 3), (len(left), 1)),
+            np.tile(np.repeat([DEVIATION, np.radians(TURN_DEVIATION_DEG)], 3), (len(left), 1)),
         )
         T, is_kept = solve_pose_graph(T_level_place, chain, links)
         bend = se3_log(inverse(steps) @ inverse(T[:-1]) @ T[1:])
         is_even = np.linalg.norm(bend[:, :3], axis=1) <= loops.max_drift * length
-        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(loops.max_turn_drift_deg) * length
+        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(MAX_TURN_DRIFT_DEG) * length
         if is_even.all() and is_straight.all():
             is_left[left] = is_kept
             return T, is_left

@@ -11,12 +11,13 @@ import numpy.typing as npt
 from automos.array_sequence import ArraySequence
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
+from automos.odometry.kiss import Effort
 from automos.odometry.motion import SweepTiming, sweep_times
 from automos.odometry.register import register_scans
 from automos.odometry.speed import chain, lengthen, missing_distance
 from automos.odometry.stretch import Stretch
-from automos.odometry.surfels import Surfels, make_surfels
-from automos.odometry.sweeps import rows_in_range
+from automos.odometry.surfels import Surfels
+from automos.odometry.sweeps import rows_in_range, surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -30,8 +31,10 @@ WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
 MIN_BEND = 0.1
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
-QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3}
+QUICK = Effort(start_convergence=1e-3, max_iterations=50)
 """Registration of a window's surfels: centimetres are left to what follows."""
+QUICK_VOXEL = 1.5
+"""Metres, voxel of the local map for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,7 @@ def moving_windows(
     clock: Clock,
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
+    workers: int,
 ) -> list[Window]:
     """Return the first of a few places of the recording, its middle first, at which the sensor moves."""
     length = min(WINDOW_SCANS, len(sequence))
@@ -63,7 +67,7 @@ def moving_windows(
     def look(start: int) -> Window | None:
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
-        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings)
+        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings, workers)
 
     found: list[Window] = []
     at = 0
@@ -82,19 +86,20 @@ def _moving_window(
     sources: dict[str, SweepTiming],
     clock: Clock,
     settings: OdometrySettings,
+    workers: int,
 ) -> Window | None:
     """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
     surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
     raw, T = surfels["raw"], poses
     if T is None:
         means = ArraySequence([Scan(s.mean) for s in raw])
-        quick = settings.model_copy(update=QUICK)
-        steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps)][1:])
+        quick = settings.model_copy(update={"voxel": QUICK_VOXEL})
+        steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps, QUICK, workers)][1:])
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
     if poses is None:
         rough = Stretch(raw, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, missing_distance(rough, settings.refinement))
+        T = lengthen(T, missing_distance(rough, settings))
     twists = se3_log(inverse(T[:-1]) @ T[1:])
     bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
     if bend.mean() < MIN_BEND:
@@ -106,7 +111,5 @@ def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) ->
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
     points = np.take(scan.points, rows, axis=0)
-    about = settings.refinement
     times = None if times is None else np.take(times, rows)
-    surfels = make_surfels(points, times, about.surfel, about.near, about.max_range)
-    return surfels[surfels.count >= about.min_points]
+    return surfels_of(points, times)

@@ -14,16 +14,25 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
-from automos.odometry.links import Consistency, choose_links, fit_links
+from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, choose_links, fit_links
 from automos.odometry.stretch import Stretch
 from automos.odometry.submap import Fit
-from automos.settings import RefineSettings
+from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
 
+CONVERGED = 0.003
+"""Metres, a round that moves no scan further is the last: a tenth of a surfel's noise."""
+INFORMATION = 0.05
+"""Share of a surfel's weight that is not its neighbours', which err with it."""
+
 
 def refine_poses(
-    stretch: Stretch, is_fixed: npt.NDArray[np.bool_], settings: RefineSettings, pool: ThreadPoolExecutor | None = None
+    stretch: Stretch,
+    is_fixed: npt.NDArray[np.bool_],
+    settings: OdometrySettings,
+    about: Alignment,
+    pool: ThreadPoolExecutor | None = None,
 ) -> tuple[Stretch, Consistency, Consistency]:
     """Return the scans at refined poses, and their consistency before and after.
 
@@ -31,17 +40,18 @@ def refine_poses(
     ----------
     stretch : consecutive scans.
     is_fixed : (N,) bool, scans that stay where they are (the first one does in any case).
-    settings : the refinement's.
+    settings : the odometry's.
+    about : how scans are laid on submaps.
     pool : threads to share the work; the result does not depend on them.
     """
-    links = list(choose_links(stretch, settings))
+    links = list(choose_links(stretch, about))
     seen: list[Consistency] = []
-    for kernel in settings.kernels:
-        fits, consistency = fit_links(stretch, links, kernel, settings, pool)
+    for kernel in about.kernels:
+        fits, consistency = fit_links(stretch, links, kernel, about, pool)
         seen.append(consistency)
         steps = _solve(stretch, links, fits, is_fixed, settings)
         stretch = stretch.moved(stretch.T_world_sensor @ se3_exp(steps))
-        if np.abs(steps[:, :3]).max() < settings.converged:
+        if np.abs(steps[:, :3]).max() < CONVERGED:
             break
     return stretch, seen[0], seen[-1]
 
@@ -51,16 +61,16 @@ def _solve(
     links: list[tuple[int, int]],
     fits: list[Fit],
     is_fixed: npt.NDArray[np.bool_],
-    settings: RefineSettings,
+    settings: OdometrySettings,
 ) -> Array:
     """Return (N, 6) small motions of all scans in their own frames that suit links and even motion best."""
     from scipy.linalg import solveh_banded
 
     n = len(stretch)
-    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= settings.min_matched]
+    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
     scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T
-    H = settings.information * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
-    g = settings.information * np.array([fits[k].g for k in kept]).reshape(-1, 6)
+    H = INFORMATION * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
+    g = INFORMATION * np.array([fits[k].g for k in kept]).reshape(-1, 6)
     T = stretch.T_world_sensor
     A = adjoint(inverse(T[center]) @ T[scan])
     At_H = np.swapaxes(A, 1, 2) @ H
@@ -100,7 +110,7 @@ def _add_even_motion(
     blocks: list[Array],
     rhs: Array,
     stretch: Stretch,
-    settings: RefineSettings,
+    settings: OdometrySettings,
 ) -> None:
     """Add, for every scan with two neighbours, that the motion before it goes on after it."""
     T, gaps = stretch.T_world_sensor, stretch.gaps
@@ -109,7 +119,7 @@ def _add_even_motion(
     steps = inverse(T[:-1]) @ T[1:]
     change = np.diff(se3_log(steps) / gaps[:, None], axis=0)
     back = adjoint(inverse(steps))
-    usual = np.repeat([settings.max_acceleration, np.radians(settings.max_turn_acceleration_deg)], 3)
+    usual = np.repeat([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)], 3)
     weight = 1.0 / (usual * (stretch.period**2 * np.maximum(gaps[:-1], gaps[1:]))[:, None]) ** 2  # (N - 2, 6)
     per_gap = 1.0 / gaps[:, None, None]
     jacobians = {

@@ -25,7 +25,7 @@ from automos.odometry.stretch import Stretch
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
-from automos.settings import RefineSettings
+from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
 
@@ -35,6 +35,40 @@ SAME_SPEED, OTHER_SPEED = 0.3, 1.5
 """m/s up to which a speed is the present one, and from which it is another."""
 NEAR_STEPS = 2
 """Steps of speed that are still the same speed."""
+LAGS = (0.3, 0.8)
+"""Seconds over which things come by: what moves has no common peak over both."""
+EVERY = 0.5
+"""Seconds between the places asked."""
+STEP = 0.125
+"""m/s between speeds tried: 10 cm over the longer baseline."""
+EVIDENCE = 5.0
+"""Surfels found again that count for half of full certainty."""
+OVERHEAD_WEIGHT = 4.0
+"""Of what is higher than any vehicle: it cannot be traffic."""
+PRIOR = 0.2
+"""Of a full score, that the registration's own speed has ahead."""
+REVERSE_COST = 0.3
+"""Of a full score, that going backwards has behind."""
+GAIN = 0.2
+"""Share by which another speed must explain more."""
+ACCELERATION_COST = 0.3
+"""Share that an acceleration of the usual size must explain."""
+MIN_RATIO = 0.8
+"""Of true speed to first estimate, at least."""
+MIN_CLEAR_SPEED = 2.0
+"""m/s, slower first estimates may be a mistaken standstill."""
+STANDSTILL_SHARE = 0.25
+"""Of what is overhead and faces along the way, found where it was by one who stands."""
+STANDSTILL_SHARE_LOW = 0.1
+"""Of all that faces along the way, the same where nothing is overhead."""
+NEAR_SHARE = 0.5
+"""Of what faces along the way, found again from nearly the same place."""
+NEAR_VIEW = 1.5
+"""Metres over which this falls to a third."""
+MIN_STEP = 0.1
+"""Metres, shorter steps have no direction."""
+MIN_STRAIGHTNESS = 0.8
+"""How much steps agree on their direction in the sensor's frame, 0 to 1, to have one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +87,19 @@ class SpeedSearch:
     refound: Array
 
 
-def missing_distance(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> Array:
+def missing_distance(stretch: Stretch, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Array:
     """Return the (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says."""
     return search_speed(stretch, settings, pool).missing
 
 
-def search_speed(stretch: Stretch, settings: RefineSettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
+def search_speed(stretch: Stretch, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
     """Return by how much steps are too short, and how much each other speed would explain."""
     steps = inverse(stretch.T_world_sensor[:-1]) @ stretch.T_world_sensor[1:]
     best, best_gain, refound = np.zeros((len(steps), 3)), 0.0, np.zeros(len(OFFSETS))
     if len(steps) == 0:
         return SpeedSearch(best, refound)
-    surfels = without_body(stretch.surfels, settings)
-    known = _direction(steps, settings)
+    surfels = without_body(stretch.surfels)
+    known = _direction(steps)
     # A registration that wrongly stands still has none: then either axis of the sensor, usually the vehicle's, may do.
     for forward in np.eye(3)[:2] if known is None else [known]:
         growth, gain, found = _growth_along(forward, stretch, surfels, settings, pool, is_guess=known is None)
@@ -90,7 +124,7 @@ def _growth_along(
     forward: Array,
     stretch: Stretch,
     surfels: list[Surfels],
-    settings: RefineSettings,
+    settings: OdometrySettings,
     pool: ThreadPoolExecutor | None,
     is_guess: bool,
 ) -> tuple[Array, float, Array]:
@@ -102,27 +136,27 @@ def _growth_along(
     """
     T, period = stretch.T_world_sensor, stretch.period
     nothing = np.zeros(len(T) - 1)
-    lags = sorted({min(max(round(lag / period), 1), len(stretch) - 1) for lag in settings.speed_lags})
-    starts = np.arange(0, len(stretch) - max(lags), max(round(settings.submap_every / period), 1))
+    lags = sorted({min(max(round(lag / period), 1), len(stretch) - 1) for lag in LAGS})
+    starts = np.arange(0, len(stretch) - max(lags), max(round(EVERY / period), 1))
     clock = np.concatenate([[0.0], np.cumsum(stretch.gaps)]) * period
-    speeds = np.arange(-settings.max_reverse, settings.max_speed, settings.speed_step)
+    speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
 
-    weights = np.array([1.0, settings.overhead_weight])
+    weights = np.array([1.0, OVERHEAD_WEIGHT])
 
     def score(start: int) -> tuple[Array, Array, Array]:
-        submap = make_submap([surfels[start]], np.eye(4)[None], settings.voxel, settings.near)
-        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings)[:, 0]
+        submap = make_submap([surfels[start]], np.eye(4)[None])
+        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
         refound, believed = np.zeros((2, len(speeds))), np.zeros(len(speeds))
         for end in start + np.array(lags):
             T_start_end = inverse(T[start]) @ T[end]
             seconds = clock[end] - clock[start]
             per_sweep = stretch.share * period / seconds
             distances = speeds * seconds
-            found = score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings)
-            weighed, expected = weights @ found, weights @ whole * _expected_share(distances, settings)
+            found = score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings.overhead)
+            weighed, expected = weights @ found, weights @ whole * _expected_share(distances)
             believed += weighed * np.minimum(weighed / np.maximum(expected, 1e-9), 1.0)
             refound += found
-        return believed / ((weights @ refound).max() + settings.speed_evidence), refound / len(lags), whole
+        return believed / ((weights @ refound).max() + EVIDENCE), refound / len(lags), whole
 
     todo = starts.tolist()
     scored = list(map(score, todo) if pool is None else pool.map(score, todo))
@@ -134,20 +168,20 @@ def _growth_along(
         for now, each in zip(present, scored, strict=True)
     )
     # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
-    is_slower = speeds * np.sign(present)[:, None] < settings.min_speed_ratio * np.abs(present)[:, None]
-    scores[is_slower & (np.abs(present) > settings.min_clear_speed)[:, None]] -= 1.0
+    is_slower = speeds * np.sign(present)[:, None] < MIN_RATIO * np.abs(present)[:, None]
+    scores[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)[:, None]] -= 1.0
     middle = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
     rows = np.arange(len(starts))
-    nearest = np.clip(np.round((present - speeds[0]) / settings.speed_step).astype(int), 0, len(speeds) - 1)
+    nearest = np.clip(np.round((present - speeds[0]) / STEP).astype(int), 0, len(speeds) - 1)
     if is_guess:
         again = np.mean([each[1][:, at] for each, at in zip(scored, nearest, strict=True)], axis=0)
-        if _stands(again, np.mean([each[2] for each in scored], axis=0), settings):
+        if _stands(again, np.mean([each[2] for each in scored], axis=0)):
             return nothing, 0.0, refound
-    prior = 0.0 if is_guess else _prior(speeds, present, settings)  # a mistaken standstill has nothing ahead
+    prior = 0.0 if is_guess else _prior(speeds, present)  # a mistaken standstill has nothing ahead
     path = _best_path(scores + prior, speeds, middle, settings)
     gain = scores[rows, path] - scores[rows, nearest]
-    is_better = gain > settings.speed_gain
-    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (scores[rows, nearest] > settings.speed_gain)
+    is_better = gain > GAIN
+    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (scores[rows, nearest] > GAIN)
     if not is_better.any():
         return nothing, 0.0, refound
     change = np.where(is_better, speeds[path] - present, 0.0)
@@ -157,29 +191,29 @@ def _growth_along(
     return growth, float(gain[is_better].sum()), refound
 
 
-def _stands(refound: Array, whole: Array, settings: RefineSettings) -> bool:
+def _stands(refound: Array, whole: Array) -> bool:
     """Return whether as much is found again where it was, low and high (2,), of the `whole` (2,), as one at rest sees.
 
     What is high tells, if there is any; what is low may be traffic nearly all.
     """
-    if whole[1] > settings.speed_evidence:
-        return bool(refound[1] > settings.standstill_share * whole[1])
-    return bool(refound.sum() > settings.standstill_share_low * whole.sum())
+    if whole[1] > EVIDENCE:
+        return bool(refound[1] > STANDSTILL_SHARE * whole[1])
+    return bool(refound.sum() > STANDSTILL_SHARE_LOW * whole.sum())
 
 
-def _expected_share(distances: Array, settings: RefineSettings) -> Array:
+def _expected_share(distances: Array) -> Array:
     """Return how much of what faces along the way is found again at least, (D,), had the sensor come `distances`.
 
     From nearly the same place nearly all of it is: what stands with the traffic finds little beside the traffic.
     """
-    return settings.near_share * np.exp(-np.abs(distances) / settings.near_view)
+    return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
 
 
-def _prior(speeds: Array, present: Array, settings: RefineSettings) -> Array:
+def _prior(speeds: Array, present: Array) -> Array:
     """Return (M, S) what is added to the scores of `speeds` (S,): the `present` (M,) gain, those backwards lose."""
-    is_present = np.abs(speeds - present[:, None]) < 1.5 * settings.speed_step
-    ahead = np.where(is_present, settings.speed_prior, 0.0)
-    ahead[:, speeds < -settings.speed_step] -= settings.reverse_cost
+    is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
+    ahead = np.where(is_present, PRIOR, 0.0)
+    ahead[:, speeds < -STEP] -= REVERSE_COST
     return ahead
 
 
@@ -199,25 +233,25 @@ def chain(T_first: Pose, steps: Pose) -> Pose:
     return poses
 
 
-def _direction(steps: Pose, settings: RefineSettings) -> Array | None:
+def _direction(steps: Pose) -> Array | None:
     """Return the (3,) direction, in the sensor frame, in which the sensor usually moves; None where it has none."""
     length = np.linalg.norm(steps[:, :3, 3], axis=1)
-    if len(length) == 0 or length.max() < settings.min_step:
+    if len(length) == 0 or length.max() < MIN_STEP:
         return None
     is_moving = length >= 0.5 * np.percentile(length, 90)
     mean = np.mean(steps[is_moving, :3, 3] / np.maximum(length[is_moving, None], 1e-9), axis=0)
     norm = float(np.linalg.norm(mean))
-    return mean / norm if norm > settings.min_straightness else None
+    return mean / norm if norm > MIN_STRAIGHTNESS else None
 
 
-def _best_path(scores: Array, speeds: Array, clock: Array, settings: RefineSettings) -> npt.NDArray[np.int64]:
+def _best_path(scores: Array, speeds: Array, clock: Array, settings: OdometrySettings) -> npt.NDArray[np.int64]:
     """Return (M,) columns of `scores` (M, S) with the greatest sum, less the cost of the accelerations between them."""
     best = scores[0].copy()
     came_from = []
     for row in range(1, len(scores)):
         seconds = clock[row] - clock[row - 1]
         acceleration = (speeds[:, None] - speeds[None, :]) / seconds  # (to, from)
-        cost = settings.acceleration_cost * (acceleration / settings.max_acceleration) ** 2
+        cost = ACCELERATION_COST * (acceleration / settings.usual_acceleration) ** 2
         total = best[None, :] - cost
         came_from.append(np.argmax(total, axis=1))
         best = total.max(axis=1) + scores[row]

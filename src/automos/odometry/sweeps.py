@@ -7,9 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
-from automos.odometry.surfels import Surfels, make_surfels
+from automos.odometry.surfels import MIN_SURFEL_POINTS, Surfels, make_surfels
 from automos.scan import MIN_RANGE, Points, Scan
-from automos.settings import OdometrySettings, RefineSettings
+from automos.settings import OdometrySettings
+
+MIN_POINTS = 50
+"""Usable points of a scan without which it is not registered, and asked about no ground."""
 
 
 def usable_points(
@@ -42,7 +45,7 @@ def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
     return rows[:n]
 
 
-def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, settings: RefineSettings) -> Surfels:
+def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
     """Return the surfels of a sweep's usable points that are seen well enough."""
-    surfels = make_surfels(points, times, settings.surfel, settings.near, settings.max_range)
-    return surfels[surfels.count >= settings.min_points]
+    surfels = make_surfels(points, times)
+    return surfels[surfels.count >= MIN_SURFEL_POINTS]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.links import choose_links, fit_links
+from automos.odometry.links import MIN_MATCHED, Alignment, choose_links, fit_links
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
 from automos.odometry.moving_windows import Window, moving_windows
 from automos.odometry.refine import refine_poses
@@ -27,7 +27,7 @@ from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
 from automos.scan import Pose, Sequence
-from automos.settings import OdometrySettings, RefineSettings
+from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
 
@@ -47,11 +47,11 @@ GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
 """By which more for what is seldom true: halved or reversed sweeps."""
-ON_NEIGHBOURS = RefineSettings(
+ON_NEIGHBOURS = Alignment(
     kernels=(0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600
 )
 """Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
-ON_SUBMAPS = RefineSettings(
+ON_SUBMAPS = Alignment(
     kernels=(0.2, 0.2), noise=0.05, submap_every=0.2, submap_length=0.5, max_distance=40.0, max_surfels=800
 )
 """Each scan on what was seen half a second to two apart: wide enough not to overlook what does not fit."""
@@ -85,6 +85,7 @@ def choose_timing(
     poses: Pose | None,
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
+    workers: int = 0,
 ) -> TimingChoice:
     """Return how the time of each point within its sweep is known, as `settings.time` asks.
 
@@ -114,13 +115,14 @@ def choose_timing(
         return TimingChoice(SweepTiming())
     known = {"raw": SweepTiming()}
     known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
-    windows = moving_windows(sequence, settings, poses, clock, known, pool)
-    windows = [w for w in windows if np.isfinite(_link_misfits(w, SweepTiming(), is_rough=True)).sum() >= LEAST_LINKS]
+    windows = moving_windows(sequence, settings, poses, clock, known, pool, workers)
+    as_they_came = (_link_misfits(window, SweepTiming(), settings, is_rough=True) for window in windows)
+    windows = [w for w, misfits in zip(windows, as_they_came, strict=True) if np.isfinite(misfits).sum() >= LEAST_LINKS]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     timed = [known[source] for source in ("file", "order") if source in known]
     if not windows:  # nothing bends where nothing moves, or nothing is there to tell
         return TimingChoice([*timed[:1], *untimed, _rear()][0] if "file" in known or not untimed else untimed[0])
-    search = _Search(windows, pool)
+    search = _Search(windows, settings, pool)
     backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
     best = search.best([*timed, *untimed], backwards)
     if is_round and from_order is None and (best is None or best.source == "none"):
@@ -135,10 +137,10 @@ def choose_timing(
 class _Search:
     """Asks every window once for each hypothesis."""
 
-    def __init__(self, windows: list[Window], pool: ThreadPoolExecutor | None):
+    def __init__(self, windows: list[Window], settings: OdometrySettings, pool: ThreadPoolExecutor | None):
         self._windows = windows
         self._map: Callable = map if pool is None else pool.map
-        self._misfit = functools.cache(lambda guess, k, is_rough: _link_misfits(windows[k], guess, is_rough))
+        self._misfit = functools.cache(lambda guess, k, is_rough: _link_misfits(windows[k], guess, settings, is_rough))
         self.misfits: dict[str, float] = {}
 
     def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
@@ -229,7 +231,9 @@ def _sees_all_round(sequence: Sequence) -> bool:
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
 
 
-def _link_misfits(window: Window, guess: SweepTiming, is_rough: bool) -> npt.NDArray[np.float64]:
+def _link_misfits(
+    window: Window, guess: SweepTiming, settings: OdometrySettings, is_rough: bool
+) -> npt.NDArray[np.float64]:
     """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
 
     A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
@@ -242,10 +246,10 @@ def _link_misfits(window: Window, guess: SweepTiming, is_rough: bool) -> npt.NDA
     links = list(choose_links(timed, ON_SUBMAPS))
     is_fixed = np.zeros(len(timed), bool)
     if not is_rough:
-        timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
-    timed = refine_poses(timed, is_fixed, ON_SUBMAPS)[0]
+        timed = refine_poses(timed, is_fixed, settings, ON_NEIGHBOURS)[0]
+    timed = refine_poses(timed, is_fixed, settings, ON_SUBMAPS)[0]
     fits = fit_links(timed, links, ON_SUBMAPS.kernels[-1], ON_SUBMAPS, None)[0]
-    n_close = np.array([fit.n_close if fit.n_matched >= ON_SUBMAPS.min_matched else 0 for fit in fits])
+    n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
     share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
     return np.log(np.array([fit.thickness for fit in fits]) / share)
 
