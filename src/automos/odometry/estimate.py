@@ -76,17 +76,15 @@ def estimate_trajectory(
     diagnostics: dict[str, Any] = {"warnings": []}
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
-        choice = choose_timing(sequence, settings, poses, clock, pool, workers)
+        choice = choose_timing(sequence, settings, poses, clock, pool)
         if poses is None:
-            poses, clock = _register(sequence, settings, choice.timing, clock, pool, workers, progress, diagnostics)
+            poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
             if choice.timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
                 # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
-                better = choose_timing(sequence, settings, poses, clock, pool, workers)
+                better = choose_timing(sequence, settings, poses, clock, pool)
                 if better.timing != choice.timing:
                     choice, diagnostics["warnings"] = better, []
-                    poses, clock = _register(
-                        sequence, settings, choice.timing, clock, pool, workers, progress, diagnostics
-                    )
+                    poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
     timing = choice.timing
     diagnostics["timing"] = choice.to_dict()
     if "wall_thickness_m" not in diagnostics:
@@ -108,7 +106,6 @@ def _register(
     timing: SweepTiming,
     clock: Clock,
     pool: ThreadPoolExecutor,
-    workers: int,
     progress: Progress | None,
     diagnostics: dict[str, Any],
 ) -> tuple[Pose, Clock]:
@@ -132,7 +129,7 @@ def _register(
                 progress(i + 1, len(sequence))
         return np.array(steps[1:]).reshape(-1, 4, 4), refinement
 
-    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps, workers=workers))
+    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
     gaps = clock.gaps if clock.has_stamps else find_missing(steps, clock.gaps, clock.period)
     if len(missing := np.flatnonzero(gaps != clock.gaps)):
         diagnostics["warnings"].append(
@@ -141,14 +138,14 @@ def _register(
         )
         clock = clock.with_gaps(gaps)
         held.clear()
-        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps, workers=workers))
+        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
     if held:
         diagnostics["warnings"].append(
             f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
         )
     if not settings.refine:
         return chain(np.eye(4), steps), clock
-    mended = mend_leaps(sequence, steps, timing, clock, settings, workers)
+    mended = mend_leaps(sequence, steps, timing, clock, settings)
     if mended is not steps:
         _, refinement = fold(replay(sequence, mended, timing, clock, settings))
     poses, before, after = refinement.finish()

@@ -1,32 +1,26 @@
 """Poses of every scan from the scans alone, with KISS-ICP (paper III-A; Vizzo et al., RA-L 2023).
 
-Three things KISS-ICP leaves to its caller are done here. Scans reach it already compensated to mid-sweep, so its poses
-are the sensor's at mid-sweep (its own compensation would move them to the sweep's end). Every field of its
-configuration is written, since it reads environment variables. And a scan too poor to register holds the motion instead
-of breaking the map.
+Two things KISS-ICP leaves to its caller are done here. Scans reach it already compensated to mid-sweep, so its poses
+are the sensor's at mid-sweep (its own compensation would move them to the sweep's end). And a scan too poor to register
+holds the motion instead of breaking the map.
 """
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.motion import SweepTiming
+from automos.odometry.registration import Icp, LocalMap
 from automos.odometry.sweeps import MIN_POINTS, usable_points
 from automos.scan import Points, Pose, Scan
 from automos.settings import OdometrySettings
 
 STEP_DIGITS = 6
-"""Decimals (m, rad) of a step. Threads add in any order, which shows in the sixteenth digit: reruns are identical."""
-MAX_THREADS = 4
-"""More have too few points each to be any faster."""
-MIN_MOTION = 0.1
-"""Metres, deviations below this do not adapt the search's threshold (KISS-ICP's own value)."""
+"""Decimals (m, rad) of a step: sums of another order show in the sixteenth digit, and reruns are identical."""
 UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
 """Metres, deviation expected at first: while the motion is unknown, and once it is known."""
 
@@ -86,64 +80,35 @@ class KissOdometry:
         threshold: float,
         reverse: bool = False,
         effort: Effort = CAREFUL,
-        workers: int = 0,
     ):
-        self._icp = _make_kiss_icp(settings, threshold, effort, workers)
+        local_map = LocalMap(map_voxel(settings), settings.points_per_voxel, settings.max_range)
+        self._icp = Icp(local_map, threshold, settings.max_range, effort.convergence, effort.max_iterations)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
+        self._before, self._pose = np.eye(4), np.eye(4)  # of the scan before the last, and of the last
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
         """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
-        icp, sign = self._icp, self._sign
-        last_pose = np.array(icp.last_pose)
-        predicted = last_pose @ se3_exp(sign * gap * self.twist)
+        step = se3_exp(self._sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
         is_registered = len(points) >= MIN_POINTS
         if is_registered:
-            icp.last_delta = inverse(last_pose) @ predicted
-            icp.register_frame(points.astype(np.float64), np.empty(0))
-            is_registered = bool(np.isfinite(icp.last_pose).all())
-            if is_registered:
-                step = se3_log(inverse(last_pose) @ icp.last_pose)
-                icp.last_pose = last_pose @ se3_exp(np.round(step, STEP_DIGITS))
-        if not is_registered:
-            icp.last_pose = predicted
-        step = inverse(last_pose) @ icp.last_pose
-        if is_registered and gap > 0.0:
-            self.twist = sign / gap * se3_log(step)
+            T = self._icp.register(points, self._pose @ step)
+            step = se3_exp(np.round(se3_log(inverse(self._pose) @ T), STEP_DIGITS))
+            if gap > 0.0:
+                self.twist = self._sign / gap * se3_log(step)
+        self._before, self._pose = self._pose, self._pose @ step
         return Registered(step, is_registered, points, times, during)
+
+    def correct(self, T_last_this: Pose, twist: npt.NDArray[np.float64]) -> None:
+        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
+        self._pose = self._before @ T_last_this
+        self.twist = twist
 
 
 def map_voxel(settings: OdometrySettings) -> float:
     """Return metres, the edge of a voxel of the local map."""
     return settings.voxel or settings.max_range / 100.0
-
-
-def _make_kiss_icp(settings: OdometrySettings, threshold: float, effort: Effort, workers: int) -> Any:
-    from kiss_icp.config import KISSConfig
-    from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
-    from kiss_icp.kiss_icp import KissICP
-
-    config = KISSConfig(
-        out_dir="",
-        data=DataConfig(max_range=settings.max_range, min_range=settings.min_range, deskew=False),
-        registration=RegistrationConfig(
-            max_num_iterations=effort.max_iterations,
-            convergence_criterion=effort.convergence,
-            # The first that is asked for holds for the process: KISS-ICP limits its threads once.
-            max_num_threads=min(workers or os.cpu_count() or 1, MAX_THREADS),
-        ),
-        mapping=MappingConfig(
-            voxel_size=map_voxel(settings),
-            max_points_per_voxel=settings.points_per_voxel,
-        ),
-        adaptive_threshold=AdaptiveThresholdConfig(
-            fixed_threshold=None,
-            initial_threshold=threshold,
-            min_motion_th=MIN_MOTION,
-        ),
-    )
-    return KissICP(config)

@@ -51,7 +51,6 @@ def mend_leaps(
     timing: SweepTiming,
     clock: Clock,
     settings: OdometrySettings,
-    workers: int = 0,
 ) -> Pose:
     """Return `steps` (N - 1, 4, 4), those before leaps found backwards where that makes the speed smoother.
 
@@ -60,7 +59,7 @@ def mend_leaps(
     until = len(steps) + 1
     while leaps := [leap for leap in find_leaps(steps, clock) if leap < until]:
         until = leaps[-1]
-        backwards = _register_before(sequence, steps, until, timing, clock, settings, workers)
+        backwards = _register_before(sequence, steps, until, timing, clock, settings)
         if _roughness(backwards, until, clock) < _roughness(steps, until, clock):
             steps = backwards
     return steps
@@ -93,13 +92,12 @@ def _register_before(
     timing: SweepTiming,
     clock: Clock,
     settings: OdometrySettings,
-    workers: int,
 ) -> Pose:
     """Return `steps`, those before scan `leap` registered backwards as far as they are found to be wrong."""
     steps = steps.copy()
     last = min(leap + START_SCANS, len(steps))
     twist = se3_log(steps[last - 1]) / clock.gaps[last - 1]
-    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, True, workers=workers)
+    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, True)
     odometry.register(sequence[last], 0.0)
     n_agreeing = 0
     for i in reversed(range(last)):

@@ -88,13 +88,6 @@ def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
     return keys[used], found[used]
 
 
-def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int64]:
-    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
-    keys = np.floor(points / np.float32(voxel)).astype(np.int64) + (1 << 20)
-    packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
-    return np.sort(np.unique(packed, return_index=True)[1])
-
-
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
     """Return (4,) unit normal towards the sensor and its height over the plane, or None where there is no ground."""
     if len(points) < MIN_POINTS:

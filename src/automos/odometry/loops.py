@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
 from automos.odometry.clock import Clock
-from automos.odometry.level import rows_of_first_in_voxel
 from automos.odometry.motion import SweepTiming, step_twists
 from automos.odometry.places import compare_places, describe_place
 from automos.odometry.pose_graph import Edges, solve_pose_graph
+from automos.odometry.registration import rows_of_first_in_voxel
 from automos.odometry.sweeps import usable_points
 from automos.scan import Points, Pose, Sequence
 from automos.settings import LoopSettings, OdometrySettings

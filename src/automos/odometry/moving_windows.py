@@ -54,7 +54,6 @@ def moving_windows(
     clock: Clock,
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
-    workers: int,
 ) -> list[Window]:
     """Return the first of a few places of the recording, its middle first, at which the sensor moves."""
     length = min(WINDOW_SCANS, len(sequence))
@@ -67,7 +66,7 @@ def moving_windows(
     def look(start: int) -> Window | None:
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
-        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings, workers)
+        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings)
 
     found: list[Window] = []
     at = 0
@@ -86,7 +85,6 @@ def _moving_window(
     sources: dict[str, SweepTiming],
     clock: Clock,
     settings: OdometrySettings,
-    workers: int,
 ) -> Window | None:
     """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
     surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
@@ -94,7 +92,7 @@ def _moving_window(
     if T is None:
         means = ArraySequence([Scan(s.mean) for s in raw])
         quick = settings.model_copy(update={"voxel": QUICK_VOXEL})
-        steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps, QUICK, workers)][1:])
+        steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps, QUICK)][1:])
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
     if poses is None:

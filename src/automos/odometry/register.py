@@ -16,10 +16,10 @@ import numpy.typing as npt
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import CAREFUL, KNOWN_MOTION, UNKNOWN_MOTION, Effort, KissOdometry, Registered, map_voxel
-from automos.odometry.level import rows_of_first_in_voxel
 from automos.odometry.links import Alignment
 from automos.odometry.motion import SweepTiming
 from automos.odometry.refine import refine_poses
+from automos.odometry.registration import rows_of_first_in_voxel
 from automos.odometry.speed import chain
 from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
@@ -53,7 +53,6 @@ def register_scans(
     timing: SweepTiming,
     gaps: Array,
     effort: Effort = CAREFUL,
-    workers: int = 0,
 ) -> Iterator[Registered]:
     """Yield every scan of `sequence` registered to the ones before.
 
@@ -64,25 +63,24 @@ def register_scans(
     timing : when in the sweep each point was measured.
     gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
     effort : how long each registration goes on.
-    workers : threads, 0: as many as there are cores; the result does not depend on them.
     """
-    twist = _first_twist(sequence, settings, timing, gaps, effort, workers)
-    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, effort=effort, workers=workers)
+    twist = _first_twist(sequence, settings, timing, gaps, effort)
+    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, effort=effort)
     for i, scan in enumerate(sequence):
         yield odometry.register(scan, gaps[i - 1] if i else 0.0)
 
 
 def _first_twist(
-    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array, effort: Effort, workers: int
+    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array, effort: Effort
 ) -> Array:
     """Return the (6,) motion per usual gap at the start."""
     scans = [sequence[i] for i in range(min(START_SCANS, len(sequence)))]
-    twist = _twist_from_rest(scans, settings, timing, gaps, effort, workers)
+    twist = _twist_from_rest(scans, settings, timing, gaps, effort)
     if len(sequence) <= START_SCANS:
         return twist
     n = min(FOLD_SCANS, len(sequence))
     trials = [_Trial.of(sequence[i], settings, timing) for i in range(n)]
-    folded, misfit = _fold_from(twist, trials, settings, timing, gaps, effort, workers)
+    folded, misfit = _fold_from(twist, trials, settings, timing, gaps, effort)
     # What pulls registrations off pulls them to rest, so a motion that remains is none by mistake.
     if misfit is None or np.linalg.norm(folded[:3]) > CLEAR_STEP:
         return twist
@@ -91,7 +89,7 @@ def _first_twist(
     hasty = replace(effort, max_iterations=TRIAL_ITERATIONS)
     for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
         for step in TRIED_STEPS:
-            guess, misfit = _fold_from(step * direction, trials, quick, timing, gaps, hasty, workers)
+            guess, misfit = _fold_from(step * direction, trials, quick, timing, gaps, hasty)
             if misfit is not None and misfit < best_misfit:
                 best, best_misfit = guess, misfit
     return best
@@ -113,7 +111,7 @@ class _Trial:
 
 
 def _twist_from_rest(
-    scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array, effort: Effort, workers: int
+    scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array, effort: Effort
 ) -> Array:
     """Return the (6,) first motion that a few scans give: forwards from rest, then backwards.
 
@@ -121,10 +119,10 @@ def _twist_from_rest(
     """
     effort = replace(effort, convergence=min(effort.convergence, effort.start_convergence))
     n = len(scans)
-    forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION, effort=effort, workers=workers)
+    forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION, effort=effort)
     for i, scan in enumerate(scans):
         forwards.register(scan, gaps[i - 1] if i else 0.0)
-    backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, True, effort, workers)
+    backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, True, effort)
     for i in reversed(range(n)):
         backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
     return backwards.twist
@@ -137,10 +135,9 @@ def _fold_from(
     timing: SweepTiming,
     gaps: Array,
     effort: Effort,
-    workers: int,
 ) -> tuple[Array, float | None]:
     """Return the (6,) first motion found from the guess `twist`, and how badly the scans fold with what follows."""
-    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, effort=effort, workers=workers)
+    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION, effort=effort)
     steps = [odometry.register(scan.thin, gaps[i - 1] if i else 0.0).T_last_this for i, scan in enumerate(scans)]
     n = len(scans)
     T = chain(np.eye(4), np.array(steps[1:]))

@@ -85,7 +85,6 @@ def choose_timing(
     poses: Pose | None,
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
-    workers: int = 0,
 ) -> TimingChoice:
     """Return how the time of each point within its sweep is known, as `settings.time` asks.
 
@@ -115,7 +114,7 @@ def choose_timing(
         return TimingChoice(SweepTiming())
     known = {"raw": SweepTiming()}
     known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
-    windows = moving_windows(sequence, settings, poses, clock, known, pool, workers)
+    windows = moving_windows(sequence, settings, poses, clock, known, pool)
     as_they_came = (_link_misfits(window, SweepTiming(), settings, is_rough=True) for window in windows)
     windows = [w for w, misfits in zip(windows, as_they_came, strict=True) if np.isfinite(misfits).sum() >= LEAST_LINKS]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
