@@ -21,7 +21,7 @@ from automos import __version__
 from automos.array_sequence import as_sequence
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings

@@ -28,10 +28,9 @@ from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
 from automos.odometry import azimuths, facing, level
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
-from automos.odometry.sweeps import usable_points
 from automos.scan import Frame, Scan
 from automos.settings import load_settings
 from automos.tracking import judge

@@ -55,8 +55,8 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
         )
         return chosen[-1]
 
-    def too_short_at_first(stretch, settings, pool=None):
-        missing = np.zeros((len(stretch) - 1, 3))
+    def too_short_at_first(window, settings, pool=None):
+        missing = np.zeros((len(window) - 1, 3))
         missing[3, 0] = 1e-3 * (len(chosen) == 1)
         return SpeedSearch(missing, np.zeros(len(OFFSETS)))
 
@@ -126,7 +126,7 @@ def test_poses_that_do_not_suit_the_scans_are_warned_of(scans):
     wrong = TRUTH.copy()
     wrong[:, :3, 3] *= 1.05  # 35 cm in a second
     trajectory = estimate_trajectory(sequence_of(scans), REFINED, poses=wrong)
-    assert "scans a second apart do not fold onto each other" in trajectory.diagnostics["warnings"][0]
+    assert "scans a second apart do not align with each other" in trajectory.diagnostics["warnings"][0]
 
 
 def test_too_few_poses_are_refused(scans):

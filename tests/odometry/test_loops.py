@@ -6,9 +6,8 @@ from automos.geometry import inverse, make_transform, se3_exp
 from automos.odometry import loops
 from automos.odometry.clock import read_clock
 from automos.odometry.loops import RINGS, SECTORS, close_loops
-from automos.odometry.motion import SweepTiming
+from automos.odometry.motion import SweepTiming, chain
 from automos.odometry.places import compare_places, describe_place
-from automos.odometry.speed import chain
 from automos.settings import LoopSettings, OdometrySettings
 
 LOOPS = LoopSettings()
@@ -38,11 +37,9 @@ def drifted(poses, slip, turn):
 
 
 def close(world, poses, **chosen):
-    diagnostics = {}
     settings = SETTINGS.model_copy(update={"loops": LoopSettings(**chosen)})
     clock, T_level_world = read_clock(world.sequence), make_transform(t=[0.0, 0.0, 1.8])
-    closed = close_loops(world.sequence, poses, T_level_world, SweepTiming(), clock, settings, diagnostics)
-    return closed, diagnostics["loops_closed"]
+    return close_loops(world.sequence, poses, T_level_world, SweepTiming(), clock, settings)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ VOXEL, CAPACITY, MAX_RANGE = 0.8, 20, 60.0
 
 
 def make_icp(local_map, threshold=0.5, convergence=1e-4):
-    return Icp(local_map, threshold, MAX_RANGE, convergence, 500)
+    return Icp(local_map, threshold, MAX_RANGE, convergence)
 
 
 @pytest.fixture(scope="module")

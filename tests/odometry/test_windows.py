@@ -4,8 +4,8 @@ from raw_worlds import CANYON, TOWN, curve, true_poses, worst_distance
 from test_refine import shaken
 from worlds import record, van
 
-from automos.odometry.speed import chain
-from automos.odometry.sweeps import surfels_of
+from automos.odometry.motion import chain
+from automos.odometry.surfels import surfels_of
 from automos.odometry.windows import RollingRefinement
 from automos.settings import OdometrySettings
 

@@ -28,7 +28,7 @@ from automos.errors import InputError
 from automos.evaluation.report import find_predictions, read_prediction
 from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import stage_keys
 from automos.run import Progress
 from automos.scan import Pose, Sequence

@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from automos.array_sequence import ArraySequence
 from automos.odometry.clock import USUAL_PERIOD, read_clock
-from automos.odometry.kiss import KNOWN_MOTION, UNKNOWN_MOTION, KissOdometry
+from automos.odometry.kiss import KNOWN_MOTION, START_SCANS, UNKNOWN_MOTION, KissOdometry
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
-from automos.odometry.register import START_SCANS
 from automos.odometry.timing import choose_timing
 from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import make_transform, rotation_between
+from automos.odometry.motion import MIN_POINTS
 from automos.odometry.surfels import find_slot, voxel_key
-from automos.odometry.sweeps import MIN_POINTS
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 

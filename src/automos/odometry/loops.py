@@ -1,24 +1,22 @@
 """Loop closure: places seen again are recognised, verified by registration, and the drift between is spread.
 
 Off by default: closing a loop moves poses that fitted what was seen around them. So the correction is spread evenly
-along the way, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
+along the path, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.motion import SweepTiming, step_twists, usable_points
 from automos.odometry.places import compare_places, describe_place
 from automos.odometry.pose_graph import Edges, solve_pose_graph
 from automos.odometry.registration import rows_of_first_in_voxel
-from automos.odometry.sweeps import usable_points
 from automos.scan import Points, Pose, Sequence
 from automos.settings import LoopSettings, OdometrySettings
 
@@ -57,23 +55,22 @@ def close_loops(
     timing: SweepTiming,
     clock: Clock,
     settings: OdometrySettings,
-    diagnostics: dict[str, Any],
-) -> Pose:
-    """Return the (N, 4, 4) poses with the drift taken out that revisits show; the number of these to `diagnostics`.
+) -> tuple[Pose, int]:
+    """Return the (N, 4, 4) poses with the drift taken out that revisits show, and the number of these.
 
     Memory holds one description per place and the clouds of two places, however long the recording is.
     """
     loops = settings.loops
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
-    middles = np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, PLACE_EVERY))
-    middles = np.unique(np.minimum(middles, len(way) - 1))
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
+    middles = np.searchsorted(path, np.arange(0.0, path[-1] + 1e-9, PLACE_EVERY))
+    middles = np.unique(np.minimum(middles, len(path) - 1))
     T_level_sensor = T_level_world @ T_world_sensor
     T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
     twists = timing.share * step_twists(T_world_sensor, clock.gaps)
 
     def see(place: int) -> Points:
         reach = 0.5 * PLACE_LENGTH
-        ids = np.flatnonzero(np.abs(way - way[middles[place]]) <= reach)
+        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= reach)
         ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
         for i in ids:
@@ -87,16 +84,16 @@ def close_loops(
     found: list[_Revisit] = []
     looks = [describe_place(see(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
     for second in range(len(middles)):
-        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], way[middles], loops):
+        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], path[middles], loops):
             T_first_second = _verify(see(first), see(second), turn, loops)
             if T_first_second is not None:
                 found.append(_Revisit(first, second, T_first_second))
-    T_closed, is_kept = _solve(T_level_place, way[middles], found, loops)
-    diagnostics["loops_closed"] = int(is_kept.sum())
+    T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
     if not is_kept.any():
-        return T_world_sensor
+        return T_world_sensor, 0
     correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
-    return _spread(T_world_sensor, T_level_world, T_level_place, correction, way, way[middles])
+    poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
+    return poses, int(is_kept.sum())
 
 
 @dataclass(frozen=True)
@@ -114,10 +111,10 @@ def _upright(T: Pose) -> Pose:
 
 
 def _look_alike(
-    second: int, looks: list[Array], position: Array, way: Array, loops: LoopSettings
+    second: int, looks: list[Array], position: Array, path: Array, loops: LoopSettings
 ) -> list[tuple[int, float]]:
     """Return earlier places that look like place `second`, most alike first, and the turn (rad) from each to it."""
-    driven = way[second] - way
+    driven = path[second] - path
     apart = np.linalg.norm(position - position[second], axis=1)
     is_possible = (driven >= loops.min_distance) & (apart < loops.max_drift * driven + MAX_OFFSET)
     alike = []
@@ -159,20 +156,20 @@ def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
 
 
 def _solve(
-    T_level_place: Pose, way: Array, found: list[_Revisit], loops: LoopSettings
+    T_level_place: Pose, path: Array, found: list[_Revisit], loops: LoopSettings
 ) -> tuple[Pose, npt.NDArray[np.bool_]]:
     """Return the places' poses with the revisits taken into account, and which of these were believed.
 
-    Wrong revisits that agree with each other could outvote the way driven. So none may bend it more than drift would:
+    Wrong revisits that agree with each other could outvote the path driven. So none may bend it more than drift would:
     until that is so, the one that asks for most is given up.
     """
     first = np.arange(len(T_level_place) - 1)
     steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
-    length = np.diff(way)
+    length = np.diff(path)
     usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
     chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
     is_left = np.ones(len(found), bool)
-    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (way[r.second] - way[r.first]) for r in found]
+    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
     while is_left.any():
         left = np.flatnonzero(is_left)
         links = Edges(
@@ -198,12 +195,12 @@ def _disagreement(T: Pose, revisit: _Revisit) -> Array:
 
 
 def _spread(
-    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, way: Array, place_way: Array
+    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array
 ) -> Pose:
-    """Return the poses moved by the corrections of the places before and after, in proportion to the way."""
-    after = np.clip(np.searchsorted(place_way, way, side="right"), 1, len(place_way) - 1)
+    """Return the poses moved by the corrections of the places before and after, in proportion to the path."""
+    after = np.clip(np.searchsorted(place_path, path, side="right"), 1, len(place_path) - 1)
     before = after - 1
-    share = np.clip((way - place_way[before]) / np.maximum(place_way[after] - place_way[before], 1e-9), 0.0, None)
+    share = np.clip((path - place_path[before]) / np.maximum(place_path[after] - place_path[before], 1e-9), 0.0, None)
     T_level_sensor = T_level_world @ T_world_sensor
     moved = []
     for place in (before, after):

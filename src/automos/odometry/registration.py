@@ -24,6 +24,8 @@ MIN_MOTION = 0.1
 """Metres, predictions that are off by less do not change how far is looked (the authors' value)."""
 FORGET_EVERY = 0.1
 """Of the map's range, that the sensor moves on before what is out of range is forgotten."""
+MAX_ITERATIONS = 500
+"""Of one registration (the authors' value)."""
 AROUND = np.array(
     sorted(((x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)), key=lambda v: np.abs(v).sum())
 )
@@ -70,12 +72,10 @@ class LocalMap:
 class Icp:
     """Scans laid on the map of the ones before, and how far predictions have been off."""
 
-    def __init__(
-        self, local_map: LocalMap, threshold: float, max_range: float, convergence: float, max_iterations: int
-    ):
+    def __init__(self, local_map: LocalMap, threshold: float, max_range: float, convergence: float):
         """Take the map, the deviation from predictions expected at first (m) and when a registration ends."""
         self._map, self._max_range = local_map, max_range
-        self._convergence, self._max_iterations = convergence, max_iterations
+        self._convergence = convergence
         self._squares, self._n = threshold**2, 1
 
     def register(self, points: Points, T_world_predicted: Pose) -> Pose:
@@ -95,7 +95,7 @@ class Icp:
     def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
         nearest = np.full((len(source), 3), np.nan)
         asked_at, margin = np.zeros((len(source), 3)), np.full(len(source), -1.0)
-        for _ in range(self._max_iterations):
+        for _ in range(MAX_ITERATIONS):
             H, g = np.zeros((6, 6)), np.zeros(6)
             _lay(source, T, self._map.arrays, nearest, asked_at, margin, 3.0 * threshold, threshold, H, g)
             if H[0, 0] == 0.0:  # nothing lies near anything

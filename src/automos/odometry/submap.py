@@ -1,4 +1,4 @@
-"""A short stretch of the recording as a field of small planes and edges, and how well a scan lies on it.
+"""A short window of the recording as a field of small planes and edges, and how well a scan lies on it.
 
 Surfels of a few neighbouring scans are merged in voxels. Where a voxel holds a plane, it says how far a surfel is off
 along the normal; where it holds an upright edge or pole, along both directions across it. A single ring of a spinning

@@ -25,6 +25,14 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should show."""
 MIN_SURFEL_POINTS = 3
 """Points without which a surfel has no extent."""
+BODY_RANGE = 6.0
+"""Metres within which the vehicle's own body is looked for: a long one's ends."""
+BODY_VOXEL = 0.4
+"""Metres, edge of the voxels in which places are compared, as surfels have."""
+BODY_SHARE = 0.8
+"""Share of the scans that must see it at the same place."""
+BODY_SPREAD = 0.04
+"""Metres, deviation of that place: noise of a surfel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,43 @@ def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfe
     size = 1 << max(int(np.ceil(np.log2(max(len(points), 16)))), 4)
     sums = _sum_moments(np.ascontiguousarray(points), times, size)
     return Surfels(*_finish_moments(sums))
+
+
+def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+    """Return the surfels of a sweep's usable points that are seen well enough."""
+    surfels = make_surfels(points, times)
+    return surfels[surfels.count >= MIN_SURFEL_POINTS]
+
+
+def without_body(surfels: list[Surfels]) -> list[Surfels]:
+    """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
+
+    Near the sensor, what nearly every scan has at the same place to within centimetres belongs to the vehicle (or is
+    ground so even that nothing is lost with it). While the vehicle stands, everything does.
+    """
+    if not surfels:
+        return []
+    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
+    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
+    _, voxel, count = np.unique(_voxel_keys(means), return_inverse=True, return_counts=True)
+    spread = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(voxel, means[:, axis], len(count)) / count
+        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
+    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
+    out = []
+    for scan, near in zip(surfels, is_near, strict=True):
+        keep = np.ones(len(scan), bool)
+        n = int(near.sum())
+        keep[near] = ~is_body[:n]
+        is_body = is_body[n:]
+        out.append(scan[keep])
+    return out
+
+
+def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    k = np.floor(points / BODY_VOXEL).astype(np.int64) + (1 << 20)
+    return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -4,9 +4,8 @@ from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import SCAN_GAP, record, van
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.motion import SweepTiming
-from automos.odometry.register import register_scans
-from automos.odometry.speed import chain
+from automos.odometry.kiss import register_scans
+from automos.odometry.motion import SweepTiming, chain
 from automos.scan import Scan
 from automos.settings import OdometrySettings
 
@@ -87,7 +86,7 @@ def test_a_start_in_full_flight_is_found(heading, monkeypatch):
     world = record(TOWN, np.array([pose(SCAN_GAP * i) for i in range(n)]), n_beams=40)
 
     def steps_with(tried):
-        monkeypatch.setattr("automos.odometry.register.TRIED_STEPS", tried)
+        monkeypatch.setattr("automos.odometry.kiss.TRIED_STEPS", tried)
         found = register_scans(world.sequence, OdometrySettings(), SweepTiming(), np.ones(n - 1))
         return np.array([scan.T_last_this[0, 3] for scan in found][1:])
 
