@@ -28,10 +28,9 @@ from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
 from automos.odometry import azimuths, facing, level
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
-from automos.odometry.sweeps import usable_points
 from automos.scan import Frame, Scan
 from automos.settings import load_settings
 from automos.tracking import judge
@@ -174,19 +173,19 @@ def _odometry(points: np.ndarray) -> None:
     azimuths.turns_by_beam(points, -1, float(points[0, 0]))
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
-    level._nearest_to_middle(points, about.ground_range, about.ground_voxel)
+    level._nearest_to_middle(points, level.RANGE, level.VOXEL)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
-    surfels = make_surfels(points, times, 0.4, 20.0, 1e30)
+    surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
-        submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]), 0.8, 20.0)
-        fit_surfels(submap, surfels, T, 0.2, 0.03, 0.1)
+        submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
+        fit_surfels(submap, surfels, T, 0.2)
         distances = np.resize(points, 5).astype(float)
         scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
         facing._score(
             submap.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
-            T[:3, 3].copy(), way, distances, distances, 0.15, 2.7, scores,
+            T[:3, 3].copy(), way, distances, distances, 2.7, scores,
         )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from automos.errors import InputError
 from automos.evaluation.report import find_predictions, read_prediction
 from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import stage_keys
 from automos.run import Progress
 from automos.scan import Pose, Sequence
@@ -140,7 +140,7 @@ class MethodRuns:
         return method if self.poses == "own" and method in PRESETS else "default"
 
     def _pose_key(self, method: str) -> str:
-        odometry = self._settings[self._pose_preset(method)].odometry.model_dump(mode="json", exclude={"threads"})
+        odometry = self._settings[self._pose_preset(method)].odometry.model_dump(mode="json")
         given = None if self._given is None else np.ascontiguousarray(self._given, np.float64).tobytes().hex()
         return fingerprint(self.sequence.fingerprint(), odometry, given)
 

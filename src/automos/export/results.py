@@ -105,7 +105,7 @@ def write_results(
 def versions() -> dict[str, str]:
     """Return the versions of what shapes the labels."""
     found = {"automos": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "numba", "hdbscan", "kiss-icp", "small_gicp"):
+    for package in ("numpy", "scipy", "numba", "hdbscan", "small_gicp"):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

@@ -21,8 +21,7 @@ from automos.errors import InputError
 from automos.evaluation.report import find_predictions, read_prediction
 from automos.geometry import inverse, make_transform, transform
 from automos.labels import Label
-from automos.odometry.frames import make_frame
-from automos.odometry.trajectory import Trajectory
+from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
 from automos.reading import read_json
 from automos.scan import GROUND, Points, Pose, Scan, Sequence

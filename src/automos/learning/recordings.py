@@ -23,7 +23,7 @@ from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import pick_past
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import make_frame
+from automos.odometry.trajectory import make_frame
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
 from automos.settings import ImageSettings, Settings

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from automos.geometry import inverse, transform
 from automos.labels import Label
 from automos.odometry import Trajectory
-from automos.odometry.frames import make_frame
+from automos.odometry.trajectory import make_frame
 from automos.scan import Sequence
 from automos.settings import SceneFlowSettings
 

@@ -36,7 +36,7 @@ from automos.settings.network import (
     SceneFlowSettings,
     TrainingSettings,
 )
-from automos.settings.odometry import LoopSettings, OdometrySettings, RefineSettings
+from automos.settings.odometry import LoopSettings, OdometrySettings
 from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
 from automos.settings.tracking import (
     AssociationSettings,
@@ -58,7 +58,7 @@ __all__ = [
     "GroundSettings", "HdbscanSettings", "HmmMosSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
     "LabelsSettings", "LoopSettings", "MDetectorSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OctomapSettings", "OdometrySettings", "OnlineSettings", "OutputSettings", "PfreundschuhSettings",
-    "RefineSettings", "RemovertSettings", "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings",
+    "RemovertSettings", "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings",
     "SmoothingSettings", "TrackingSettings", "TrainingSettings", "VerdictSettings", "YoonSettings",
     "dump_yaml", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from automos.errors import SettingsError
 from automos.reading import read_text
+from automos.settings.former import refuse_former_name, with_present_names
 from automos.settings.tree import Settings
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -64,6 +65,7 @@ def load_settings(
     if file is not None:
         tree = _merged(tree, _read_yaml(Path(file)))
     for dotted, value in (overrides or {}).items():
+        refuse_former_name(dotted)
         branch: Any = value
         for key in reversed(dotted.split(".")):
             branch = {key: branch}
@@ -130,7 +132,7 @@ def _read_yaml(file: Path) -> dict[str, Any]:
         raise SettingsError(f"settings file {file} is not YAML ({why}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):
         raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
-    return tree or {}
+    return with_present_names(tree or {}, f"settings file {file}")
 
 
 def _sentence(error: ValidationError) -> str:
