@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from automos.candidates.erasor import PUBLISHED, Volume, cut_submaps, find_candidates, polar_bins
+from automos.candidates.erasor import PUBLISHED, find_candidates
+from automos.candidates.erasor_bins import Volume, polar_bins
+from automos.candidates.submaps import cut_submaps
 from automos.geometry import inverse, make_transform, transform
 from automos.scan import Frame
 from automos.settings import ErasorSettings

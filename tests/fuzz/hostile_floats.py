@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 import automos
 from automos.baselines import height_images, octomap, range_image, removert, yoon
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates import ego_body, erasor, free_space_looks, free_space_vote, free_space_weigh
+from automos.candidates import ego_body, erasor, erasor_bins, free_space_looks, free_space_vote, free_space_weigh
 from automos.candidates.free_space_image import make_image, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -115,13 +115,15 @@ def _ego_body(points: np.ndarray) -> None:
 def _erasor(points: np.ndarray) -> None:
     n = len(points)
     erasor._voxels_near(points, points[0], np.float32(80.0))
-    erasor.polar_bins(points, erasor.Volume(80.0, 20, 108, -1.0, 3.0))
+    erasor_bins.polar_bins(points, erasor_bins.Volume(80.0, 20, 108, -1.0, 3.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
         settings = SETTINGS.candidates.erasor.model_copy(update={"version": version})
         volume_and_rules = erasor._for_kernel(settings, erasor.PUBLISHED._replace(min_points=1))
         scan_ids = ids.astype(np.int32)
-        erasor._compare(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, *volume_and_rules)
+        erasor_bins.compare_bins(
+            ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, *volume_and_rules
+        )
     fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
     voxels = VoxelMap(0.2, points[0])
     voxels.add(points)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates.erasor import cut_submaps
+from automos.candidates.submaps import cut_submaps
 from automos.candidates.voxel_map import VoxelMap
 from automos.scan import Frame, Frames, Mask
 
