@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from automos.baselines.methods import BASELINES
 from automos.candidates.cue import add_cue, read_cue
+from automos.candidates.erasor import PUBLISHED
 from automos.candidates.free_space import FreeSpace
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -83,7 +84,7 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
         points, ground = frame.points_level, settings.candidates.ground
         surface = fit_ground(points, frame.origin_level, ground)
         kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
-        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < settings.candidates.erasor.ego_radius] = EGO_BODY
+        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
         height = points[:, 2] - surface.height_at(points)
         solidity = np.full(len(kind), 255, np.uint8)
         yield i, _candidates(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)

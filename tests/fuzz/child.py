@@ -160,7 +160,6 @@ def main() -> None:
                 fuzz_poses(rng, work)
             elif kind == "edits":
                 if run is None:
-                    sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
                     from made_run import make_run
 
                     run = make_run(root / "run")

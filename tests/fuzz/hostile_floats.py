@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 import automos
 from automos.baselines import height_images, octomap, range_image, removert, yoon
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates import ego_body, erasor, free_space_looks, free_space_vote, free_space_weigh
+from automos.candidates import ego_body, erasor, erasor_bins, free_space_looks, free_space_vote, free_space_weigh
 from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -115,13 +115,15 @@ def _ego_body(points: np.ndarray) -> None:
 def _erasor(points: np.ndarray) -> None:
     n = len(points)
     erasor._voxels_near(points, points[0], np.float32(80.0))
-    volume = (np.float32(80.0), 20, 108, -1.0, 3.0)
-    erasor.polar_bins(points, *volume)
+    erasor_bins.polar_bins(points, erasor_bins.Volume(80.0, 20, 108, -1.0, 3.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
-        arguments = erasor._kernel_arguments(SETTINGS.candidates.erasor) | {"version": version, "min_points": 1}
+        settings = SETTINGS.candidates.erasor.model_copy(update={"version": version})
+        volume_and_rules = erasor._for_kernel(settings, erasor.PUBLISHED._replace(min_points=1))
         scan_ids = ids.astype(np.int32)
-        erasor._compare(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, **arguments)
+        erasor_bins.compare_bins(
+            ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, *volume_and_rules
+        )
     fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
     voxels = VoxelMap(0.2, points[0])
     voxels.add(points)
@@ -198,7 +200,7 @@ def _baselines(points: np.ndarray) -> None:
     grid.pass_rays(points[0], points, 1, passed)
     grid.neighbours(ids[ids >= 0], grid.indices(), 1)
     octomap._update(points[:, 0].copy(), ids, ids, 0, 0.1, -0.1, -2.0, 2.0)
-    height_images.find_ground(points, SETTINGS.baselines.octomap.model_copy(update={"image_range": 4.0}))
+    height_images.find_ground(points, height_images.HeightImages(reach=4.0))
     shape = range_image.image_shape(2.0, 4.0, -60.0, 60.0)
     seen = range_image.nearest_ranges(points, shape)
     range_image.shortest_around(seen, 1, 1)
@@ -214,10 +216,10 @@ def _network(points: np.ndarray) -> None:
         pixels, ranges = projection.project(points, grid)
         index = projection.nearest_points(pixels, ranges, grid.size)
         now = np.resize(points[:, 0], (16, 64))
-        residuals.residual_images(now, [points], np.stack([np.eye(4)]), grid, (1.0, 80.0))
-        residuals.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid, (1.0, 80.0))
+        residuals.residual_images(now, [points], np.stack([np.eye(4)]), grid)
+        residuals.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid)
         image = SimpleNamespace(pixels=pixels, ranges=ranges, channels=np.stack([now]), index=index)
-        cleanup.vote(image, np.resize(points[:, 1], (16, 64)), SETTINGS.network.cleanup)
+        cleanup.vote(image, np.resize(points[:, 1], (16, 64)))
 
 
 def _geometry(points: np.ndarray) -> None:

@@ -9,8 +9,8 @@ import time
 import numpy as np
 import pytest
 
-from automos.export.open_run import open_run
 from automos.labels import Label
+from automos.results.open_run import open_run
 from automos.review import session as session_module
 from automos.review import writer as writer_module
 from automos.review.decisions import read_decisions

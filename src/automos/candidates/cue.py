@@ -14,6 +14,9 @@ import numpy.typing as npt
 from automos.errors import InputError
 from automos.settings import SelfTrainingSettings
 
+_MOST = 0.98
+"""Probability that a network is trusted with at most: a few in a hundred labels that it has learnt from are wrong."""
+
 
 def add_cue(
     log_odds: npt.NDArray[np.floating], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
@@ -22,7 +25,7 @@ def add_cue(
 
     `probability` (M,) is that of moving, in [0, 1].
     """
-    heard = np.clip(probability.astype(np.float64), 1.0 - settings.most, settings.most)
+    heard = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
     return (log_odds + settings.weight * np.log(heard / (1.0 - heard))).astype(np.float16)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import write_text
-from automos.baselines.methods import BUILDS_ON
+from automos.baselines.methods import published
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
@@ -96,7 +96,7 @@ class MethodRuns:
     ):
         """Take a recording and where results are kept.
 
-        `overrides` are settings that differ from the presets' ("baselines.removert.voxel": 0.1); `poses` (N, 4, 4)
+        `overrides` are settings that differ from the presets' ("candidates.ground.cell": 0.4); `poses` (N, 4, 4)
         T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is no preset is
         given the default's; `shared`: all are. Without `own_process` methods run in this one: short recordings take
         less time, but what they cost is not known. `repeats` is how often each is run. `predictions` are
@@ -167,10 +167,8 @@ class MethodRuns:
         if method in PRESETS:
             return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
         chosen = settings.model_dump(mode="json")
-        own = [chosen["baselines"].get(name) for name in (method, *BUILDS_ON.get(method, ()))]
-        return fingerprint(
-            self._pose_key(method), method, own, chosen["candidates"]["ground"], chosen["candidates"]["erasor"]
-        )
+        own = chosen["candidates"]["erasor"] if method == "erasor" else repr(published(method))
+        return fingerprint(self._pose_key(method), method, own, chosen["candidates"]["ground"])
 
     def cost(self, method: str) -> Cost | None:
         """Return what `method` took; it is run where its labels are not there yet. None of another program's labels.

@@ -8,12 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.atomic import atomic_path
+from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry import Trajectory
+from automos.reading import read_json
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+
+VERDICTS = tuple(verdict.name.lower() for verdict in sorted(Verdict))
+"""Classes of objects, in the order of `Verdict`."""
+
+MIN_SIDE = 0.02
+"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
 
 
 def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: Iterable[dict[str, Any]]) -> None:
@@ -54,3 +63,44 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
             "confidence": round(float(verdicts.confidence[k]), 3),
             "boxes": boxes,
         }
+
+
+def read_tracks(path: Path) -> dict[str, Any]:
+    """Return what the file holds.
+
+    Raises
+    ------
+    InputError
+        It is missing or damaged.
+    """
+    try:
+        return read_json(path)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+
+
+def box_table(tracks_file: dict[str, Any]) -> dict[str, npt.NDArray]:
+    """Return columns of all boxes of all tracks, a row each, by scan, then track; sides are `MIN_SIDE` at least."""
+    rows = [
+        (
+            *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
+            *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
+        )
+        for track in tracks_file["tracks"]
+        for box in track["boxes"]
+    ]
+    table = np.array(rows, np.float64).reshape(-1, 15)
+    table = table[np.lexsort((table[:, 1], table[:, 0]))]
+    return {
+        "scan": table[:, 0].astype(np.int64),
+        "id": table[:, 1].astype(np.int64),
+        "verdict": table[:, 2].astype(np.int8),
+        "confidence": table[:, 3],
+        "observed": table[:, 4] > 0,
+        "yaw": table[:, 5],
+        "center": table[:, 6:9],
+        "size": np.maximum(table[:, 9:12], MIN_SIDE),
+        "velocity": table[:, 12:15],
+    }
