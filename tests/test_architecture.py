@@ -11,6 +11,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 
 BASE = {
     "labels",
+    "label_files",
     "scan",
     "array_sequence",
     "geometry",

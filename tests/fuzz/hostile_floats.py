@@ -12,7 +12,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.baselines import height_images, octomap, range_image, removert, yoon
+from automos.baselines import (
+    depth_images,
+    height_images,
+    hmm_mos,
+    m_detector,
+    occlusion_tests,
+    octomap,
+    range_image,
+    removert,
+    yoon,
+)
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates import ego_body, erasor, erasor_bins, free_space_looks, free_space_vote, free_space_weigh
 from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
@@ -211,6 +221,35 @@ def _baselines(points: np.ndarray) -> None:
     yoon._has_company(points, is_member, shape, 2, 2)
 
 
+def _occlusion(points: np.ndarray) -> None:
+    ordinary = np.random.default_rng(0).normal(0.0, (8.0, 8.0, 1.0), (60, 3)).astype(np.float32)
+    tests = m_detector._Tests(SETTINGS.baselines.m_detector, range_image.image_shape(2.0, 4.0, -60.0, 60.0))
+    hostile_T = np.vstack([np.resize(points, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
+    for cloud, T in ((points, np.eye(4)), (ordinary, np.eye(4)), (ordinary, hostile_T)):
+        there = T[:3].astype(np.float32)
+        for shares in ((0.8, 0.6), (2.0, 1.8)):  # what went away, and what is hidden now
+            images = [
+                depth_images.draw(each, np.arange(len(each)) % 5 == 4, T, -0.1 * i, tests._shape)
+                for i, each in enumerate([cloud * np.float32(shares[0]), cloud * np.float32(shares[1]), points])
+            ]
+            for stamp in (0.1, 0.0):  # at the same time as the newest: no speed
+                tests.find_events(_frame(cloud), stamp, images)
+            past, asked = depth_images.stack(images[:2]), np.ones(len(cloud), bool)
+            crossing = tests._crossing._replace(images=1)
+            occlusion_tests.find_crossing(cloud, asked, np.stack([there] * 2), past, crossing, tests._shape)
+            for case in tests._along:
+                far = case._replace(depth=0.0, share=0.0, reach=1e30, max_acceleration=1e30)
+                along = (cloud, asked, there[None], there, np.array([0.1, 0.1]), past, past, far, tests._shape)
+                occlusion_tests.find_along_ray(*along)
+
+
+def _hidden_states(points: np.ndarray) -> None:
+    n = len(points)
+    belief, state = np.abs(points), np.zeros(n, np.int8)
+    hmm_mos._filter(np.arange(n), points[:, 0], belief, state, 0.005, 0.99)
+    hmm_mos._filter(np.arange(n), points[:, 0], np.zeros((n, 3), np.float32), state, 0.005, 0.99)
+
+
 def _network(points: np.ndarray) -> None:
     for grid in (projection.even_grid(16, 64, 3.0, -25.0), projection.ImageGrid(16, 64, np.resize(points, 4097))):
         pixels, ranges = projection.project(points, grid)
@@ -259,6 +298,8 @@ ROOMS: dict[str, Callable[[np.ndarray], None]] = {
     "tracking": _tracking,
     "odometry": _odometry,
     "baselines": _baselines,
+    "occlusion": _occlusion,
+    "hidden states": _hidden_states,
     "network": _network,
     "datasets": _datasets,
 }
@@ -268,15 +309,10 @@ ROOMS: dict[str, Callable[[np.ndarray], None]] = {
 WHOLE_NUMBERS = {"_keep_nearest"}
 """Kernels that take no floats."""
 
-NOT_YET = {"depth_images.py", "occlusion_tests.py", "hmm_mos.py"}
-"""Files whose kernels are not called here yet: those of rivals, which `automos compare` runs on valid points only."""
-
 
 def kernels() -> Iterator[tuple[Path, str]]:
     """Yield the file and name of every compiled kernel that may be given what was read."""
     for path in sorted(set(SOURCE.rglob("*.py")) - set((SOURCE / "simulation").rglob("*.py"))):
-        if path.name in NOT_YET:
-            continue
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.FunctionDef)

@@ -71,7 +71,7 @@ def test_a_recording_of_other_scans_is_refused(run):
     with pytest.raises(InputError, match="holds no predictions for street"):
         RunFiles(run.folder / "nowhere", run.sequence)
     longer = ArraySequence([np.zeros((7, 3))] * 3, name="longer")
-    with pytest.raises(InputError, match="has 24 bytes, but its scan has 7 points"):
+    with pytest.raises(InputError, match="holds 6 labels, but its scan has 7 points"):
         RunFiles(run.folder, longer).labels(0, 7)
 
 

@@ -140,7 +140,7 @@ class _Voxels:
         return np.nanmedian(values, axis=1).astype(np.int32)  # never empty: each was hit itself
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _filter(seen, likelihood, belief, state, change, sure):  # type: ignore[no-untyped-def]
     """One step of the hidden Markov model for the voxels `seen` (K,); a belief past `sure` becomes the state."""
     stay = 1.0 - 3.0 * change

@@ -52,7 +52,11 @@ def compare(
     from automos.comparison.compare import compare as compare_methods
     from automos.comparison.compare import write_comparison
     from automos.comparison.labelers import choose_methods
+    from automos.errors import InputError
+    from automos.scan import MAX_RANGE
 
+    if not 0.0 < radius < MAX_RANGE:
+        raise InputError(f"--radius {radius:g} is not possible: give metres around the sensor, up to {MAX_RANGE:g}")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
     runs = _runs(

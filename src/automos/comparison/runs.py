@@ -25,11 +25,13 @@ from automos.baselines.methods import published
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import stage_keys
+from automos.reading import read_json
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
@@ -201,15 +203,15 @@ class MethodRuns:
         """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
         name = self.sequence.names[index]
         if method in self._others:
-            return to_mos(read_prediction(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
-        return read_prediction(self.folder / method / "predictions" / f"{name}.label", n_points)
+            return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
+        return read_labels(self.folder / method / "predictions" / f"{name}.label", n_points)
 
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_json(file)
         return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):  # damaged from outside: it is run again
         return None
 
 
@@ -242,7 +244,7 @@ def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
     for i in range(len(sequence) if folders else 0):
         n_points = len(sequence[i])
         for folder in folders.values():
-            read_prediction(folder / f"{sequence.names[i]}.label", n_points)
+            read_labels(folder / f"{sequence.names[i]}.label", n_points)
 
 
 def is_moving(labels: npt.NDArray) -> npt.NDArray[np.bool_]:

@@ -17,13 +17,15 @@ import numpy.typing as npt
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.datasets import open_recordings
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import make_frame
+from automos.reading import damage_told, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
 from automos.settings import ImageSettings, Settings
@@ -124,8 +126,16 @@ class LabeledRecording:
             return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
         path = self._predictions.parent / "confidences" / f"{name}.npy"
         if path.exists():
-            certain = np.load(path)
-        return to_mos(read_prediction(self._predictions / f"{name}.label", n_points)), certain
+            certain = _confidences(path, n_points)
+        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+
+
+def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
+    with damage_told(path, "holds no confidences of its scan"):
+        certain = read_array(path)
+        if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
+            raise ValueError(f"{n_points} numbers from 0 to 1 are needed")
+    return certain
 
 
 class Shelf:

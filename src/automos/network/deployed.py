@@ -5,7 +5,6 @@ Whatever runs it, it is a function from an image (C, H, W) to the probability (H
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from automos.errors import InputError, MissingExtraError
 from automos.extras import pip_install
 from automos.network.images import read_image_settings
 from automos.network.projection import Image
+from automos.reading import parse_json
 from automos.settings import ImageSettings
 
 ENGINES = ("auto", "torch", "onnxruntime", "openvino")
@@ -158,7 +158,7 @@ def _read(weights: Path, read: Callable[[str], Any]) -> Any:
 def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]:
     """Return the image settings and the card that the export wrote into the network."""
     try:
-        content = json.loads(text)
+        content = parse_json(text)
         return read_image_settings(content["image"]), content["card"]
     except (ValueError, KeyError, TypeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None

@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
 from automos.geometry import inverse, make_transform, transform
-from automos.labels import Label
+from automos.label_files import read_labels
+from automos.labels import Label, to_mos
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
 from automos.results.tracks_file import box_table, read_tracks
@@ -106,11 +107,11 @@ class RunFiles:
 
     def packed(self, index: int, n_points: int) -> npt.NDArray[np.uint32]:
         """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
-        return read_prediction(self._predictions / f"{self.names[index]}.label", n_points)
+        return read_labels(self._predictions / f"{self.names[index]}.label", n_points)
 
     def labels(self, index: int, n_points: int) -> npt.NDArray[np.uint16]:
         """Return (n_points,) uint16 of `Label`."""
-        return (self.packed(index, n_points) & 0xFFFF).astype(np.uint16)
+        return to_mos(self.packed(index, n_points)).astype(np.uint16)
 
     def instances(self, index: int, n_points: int) -> npt.NDArray[np.int64]:
         """Return (n_points,) the id of the track that each moving point belongs to, 0 for none.
@@ -123,7 +124,7 @@ class RunFiles:
         packed = self.packed(index, n_points)
         if (packed >> 16).any():
             return (packed >> 16).astype(np.int64)
-        is_moving = (packed & 0xFFFF) == Label.MOVING
+        is_moving = to_mos(packed) == Label.MOVING
         if not is_moving.any():
             return np.zeros(n_points, np.int64)
         run = Workspace(self.folder).read_run()
@@ -229,7 +230,7 @@ class RunFiles:
     @cached_property
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
-        return read_tracks(self.folder / "tracks.json")
+        return read_tracks(self.folder / "tracks.json", len(self))
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:

@@ -1,20 +1,25 @@
-"""tracks.json: every object with its verdict, how sure that is, and a box for every scan it was followed through."""
+"""tracks.json: every object with its verdict, how sure that is, and a box for every scan it was followed through.
+
+Written by us, but read as anything is that lies in a folder: whatever in it is not as it is written is refused.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry import Trajectory
-from automos.reading import read_json
+from automos.pose_files import FARTHEST
+from automos.reading import checked, read_json
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
@@ -23,6 +28,66 @@ VERDICTS = tuple(verdict.name.lower() for verdict in sorted(Verdict))
 
 MIN_SIDE = 0.02
 """Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
+
+Metres = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0.0, le=FARTHEST, allow_inf_nan=False)]
+Three = Annotated[list[Metres], Field(min_length=3, max_length=3)]
+Row = Annotated[list[Metres], Field(min_length=4, max_length=4)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Box(_Strict):
+    scan: Annotated[int, Field(ge=0)]
+    stamp: Annotated[float, Field(allow_inf_nan=False)]
+    observed: bool
+    center: Three
+    size: Annotated[list[Size], Field(min_length=3, max_length=3)]
+    yaw: Annotated[float, Field(ge=-100.0, le=100.0)]
+    velocity: Three
+
+
+class _Track(_Strict):
+    id: Annotated[int, Field(ge=1, le=1 << 53)]
+    verdict: Literal["unknown", "static", "moving"]
+    confidence: Annotated[float, Field(ge=0.0, le=1.0)]
+    boxes: Annotated[list[_Box], Field(min_length=1)]
+
+
+class _Tracks(_Strict):
+    T_world_level: Annotated[list[Row], Field(min_length=4, max_length=4)]
+    tracks: list[_Track]
+
+
+_TRACKS = TypeAdapter(_Tracks)
+
+
+def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
+    """Return what a tracks.json of `n_scans` scans holds.
+
+    Raises
+    ------
+    InputError
+        It is absent, damaged, or of more scans.
+    """
+    try:
+        document: dict[str, Any] = read_json(path)
+        checked(_TRACKS, document)
+        T = np.array(document["T_world_level"])
+        if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
+            raise ValueError("T_world_level is no rigid transform")
+        ids = [track["id"] for track in document["tracks"]]
+        if len(set(ids)) < len(ids):
+            raise ValueError("two tracks have one id")
+        if any(box["scan"] >= n_scans for track in document["tracks"] for box in track["boxes"]):
+            raise ValueError(f"it has boxes of more than {n_scans} scans")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+    return document
 
 
 def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: Iterable[dict[str, Any]]) -> None:
@@ -63,22 +128,6 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
             "confidence": round(float(verdicts.confidence[k]), 3),
             "boxes": boxes,
         }
-
-
-def read_tracks(path: Path) -> dict[str, Any]:
-    """Return what the file holds.
-
-    Raises
-    ------
-    InputError
-        It is missing or damaged.
-    """
-    try:
-        return read_json(path)
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
 
 
 def box_table(tracks_file: dict[str, Any]) -> dict[str, npt.NDArray]:
