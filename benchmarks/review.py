@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from automos.export.open_run import open_run
+from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session

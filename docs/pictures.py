@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 
 from automos import simulation
 from automos.datasets import open_sequence
-from automos.export.open_run import open_run
 from automos.labeling import label_recording
 from automos.labels import to_mos
+from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session

@@ -13,8 +13,8 @@ from automos.atomic import held
 from automos.datasets import find_recordings, open_sequence
 from automos.errors import InputError, SettingsError
 from automos.evaluation.report import find_predictions
-from automos.export.run_files import RunFiles
 from automos.pose_files import read_poses
+from automos.results.run_files import RunFiles
 from automos.scale import work_folder
 from automos.settings import load_settings, read_overrides
 

@@ -22,8 +22,8 @@ from automos.cli import main
 from automos.datasets import open_recordings, open_sequence
 from automos.errors import AutomosError
 from automos.export import EXPORTS
-from automos.export.open_run import open_run
 from automos.pose_files import write_kitti
+from automos.results.open_run import open_run
 from automos.settings import load_settings
 
 N_SCANS = 12

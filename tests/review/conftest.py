@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from automos.export.open_run import open_run
+from automos.results.open_run import open_run
 from automos.review.server import ReviewServer
 from automos.review.session import Session
 

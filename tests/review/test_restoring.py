@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from automos.datasets import open_sequence
-from automos.export.open_run import open_run
 from automos.labeling import label_recording
 from automos.labels import Label, to_mos
+from automos.results.open_run import open_run
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer

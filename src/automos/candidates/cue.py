@@ -15,6 +15,9 @@ from automos.errors import InputError
 from automos.reading import read_array
 from automos.settings import SelfTrainingSettings
 
+_MOST = 0.98
+"""Probability that a network is trusted with at most: a few in a hundred labels that it has learnt from are wrong."""
+
 
 def add_cue(
     log_odds: npt.NDArray[np.floating], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
@@ -23,7 +26,7 @@ def add_cue(
 
     `probability` (M,) is that of moving, in [0, 1].
     """
-    heard = np.clip(probability.astype(np.float64), 1.0 - settings.most, settings.most)
+    heard = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
     return (log_odds + settings.weight * np.log(heard / (1.0 - heard))).astype(np.float16)
 
 

@@ -14,7 +14,7 @@ from automos.cli.options import Calib, Format, Poses, Recording, Workers
 compare_app = typer.Typer()
 
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run goes on there")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, baselines.removert.voxel=0.1, ...")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, candidates.erasor.voxel=0.3, ...")]
 
 
 @compare_app.command()

@@ -16,9 +16,10 @@ from automos.atomic import atomic_path, write_text
 from automos.errors import InputError
 from automos.export.edits import EditedScan, read_edits
 from automos.export.relabel import Change, compare, relabel
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 from automos.workspace import RUN_FILE
 
 

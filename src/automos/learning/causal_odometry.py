@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.array_sequence import ArraySequence
 from automos.odometry.clock import USUAL_PERIOD, read_clock
-from automos.odometry.kiss import KissOdometry
+from automos.odometry.kiss import KNOWN_MOTION, START_SCANS, UNKNOWN_MOTION, KissOdometry
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
 from automos.odometry.timing import choose_timing
@@ -55,7 +55,7 @@ class CausalOdometry:
             timing = SweepTiming()
         self._settings, self._wanted, self._is_compensated = settings, timing_scans, is_compensated
         self._timing = timing
-        self._kiss = KissOdometry(settings, timing or SweepTiming(), np.zeros(6), settings.initial_threshold)
+        self._kiss = KissOdometry(settings, timing or SweepTiming(), np.zeros(6), UNKNOWN_MOTION)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._waiting: deque[tuple[Scan, float, float]] = deque(maxlen=timing_scans)  # scan, stamp, metres come
 
@@ -68,7 +68,7 @@ class CausalOdometry:
             self._waiting.append((scan, self._stamp, float(np.linalg.norm(T_last_this[:3, 3]))))
             if self._n % self._wanted == 0:
                 self._find_timing()
-        if self._n == self._settings.start_scans:
+        if self._n == START_SCANS:
             self._restart(scan)
         timing = self._timing or SweepTiming()
         return Moved(T_last_this, self._stamp, timing, timing.share * self._kiss.twist)
@@ -98,5 +98,5 @@ class CausalOdometry:
     def _restart(self, scan: Scan) -> None:
         """Begin the local map anew with this scan, the motion now known and the points timed as they should be."""
         twist, settings = self._kiss.twist, self._settings
-        self._kiss = KissOdometry(settings, self._timing or SweepTiming(), twist, settings.known_threshold)
+        self._kiss = KissOdometry(settings, self._timing or SweepTiming(), twist, KNOWN_MOTION)
         self._kiss.register(scan, 0.0)

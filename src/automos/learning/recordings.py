@@ -22,9 +22,9 @@ from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
-from automos.network.residuals import pick_past
+from automos.network.residuals import SPACING, pick_past
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import make_frame
+from automos.odometry.trajectory import make_frame
 from automos.reading import damage_told, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
@@ -103,10 +103,10 @@ class LabeledRecording:
         """Return scan `index` with the earlier scans that its residuals need, each from `read`."""
         now = read(index)
         stamps, poses = self.trajectory.stamps, self.trajectory.T_world_sensor
-        reach = self.settings.spacing * (self.settings.residuals + 1)
+        reach = SPACING * (self.settings.residuals + 1)
         first = int(np.searchsorted(stamps, stamps[index] - 1.001 * reach))
         ages = stamps[index] - stamps[first:index][::-1]
-        chosen = pick_past(ages, self.settings.residuals, self.settings.spacing)
+        chosen = pick_past(ages, self.settings.residuals)
         past = tuple(None if k < 0 else read(index - 1 - int(k)).points for k in chosen)
         T_now_past = np.linalg.inv(poses[index]) @ poses[[index if k < 0 else index - 1 - int(k) for k in chosen]]
         return Window(now.points, now.intensity, past, T_now_past), now

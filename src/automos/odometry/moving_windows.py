@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.array_sequence import ArraySequence
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
-from automos.odometry.motion import SweepTiming, sweep_times
-from automos.odometry.register import register_scans
-from automos.odometry.speed import chain, lengthen, missing_distance
-from automos.odometry.stretch import Stretch
-from automos.odometry.surfels import Surfels, make_surfels
-from automos.odometry.sweeps import rows_in_range
+from automos.odometry.kiss import register_surfels
+from automos.odometry.links import Window
+from automos.odometry.motion import SweepTiming, chain, rows_in_range, sweep_times
+from automos.odometry.speed import lengthen, search_speed
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -30,13 +28,19 @@ WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
 MIN_BEND = 0.1
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
-QUICK = {"voxel": 1.5, "max_iterations": 50, "start_convergence": 1e-3}
-"""Registration of a window's surfels: centimetres are left to what follows."""
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
-    """Consecutive scans in which the sensor moves: surfels of the points as they came, for each source of times."""
+class MovingWindow:
+    """Consecutive scans in which the sensor moves.
+
+    Attributes
+    ----------
+    surfels : of the points as they came, for each source of times.
+    T_world_sensor : (N, 4, 4) rough poses.
+    gaps : (N - 1,) time between scans in units of the usual one.
+    period : seconds, the usual time between scans.
+    """
 
     surfels: dict[str, list[Surfels]]
     T_world_sensor: Pose
@@ -51,7 +55,7 @@ def moving_windows(
     clock: Clock,
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
-) -> list[Window]:
+) -> list[MovingWindow]:
     """Return the first of a few places of the recording, its middle first, at which the sensor moves."""
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
@@ -60,12 +64,12 @@ def moving_windows(
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
     starts = places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist()
 
-    def look(start: int) -> Window | None:
+    def look(start: int) -> MovingWindow | None:
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
         return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings)
 
-    found: list[Window] = []
+    found: list[MovingWindow] = []
     at = 0
     while len(found) < WINDOWS and at < len(starts):
         wanted = starts[at : at + WINDOWS - len(found)]
@@ -82,31 +86,22 @@ def _moving_window(
     sources: dict[str, SweepTiming],
     clock: Clock,
     settings: OdometrySettings,
-) -> Window | None:
+) -> MovingWindow | None:
     """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
     surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
-    raw, T = surfels["raw"], poses
+    T = poses
     if T is None:
-        means = ArraySequence([Scan(s.mean) for s in raw])
-        quick = settings.model_copy(update=QUICK)
-        steps = np.array([r.T_last_this for r in register_scans(means, quick, SweepTiming(), gaps)][1:])
+        steps = register_surfels(surfels["raw"], settings, 0.0, gaps)
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
-    if poses is None:
-        rough = Stretch(raw, np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, missing_distance(rough, settings.refinement))
+        rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
+        T = lengthen(T, search_speed(rough, settings).missing)
     twists = se3_log(inverse(T[:-1]) @ T[1:])
     bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
-    if bend.mean() < MIN_BEND:
-        return None
-    return Window(surfels, T, gaps, clock.period)
+    return MovingWindow(surfels, T, gaps, clock.period) if bend.mean() >= MIN_BEND else None
 
 
 def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
-    points = np.take(scan.points, rows, axis=0)
-    about = settings.refinement
-    times = None if times is None else np.take(times, rows)
-    surfels = make_surfels(points, times, about.surfel, about.near, about.max_range)
-    return surfels[surfels.count >= about.min_points]
+    return surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))

@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import atomic_path, write_text
-from automos.export.tracks_file import track_entries, write_tracks
 from automos.labels import Label, pack
 from automos.reading import read_bytes
+from automos.results.tracks_file import track_entries, write_tracks
 from automos.review.amendments import Amendment, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import match

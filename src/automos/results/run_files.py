@@ -19,25 +19,17 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.evaluation.report import find_predictions
-from automos.export.tracks_file import read_tracks
 from automos.geometry import inverse, make_transform, transform
 from automos.label_files import read_labels
 from automos.labels import Label, to_mos
-from automos.odometry.frames import make_frame
-from automos.odometry.trajectory import Trajectory
+from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
+from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace
 
 logger = logging.getLogger(__name__)
-
-VERDICTS = ("unknown", "static", "moving")
-"""Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
-
-
-MIN_SIDE = 0.02
-"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,28 +234,7 @@ class RunFiles:
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:
-        """All boxes of all tracks, a row each, by scan, then track."""
-        rows = [
-            (
-                *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
-                *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
-            )
-            for track in self.tracks_file["tracks"]
-            for box in track["boxes"]
-        ]
-        table = np.array(rows, np.float64).reshape(-1, 15)
-        table = table[np.lexsort((table[:, 1], table[:, 0]))]
-        return {
-            "scan": table[:, 0].astype(np.int64),
-            "id": table[:, 1].astype(np.int64),
-            "verdict": table[:, 2].astype(np.int8),
-            "confidence": table[:, 3],
-            "observed": table[:, 4] > 0,
-            "yaw": table[:, 5],
-            "center": table[:, 6:9],
-            "size": np.maximum(table[:, 9:12], MIN_SIDE),
-            "velocity": table[:, 12:15],
-        }
+        return box_table(self.tracks_file)
 
     @cached_property
     def _rows_of_scan(self) -> list[slice]:
