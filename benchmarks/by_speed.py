@@ -27,7 +27,7 @@ from automos.baselines import m_detector, methods
 from automos.baselines.m_detector_parameters import KITTI
 from automos.labels import Label, to_mos
 from automos.odometry import estimate_trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.simulation import simulate
 from automos.simulation.sequence import SimulatedSequence
 
