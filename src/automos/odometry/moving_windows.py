@@ -91,7 +91,7 @@ def _moving_window(
     surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
     T = poses
     if T is None:
-        steps = register_surfels(surfels["raw"], settings, 0.0, gaps)
+        steps = register_surfels(surfels["raw"], settings, gaps)
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
         rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
