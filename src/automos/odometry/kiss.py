@@ -23,7 +23,7 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, few_surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -42,6 +42,8 @@ CLEAR_STEP = 0.5
 """Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
 TRIED_STEPS = (1.0, 2.5)
 """Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+SAME_START = 0.05
+"""Metres from scan to scan between starts that registration has brought together: they are one."""
 TRIAL_SCANS = 10
 """Scans whose alignment decides between these."""
 TRIAL_GAIN = 0.2
@@ -129,7 +131,7 @@ def register_scans(
     """
     n = min(TRIAL_SCANS, len(sequence))
     scans = [sequence[i] for i in range(n)]
-    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    surfels = [few_surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
     start = _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
     odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
     for i, scan in enumerate(sequence):
@@ -164,24 +166,29 @@ def _find_start(
     if len(surfels) <= START_SCANS:
         return twist
     settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
-    found, misfit = _try_start(twist, surfels, settings, timing.share, gaps)
+    gaps = gaps[: len(surfels) - 1]
+    tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]
+    found, misfit = _align_start(tried[0], surfels, settings, timing.share, gaps)
     if misfit is None or np.linalg.norm(found[:3]) > CLEAR_STEP:
         return twist
     best, least = twist, misfit + np.log1p(-TRIAL_GAIN)
     for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
         for step in TRIED_STEPS:
-            found, misfit = _try_start(step * direction, surfels, settings, timing.share, gaps)
+            steps = _follow_surfels(surfels, step * direction, settings, timing.share, gaps)
+            if min(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() for other in tried) < SAME_START:
+                continue
+            tried.append(steps)
+            found, misfit = _align_start(steps, surfels, settings, timing.share, gaps)
             if misfit is not None and misfit < least:
                 best, least = found, misfit
     return best
 
 
-def _try_start(
-    twist: Array, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
+def _align_start(
+    steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
 ) -> tuple[Array, float | None]:
-    """Return the (6,) first motion found from the guess `twist`, and how badly the scans align with what follows."""
-    n, gaps = len(surfels), gaps[: len(surfels) - 1]
-    T = chain(np.eye(4), _follow_surfels(surfels, twist, settings, share, gaps))
+    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
+    n, T = len(surfels), chain(np.eye(4), steps)
     as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
     aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
     T = aligned.T_world_sensor
