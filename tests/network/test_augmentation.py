@@ -29,14 +29,14 @@ def test_a_turn_by_whole_columns_rolls_the_image_and_its_residuals():
     angle = 2 * np.pi * 5 / 64
     T = make_transform([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     before = make_image(window(), VIEW).channels
-    after = make_image(apply_change(window(), change(T), np.random.default_rng(0))[0], VIEW).channels
+    after = make_image(apply_change(window(), change(T), VIEW.grid, np.random.default_rng(0))[0], VIEW).channels
     for channel in (0, 4, 5, 6):  # range, intensity, residuals; counter-clockwise is to the left
         assert np.allclose(after[channel], np.roll(before[channel], -5, axis=1), atol=1e-4)
 
 
 def test_a_mirror_turns_the_image_and_its_residuals_round():
     before = make_image(window(), VIEW).channels
-    mirrored = apply_change(window(), change(np.diag([1.0, -1.0, 1.0, 1.0])), np.random.default_rng(0))[0]
+    mirrored = apply_change(window(), change(np.diag([1.0, -1.0, 1.0, 1.0])), VIEW.grid, np.random.default_rng(0))[0]
     after = make_image(mirrored, VIEW).channels
     for channel in (0, 5, 6):
         assert np.allclose(after[channel], before[channel][:, ::-1], atol=1e-4)
@@ -45,7 +45,7 @@ def test_a_mirror_turns_the_image_and_its_residuals_round():
 def test_points_and_poses_change_together():
     T = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [1.0, 2.0, 0.5])
     before = window()
-    after, _ = apply_change(before, change(T), np.random.default_rng(0))
+    after, _ = apply_change(before, change(T), VIEW.grid, np.random.default_rng(0))
     for k in range(2):  # carried into the present first or changed first: the same place
         one = transform(T, transform(before.T_now_past[k], before.past[k]))
         other = transform(after.T_now_past[k], after.past[k])
@@ -54,21 +54,21 @@ def test_points_and_poses_change_together():
 
 def test_dropping_points_tells_which_stayed():
     before = window()
-    after, rows = apply_change(before, change(np.eye(4), dropped=0.5), np.random.default_rng(1))
+    after, rows = apply_change(before, change(np.eye(4), dropped=0.5), VIEW.grid, np.random.default_rng(1))
     assert 10 < len(after.points) < 55
     assert np.array_equal(after.points, before.points[rows])
     assert all(len(points) < 60 for points in after.past)
 
 
 def test_intensities_may_be_left_out():
-    after, _ = apply_change(window(), change(np.eye(4), keeps_intensity=False), np.random.default_rng(0))
+    after, _ = apply_change(window(), change(np.eye(4), keeps_intensity=False), VIEW.grid, np.random.default_rng(0))
     assert after.intensity is None
     assert not make_image(after, VIEW).channels[4].any()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_equal_generators_draw_equal_changes(seed):
-    one, other = (draw_change(np.random.default_rng(seed), 512) for _ in range(2))
+    one, other = (draw_change(np.random.default_rng(seed), 64, 512) for _ in range(2))
     assert np.array_equal(one.T, other.T)
     assert one.dropped == other.dropped
     assert np.allclose(one.T[:3, :3] @ one.T[:3, :3].T, np.eye(3))
