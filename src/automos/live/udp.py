@@ -62,7 +62,7 @@ class UdpFeed(Feed):
         Parameters
         ----------
         assembler : of the sensor's maker.
-        patience : seconds without packets of the sensor after which the feed ends with a sentence.
+        patience : seconds without packets of the sensor after which the feed ends, with a sentence.
 
         Raises
         ------
@@ -101,7 +101,8 @@ class UdpFeed(Feed):
                 if n_own:
                     last = time.monotonic()
                 elif time.monotonic() - last > self._patience:
-                    raise InputError(self._nothing())
+                    self._give_up()
+                    return
                 for scan in scans:
                     self.latest.put(scan)
         finally:
@@ -136,15 +137,15 @@ class UdpFeed(Feed):
             )  # fmt: skip
         self.n_packets, self.n_foreign = self.n_packets + n_own, self.n_foreign + n_foreign
 
-    def _nothing(self) -> str:
-        before = f"after {self.n_packets:,} packets" if self.n_packets else "no packets came"
-        others = f", but {self.n_foreign:,} of another kind did: is --sensor right?" if self.n_foreign else ""
+    def _give_up(self) -> None:
+        """Say that nothing comes any more; raise InputError where nothing came at all."""
+        seconds, others = f"{self._patience:g} s", ""
+        if self.n_foreign:
+            others = f", but {self.n_foreign:,} of another kind or sensor did; is --sensor right?"
         if self.n_packets:
-            return (
-                f"udp://{self._where}: {before} of a {self._assembler.kind} none came for {self._patience:.0f} s{others}; "
-                "look at the sensor's cable and power"
-            )
-        return (
-            f"udp://{self._where}: {before} of a {self._assembler.kind} for {self._patience:.0f} s{others}; look at the "
-            "sensor's target address and port, or listen on every network: udp://0.0.0.0:2368"
+            _log.warning("no packets of the %s came for %s%s", self._assembler.kind, seconds, others)
+            return
+        raise InputError(
+            f"no packets of a {self._assembler.kind} came to udp://{self._where} for {seconds}{others or ';'} look at "
+            "the address and port that the sensor sends to, or listen on every network, udp://0.0.0.0:PORT"
         )
