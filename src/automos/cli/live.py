@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -72,8 +73,7 @@ def live(
             sinks.append(_sending(send, stack))
         if view or web:
             sinks.append(_showing(feed.name, web, port, browser, points, stack))
-        console.print(f"{feed.name}: waiting for scans (Ctrl-C ends it)", markup=False)
-        tally = run_live(feed, labeler, sinks, names, _Line())
+        tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
             writer.finish(_about(feed.name, tally, lag))
     output.print(tally.sentence(feed.name))
@@ -125,16 +125,17 @@ class _Line:
 
     EVERY = 5.0
 
-    def __init__(self) -> None:
-        import time
-
-        self._now = time.monotonic
-        self._next = self._now() + self.EVERY
+    def __init__(self, name: str):
+        self._name, self._next = name, 0.0
 
     def __call__(self, tally: Tally) -> None:
-        if self._now() >= self._next:
-            self._next = self._now() + self.EVERY
-            spent = tally.milliseconds[-1] if tally.milliseconds else 0.0
+        if tally.labelled == 0 and not self._next:
+            console.print(f"{self._name}: waiting for scans (Ctrl-C ends it)", markup=False)
+        elif time.monotonic() >= self._next:
             console.print(
-                f"{tally.labelled} scans labelled, {tally.left_out} left out, {spent:.0f} ms the last", markup=False
+                f"{tally.labelled} scans labelled, {tally.left_out} left out, {tally.milliseconds[-1]:.0f} ms the last",
+                markup=False,
             )
+        else:
+            return
+        self._next = time.monotonic() + self.EVERY

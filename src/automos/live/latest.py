@@ -47,6 +47,12 @@ class Latest:
             self._changed.notify_all()
 
     @property
+    def is_full(self) -> bool:
+        """Whether a scan waits to be taken."""
+        with self._changed:
+            return self._scan is not None
+
+    @property
     def is_over(self) -> bool:
         """Whether it is closed and empty."""
         with self._changed:

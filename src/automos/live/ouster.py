@@ -69,7 +69,6 @@ class OusterAssembler:
             return None
         packet = self._core.LidarPacket(len(payload))
         packet.buf[:] = memoryview(payload)
-        packet.format = self._format
         packet.host_timestamp = int(moment * 1e9)
-        failure = packet.validate(self._info)
+        failure = packet.validate(self._info, self._format)
         return packet if failure == self._core.PacketValidationFailure.NONE else None

@@ -69,7 +69,7 @@ def run_live(
     ----------
     sinks : each is given every labelled scan, in order.
     names : is appended the name of every scan that is pushed.
-    tell : is called after every scan.
+    tell : is called before the first and after every scan.
 
     Raises
     ------
@@ -89,8 +89,10 @@ def run_live(
             for sink in sinks:
                 sink(scan, given)
 
-    with feed:
-        try:
+    try:
+        if tell is not None:
+            tell(tally)
+        with feed:
             while not feed.is_over:
                 scan = feed.take(LOOK)
                 if scan is None:
@@ -107,12 +109,12 @@ def run_live(
                 watch.look(tally, feed.latest.offered)
                 if tell is not None:
                     tell(tally)
-        except KeyboardInterrupt:
-            _log.info("ended by Ctrl-C")
-        finally:
-            feed.stop()
-            tally.left_out = feed.latest.left_out
-            give(labeler.finish())
+    except KeyboardInterrupt:
+        _log.info("ended by Ctrl-C")
+    finally:
+        feed.stop()
+        tally.left_out = feed.latest.left_out
+        give(labeler.finish())
     return tally
 
 

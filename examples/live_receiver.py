@@ -1,0 +1,30 @@
+"""Receive what `automos live --send udp://127.0.0.1:9050` sends, with nothing but Python.
+
+python examples/live_receiver.py [PORT] [HOW_MANY]
+"""
+
+import math
+import socket
+import struct
+import sys
+import zlib
+
+HEADER = struct.Struct("<4sHHIIIId12d")
+OBJECT = struct.Struct("<i10f")
+
+port = int(sys.argv[1]) if len(sys.argv) > 1 else 9050
+left = int(sys.argv[2]) if len(sys.argv) > 2 else -1
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+    receiver.bind(("127.0.0.1", port))
+    print(f"listening at 127.0.0.1:{port}")
+    while left:
+        data = receiver.recv(65536)
+        if len(data) < HEADER.size or not data.startswith(b"AMOS\x01\x00"):
+            continue  # not ours, or of another version
+        _, _, n_objects, index, n_points, n_moving, n_bytes, stamp, *pose = HEADER.unpack_from(data)
+        print(f"scan {index} at {stamp:.3f} s: {n_moving} of {n_points} points move")
+        for k in range(n_objects):
+            track, x, y, z, length, width, height, yaw, vx, vy, vz = OBJECT.unpack_from(data, HEADER.size + 44 * k)
+            print(f"  object {track} at ({x:.1f}, {y:.1f}, {z:.1f}) m, {math.hypot(vx, vy, vz):.1f} m/s")
+        labels = zlib.decompress(data[HEADER.size + 44 * n_objects :]) if n_bytes else None  # 251: this point moves
+        left -= 1
