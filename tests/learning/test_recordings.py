@@ -7,7 +7,7 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.labels import Label, pack
 from automos.learning.recordings import Shelf, Source, open_labeled
-from automos.learning.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
+from automos.learning.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_class_weights_come_from_the_labels_at_hand(recordings, world):
         counts += np.bincount(recordings[0].read(i).classes, minlength=3)
     weights = measure_classes(recordings, n_scans=8)
     assert weights[0] == 0.0
-    assert weights[1:] == pytest.approx(1.0 / (counts[1:] / counts[1:].sum() + 0.001))
+    assert weights[1:] == pytest.approx(np.sqrt(counts[1:].sum() / counts[1:]))
 
 
 def test_labels_without_a_moving_point_are_told(world, tmp_path):
@@ -128,3 +128,13 @@ def test_the_scale_makes_channels_alike(recordings):
     assert np.abs(normalised[:4].mean(axis=1)).max() < 0.2
     assert np.abs(normalised[:4].std(axis=1) - 1).max() < 0.2
     assert np.isfinite(normalised).all()  # no intensity in these scans
+
+
+def test_a_sector_is_whole_columns_next_to_each_other_every_other_time_of_what_moves():
+    target = np.ones((16, 128), np.int64)
+    target[5, 40:44] = 2
+    drawn = [draw_sector(target, 32, np.random.default_rng(seed)) for seed in range(200)]
+    assert all(np.array_equal((columns - columns[0]) % 128, np.arange(32)) for columns in drawn)
+    hits = np.mean([(target[:, columns] == 2).any() for columns in drawn])
+    assert 0.5 < hits < 0.85  # half of them are drawn there, and a quarter of the others come by chance
+    assert draw_sector(target, 0, np.random.default_rng(0)) == slice(None)

@@ -4,7 +4,7 @@ import pytest
 from automos.geometry import make_transform, transform
 from automos.network.augmentation import Change, apply_change, draw_change
 from automos.network.images import SensorView, Window, make_image
-from automos.network.projection import even_grid
+from automos.network.projection import even_grid, project
 
 VIEW = SensorView(even_grid(16, 64, 10, -10), 1.0)
 
@@ -64,6 +64,42 @@ def test_intensities_may_be_left_out():
     after, _ = apply_change(window(), change(np.eye(4), keeps_intensity=False), VIEW.grid, np.random.default_rng(0))
     assert after.intensity is None
     assert not make_image(after, VIEW).channels[4].any()
+
+
+def test_blind_pixels_have_no_points_now_or_before():
+    is_blind = np.zeros((16, 64), bool)
+    is_blind[:, 10:30] = True
+    before = window()
+    worse = Change(np.eye(4), is_blind=is_blind)
+    after, rows = apply_change(before, worse, VIEW.grid, np.random.default_rng(0))
+    assert np.array_equal(after.points, before.points[rows])
+    for points, original in zip((after.points, *after.past), (before.points, *before.past), strict=True):
+        columns = project(points, VIEW.grid)[0] % 64
+        assert not ((columns >= 10) & (columns < 30)).any()
+        assert len(points) == len(original) - (is_blind.reshape(-1)[project(original, VIEW.grid)[0]]).sum()
+
+
+def test_a_worse_sensor_errs_along_its_rays_only():
+    before = window()
+    worse = Change(np.eye(4), noise=0.05, specks=0.2)
+    after, _ = apply_change(before, worse, VIEW.grid, np.random.default_rng(0))
+    was, now = (np.linalg.norm(points, axis=1) for points in (before.points, after.points))
+    assert np.allclose(after.points / now[:, None], before.points / was[:, None], atol=1e-5)
+    is_speck = np.abs(now - was) > 0.5
+    assert 0.05 < is_speck.mean() < 0.4
+    assert (now[is_speck] < was[is_speck]).all()
+    assert 0.02 < (now - was)[~is_speck].std() < 0.1
+
+
+def test_odometry_that_errs_errs_more_the_longer_ago():
+    far = [np.abs(swayed(seed) - window().T_now_past)[:, :3, 3].max(axis=1) for seed in range(40)]
+    near, old = np.mean(far, axis=0)
+    assert 0.0 < near < old < 0.2
+
+
+def swayed(seed: int) -> np.ndarray:
+    change = Change(np.eye(4), sway=0.02)
+    return apply_change(window(), change, VIEW.grid, np.random.default_rng(seed))[0].T_now_past
 
 
 @pytest.mark.parametrize("seed", [0, 1])
