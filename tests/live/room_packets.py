@@ -9,7 +9,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "datasets"))
 
-from velodyne_packets import ELEVATIONS, data_packets, firings  # noqa: E402
+from velodyne_packets import ELEVATIONS, data_packets, firings
 
 PERIOD = 0.1
 N_SWEEPS = 6

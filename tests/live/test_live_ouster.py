@@ -10,7 +10,7 @@ from automos.live.ouster import OusterAssembler
 def test_metadata_that_is_none_is_told(tmp_path):
     path = tmp_path / "sensor.json"
     path.write_text("{}")
-    with pytest.raises(AutomosError, match="is no metadata of an Ouster|is not installed; run"):
+    with pytest.raises(AutomosError, match=r"is no metadata of an Ouster|is not installed; run"):
         OusterAssembler(path)
 
 
@@ -20,7 +20,7 @@ def test_scans_are_those_of_a_file_of_the_same_packets(tmp_path):
 
     from automos.datasets import open_sequence
 
-    _, info = write_drive(tmp_path / "drive.pcap")
+    write_drive(tmp_path / "drive.pcap")
     payloads = [
         bytes(packet.buf)
         for _, packet in pcap.PcapPacketSource(str(tmp_path / "drive.pcap"))

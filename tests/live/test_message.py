@@ -89,7 +89,7 @@ def test_the_receiver_of_the_example_reads_it_without_automos():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-I", "-u", EXAMPLE, str(port), "1"]
+    command = [sys.executable, "-I", "-u", EXAMPLE, str(port)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert "listening" in process.stdout.readline()
     with Sender("127.0.0.1", port) as sender:

@@ -146,9 +146,10 @@ def test_an_ouster_without_metadata_is_told():
 
 
 def test_a_port_in_use_is_told():
-    with UdpFeed("127.0.0.1", 0, VelodyneAssembler()) as first:
-        with pytest.raises(InputError, match=rf"udp://127.0.0.1:{first.port} cannot be listened at .*in use"):
-            UdpFeed("127.0.0.1", first.port, VelodyneAssembler())
+    first = UdpFeed("127.0.0.1", 0, VelodyneAssembler())
+    said = rf"udp://127.0.0.1:{first.port} cannot be listened at .*in use"
+    with first, pytest.raises(InputError, match=said):
+        UdpFeed("127.0.0.1", first.port, VelodyneAssembler())
 
 
 def test_an_address_of_another_machine_is_told():

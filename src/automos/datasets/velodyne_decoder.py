@@ -1,4 +1,4 @@
-"""From the packets of a Velodyne's sweep to a scan, by velodyne-decoder: the same for files and for what just arrived."""
+"""From the packets of a Velodyne's sweep to a scan, by velodyne-decoder: of a file, or of what just arrived."""
 
 from __future__ import annotations
 

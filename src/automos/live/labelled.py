@@ -13,23 +13,39 @@ class Labelled(Protocol):
     """A scan that was labelled: see `automos.labeler.LabelledScan`."""
 
     @property
-    def index(self) -> int: ...
+    def index(self) -> int:
+        """How many scans were pushed before it."""
+
     @property
-    def stamp(self) -> float: ...
+    def stamp(self) -> float:
+        """Return seconds."""
+
     @property
-    def pose(self) -> Pose: ...
+    def pose(self) -> Pose:
+        """(4, 4) T_world_sensor."""
+
     @property
-    def labels(self) -> npt.NDArray: ...
+    def labels(self) -> npt.NDArray:
+        """(N,) uint8 of `Label`."""
+
     @property
-    def track_ids(self) -> npt.NDArray: ...
+    def track_ids(self) -> npt.NDArray:
+        """(N,) the moving object of each point, -1 for none."""
+
     @property
-    def confidence(self) -> npt.NDArray: ...
+    def confidence(self) -> npt.NDArray:
+        """(N,) in [0, 1]."""
+
     @property
-    def objects(self) -> npt.NDArray: ...
+    def objects(self) -> npt.NDArray:
+        """(K,) structured, what moves: `track`, `center`, `size`, `yaw`, `velocity`."""
 
 
 class LabelsScans(Protocol):
     """A labeler of scans as they come: see `automos.labeler.Labeler`."""
 
-    def push(self, scan: Scan) -> list: ...
-    def finish(self) -> list: ...
+    def push(self, scan: Scan) -> list:
+        """Take a scan; return those that are labelled now."""
+
+    def finish(self) -> list:
+        """Return the rest."""

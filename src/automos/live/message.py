@@ -34,9 +34,7 @@ HEADER = np.dtype(
         ("pose", "<f8", (3, 4)),
     ]
 )
-OBJECT = np.dtype(
-    [("track", "<i4"), ("center", "<f4", 3), ("size", "<f4", 3), ("yaw", "<f4"), ("velocity", "<f4", 3)]
-)
+OBJECT = np.dtype([("track", "<i4"), ("center", "<f4", 3), ("size", "<f4", 3), ("yaw", "<f4"), ("velocity", "<f4", 3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,7 @@ def decode(data: bytes) -> Message:
         raise InputError(f"these {len(data)} bytes are no message of automos live")
     header = np.frombuffer(data, HEADER, 1)[0]
     if header["version"] != VERSION:
-        raise InputError(f"this message is of version {header['version']}, {VERSION} is read: use one version throughout")
+        raise InputError(f"this message is of version {header['version']}, {VERSION} is read: use one version")
     begin = HEADER.itemsize + OBJECT.itemsize * int(header["objects"])
     if len(data) != begin + int(header["label_bytes"]):
         raise InputError(f"this message was {begin + int(header['label_bytes'])} bytes, {len(data)} of which came")

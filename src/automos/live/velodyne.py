@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import count
+from itertools import count, pairwise
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class VelodyneAssembler:
         is_first, stamps = self._cutter.cut(packets)
         scans = []
         bounds = [0, *np.flatnonzero(is_first).tolist(), len(packets)]
-        for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+        for a, b in pairwise(bounds):
             if is_first[a]:
                 scans += self.rest()
                 self._stamp = float(stamps[a])

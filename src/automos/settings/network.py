@@ -17,7 +17,7 @@ class ImageSettings(Group):
     )
     width: int = Field(2048, ge=16, multiple_of=16, description="columns; more show smaller things and take longer")
     residuals: int = Field(
-        8, ge=0, description="residual images, one each for as many tenths of a second; more show slower motion"
+        8, ge=0, description="residual images, one each for as many fifths of a second; more show slower motion"
     )
 
 

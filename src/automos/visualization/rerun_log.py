@@ -156,7 +156,9 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
     truth = run.sequence.truth(index)
     kinds = point_kinds(labels, truth)
     shown = np.flatnonzero(scan.is_valid)
-    shown = np.sort(np.concatenate([shown[kinds[shown] >= MOVING], thin_rows(shown[kinds[shown] < MOVING], max_static)]))
+    shown = np.sort(
+        np.concatenate([shown[kinds[shown] >= MOVING], thin_rows(shown[kinds[shown] < MOVING], max_static)])
+    )
     radii = rr.Radius.ui_points(np.where(kinds[shown] >= MOVING, 1.8, 1.0))
     stream.log("world/points", rr.Points3D(points[shown], class_ids=kinds[shown], radii=radii))
     confidence = _confidence(run, index)
