@@ -50,9 +50,10 @@ def live(
     automos live my_log/ --web                     a recording, replayed at its own pace
     """
     import automos
+    from automos.compiling import LINE, is_cold
     from automos.errors import InputError
     from automos.live.opening import open_feed
-    from automos.live.run import run_live
+    from automos.live.run import get_ready, run_live
     from automos.settings import load_settings, read_overrides
 
     if not 0.0 <= lag < float("inf"):
@@ -62,6 +63,8 @@ def live(
     names: list[str] = []
     with ExitStack() as stack, _told_warnings():
         stack.callback(feed.stop)
+        console.print(LINE if is_cold() else "getting ready", markup=False)
+        get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
         sinks: list[Sink] = []
         if out is not None:
@@ -104,7 +107,9 @@ def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack:
         output.print(viewer.url)
         if browser:
             typer.launch(viewer.url)
-    return LiveView(viewer, name, points).show
+    shown = LiveView(viewer, name, points)
+    stack.callback(shown.close)  # before the viewer itself
+    return shown.show
 
 
 @contextmanager
@@ -113,10 +118,13 @@ def _told_warnings() -> Iterator[None]:
     handler = logging.Handler(logging.WARNING)
     handler.emit = lambda record: console.print(f"warning: {record.getMessage()}", markup=False, soft_wrap=True)  # type: ignore[method-assign]
     log = logging.getLogger("automos")
+    level = log.level
     log.addHandler(handler)
+    log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
     try:
         yield
     finally:
+        log.setLevel(level)
         log.removeHandler(handler)
 
 

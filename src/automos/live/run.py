@@ -118,6 +118,18 @@ def run_live(
     return tally
 
 
+def get_ready(labeler: LabelsScans, n_scans: int = 16) -> None:
+    """Label a small made-up recording with a labeler of its own, so that no kernel is compiled or loaded later.
+
+    That takes seconds, on the first run more than a minute: too long for the first scan of a sensor.
+    """
+    from automos.compiling import made_up_sweep
+
+    for i in range(n_scans):
+        labeler.push(Scan(made_up_sweep(0.1 * i).astype(np.float32), stamp=0.1 * i))
+    labeler.finish()
+
+
 class _Watch:
     """Says when scans are left out, not more often than every few seconds."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,13 @@ class LiveView:
     def is_open(self) -> bool:
         """Whether the viewer still runs."""
         return self._viewer.is_open
+
+    def close(self) -> None:
+        """Send what was not sent yet, and let go of the viewer."""
+        if self.is_open:
+            with suppress(RuntimeError):  # the viewer does not take it in time
+                self._stream.flush(timeout_sec=2.0)
+        self._stream.disconnect()
 
     def show(self, scan: Scan, given: Any) -> None:
         """Show a scan and its labels; a viewer that was closed is shown nothing."""

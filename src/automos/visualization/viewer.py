@@ -85,7 +85,11 @@ class Viewer:
             arguments += ["--expect-data-soon", "--hide-welcome-screen"]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the viewer)
         self._process = subprocess.Popen(
-            [program, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said
+            [program, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            start_new_session=True,  # Ctrl-C is for the one who sends: he ends the viewer when he is done
         )
         try:
             for listening in [self._port, *([page] if web else [])]:
