@@ -16,6 +16,9 @@ from automos.visualization.viewer import Viewer
 EYE = (-28.0, 0.0, 24.0)
 """Where the eye is, metres from the first scan's sensor: behind and above; it goes along."""
 
+MOST_LABELS = 10
+"""Of more objects than these the texts would hide the points; they are shown where one points."""
+
 
 class LiveView:
     """A viewer that shows the latest labelled scan."""
@@ -78,7 +81,7 @@ class LiveView:
             rotation_axis_angles=angles,
             colors=color,
             labels=[f"{track} · {speed:.1f} m/s" for track, speed in zip(objects["track"], speeds, strict=True)],
-            show_labels=True,
+            show_labels=len(objects) <= MOST_LABELS,
             radii=0.03,
         )
         self._stream.log("world/boxes", boxes)
