@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytest.importorskip("automos.labeler")
 pytest.importorskip("velodyne_decoder", reason="packets need velodyne-decoder: pip install '.[velodyne]'")
 sys.path[:0] = [str(Path(__file__).parents[1] / "live"), str(Path(__file__).parents[1] / "datasets")]
 
