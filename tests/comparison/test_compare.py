@@ -217,7 +217,7 @@ def test_labels_that_do_not_fit_are_refused_before_anything_runs(recording, worl
 
     short = write_predictions(tmp_path / "short", world)
     np.zeros(3, np.uint32).tofile(short / "000005.label")
-    with pytest.raises(InputError, match=r"000005.label has 12 bytes"):
+    with pytest.raises(InputError, match=r"000005.label holds 3 labels"):
         runs(Short=short)
     (short / "000005.label").unlink()
     with pytest.raises(InputError, match=r"000005.label is missing"):

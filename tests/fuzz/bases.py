@@ -72,14 +72,16 @@ def _npy_named(root: Path, log: StreetLog) -> None:
         np.save(root / f"{i:06d}.npy", writers.table(_columns(log, i)))
 
 
+def _write_bag(path: Path, log: StreetLog) -> None:
+    bags = _of("bags")
+    clouds = [(int(1e9 * scan.stamp), scan.stamp, bags.cloud(bags.columns_of(scan))) for scan in log.scans[:N_SCANS]]
+    bags.write_bag(path, {"/points": clouds})
+
+
 def _bag(name: str) -> Callable[[Path, StreetLog], None]:
     def write(root: Path, log: StreetLog) -> None:
         root.mkdir()
-        clouds = [
-            (int(1e9 * scan.stamp), scan.stamp, _of("bags").cloud(_of("bags").columns_of(scan)))
-            for scan in log.scans[:N_SCANS]
-        ]
-        _of("bags").write_bag(root / name, {"/points": clouds})
+        _write_bag(root / name, log)
 
     return write
 
@@ -90,11 +92,6 @@ def _livox(name: str) -> Callable[[Path, StreetLog], None]:
         _of("test_livox_message").write_livox(root / name, "livox_ros_driver2", log)
 
     return write
-
-
-def _bag_folder(root: Path, log: StreetLog) -> None:
-    root.mkdir()
-    _bag("log")(root / "bag", log)
 
 
 def _waymo(root: Path, log: StreetLog) -> None:
@@ -152,7 +149,7 @@ BASES: dict[str, Callable[[Path, StreetLog], object]] = {
     "mcap": _bag("log.mcap"),
     "bag": _bag("log.bag"),
     "db3": _bag("log.db3"),
-    "bag folder": _bag_folder,
+    "bag folder": _write_bag,
     "livox bag": _livox("log.bag"),
     "livox mcap": _livox("log.mcap"),
     "argoverse 2": lambda root, log: _of("test_argoverse2").write_log(root / "7fab", log),

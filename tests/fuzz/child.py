@@ -118,7 +118,7 @@ def fuzz_edits(rng: random.Random, work: Path, run: object) -> None:
                 raise WrongError("a box that is nowhere")
 
 
-def fuzz_label(kind: str, rng: random.Random, work: Path) -> None:
+def fuzz_label(rng: random.Random, work: Path) -> None:
     """Label a recording of hostile points to its end; every point has one label."""
     from automos.labeling import label_recording
 

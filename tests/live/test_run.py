@@ -110,11 +110,12 @@ def test_ctrl_c_gives_back_what_was_pushed_and_tells():
     assert not [t for t in threading.enumerate() if t.name == "automos-live"]
 
 
-def test_what_stops_the_feed_is_told_after_what_was_pushed_is_given_back():
+@pytest.mark.parametrize("error", [InputError("the cable is cut"), KeyError("the cable is cut")])
+def test_what_stops_the_feed_is_told_after_what_was_pushed_is_given_back(error):
     class Broken(Feed):
         def receive(self):
             self.latest.put(Scan(np.ones((2, 3), np.float32)), wait=True)
-            raise InputError("the cable is cut")
+            raise error
 
     seen = []
     with pytest.raises(InputError, match="the cable is cut"):
@@ -219,3 +220,12 @@ def test_getting_ready_labels_something_made_up():
     labeler = Slow(late=2)
     get_ready(labeler, 4)
     assert (labeler.n, labeler.kept) == (4, [])
+
+
+def test_packets_of_a_model_that_nobody_knows_are_told(packets):
+    pytest.importorskip("velodyne_decoder")
+    feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=2.0)
+    thread, box = run_in_background(feed, Slow(), [])
+    send_all(feed.port, [payload[:-1] + b"\x99" for _, payload in packets])
+    thread.join(30)
+    assert "what comes cannot be decoded as packets of a Velodyne" in str(box["error"])

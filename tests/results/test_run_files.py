@@ -100,3 +100,33 @@ def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog)
     (run.folder / "stages").rename(run.folder / "gone")
     np.testing.assert_array_equal(RunFiles(run.folder, run.sequence).points_at_pose(scan, 2), scan.points)
     assert "points are written as measured" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "said"),
+    [
+        (["T_world_level"], [[1.0, 0.0]], "t_world_level"),
+        (["T_world_level", 0, 0], 7.0, "no rigid transform"),
+        (["tracks"], {}, "tracks"),
+        (["tracks", 0, "id"], 0, "greater than or equal to 1"),
+        (["tracks", 0, "id"], 2, "two tracks have one id"),
+        (["tracks", 0, "verdict"], "parked", "'unknown', 'static' or 'moving'"),
+        (["tracks", 0, "boxes", 0, "center"], [1.0, 2.0], "at least 3 items"),
+        (["tracks", 0, "boxes", 0, "center", 1], float("nan"), "finite number"),
+        (["tracks", 0, "boxes", 0, "size", 0], -1.0, "greater than or equal to 0"),
+        (["tracks", 0, "boxes", 0, "scan"], 3, "boxes of more than 3 scans"),
+        (["tracks", 0, "boxes", 0, "scan"], 1.5, "scan"),
+    ],
+)
+def test_tracks_that_nobody_wrote_so_are_refused_with_the_file(tmp_path, where, value, said):
+    run = make_run(tmp_path / "run")
+    path = run.folder / "tracks.json"
+    document = json.loads(path.read_text())
+    place = document
+    for key in where[:-1]:
+        place = place[key]
+    place[where[-1]] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"tracks\.json is damaged") as told:
+        _ = run.tracks_file
+    assert said in str(told.value).lower()

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from automos.datasets.box_truth import DrawnBoxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.datasets.columns import to_scan
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.mounts import checked_mount
@@ -23,7 +24,7 @@ from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_po
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label, pack
-from automos.reading import damage_told
+from automos.reading import damage_told, require_regular
 from automos.scan import MAX_RANGE, Pose, Scan
 from automos.upright_boxes import Boxes, points_in_boxes
 
@@ -209,10 +210,14 @@ def _read(path: Path) -> Table:
     """Return the columns of one feather file."""
     feather, arrow = import_extra("pyarrow.feather", "arrow"), import_extra("pyarrow", "arrow")
     try:
-        table = feather.read_table(path, memory_map=False)
+        require_regular(path)
+        with limited(path):
+            table = feather.read_table(path, memory_map=False)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; a log needs it: download the log again") from None
-    except (OSError, arrow.ArrowInvalid) as error:
+    except InputError:
+        raise
+    except (OSError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
     return Table(path, {name: table[name].to_numpy() for name in table.column_names})
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
@@ -65,7 +66,7 @@ class VelodyneSequence(Sequence):
         self._starts, self._stamps = sweeps[self._sender]
         self.name = self.source.stem if wanted is None else f"{self.source.stem}_{wanted}"
         require_increasing(self._stamps, self.names, self.source)
-        self._decoder.scan(self._packets(0), 0.0, "")  # a model that is not known is told now
+        self[0]  # a model that is not known is told now
 
     @property
     def address(self) -> Path:
@@ -77,7 +78,9 @@ class VelodyneSequence(Sequence):
 
     def __getitem__(self, index: int) -> Scan:
         index = range(len(self))[index]
-        return self._decoder.scan(self._packets(index), float(self._stamps[index]), self.names[index])
+        packets = self._packets(index)
+        with limited(self.source):
+            return self._decoder.scan(packets, float(self._stamps[index]), self.names[index])
 
     @property
     def stamps(self) -> npt.NDArray[np.float64]:

@@ -6,7 +6,7 @@ import threading
 import time
 from dataclasses import replace
 
-from automos.errors import AutomosError
+from automos.errors import AutomosError, InputError
 from automos.live.latest import Latest
 from automos.odometry.clock import USUAL_PERIOD
 from automos.scan import Scan, Sequence
@@ -68,6 +68,8 @@ class Feed:
             self.receive()
         except (AutomosError, OSError) as error:
             self._error = error
+        except Exception as error:  # what others' libraries raise at what anyone may send
+            self._error = InputError(f"{self.name}: what comes cannot be read ({type(error).__name__}: {error})")
         finally:
             self.latest.close()
 
