@@ -66,12 +66,13 @@ class KissOdometry:
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
+        self._before: Pose = np.eye(4)
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
         """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
         icp, sign = self._icp, self._sign
-        last_pose = np.array(icp.last_pose)
+        last_pose = self._before = np.array(icp.last_pose)
         predicted = last_pose @ se3_exp(sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
@@ -89,6 +90,11 @@ class KissOdometry:
         if is_registered and gap > 0.0:
             self.twist = sign / gap * se3_log(step)
         return Registered(step, is_registered, points, times, during)
+
+    def correct(self, T_last_this: Pose, twist: npt.NDArray[np.float64]) -> None:
+        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
+        self._icp.last_pose = self._before @ T_last_this
+        self.twist = twist
 
 
 def map_voxel(settings: OdometrySettings) -> float:

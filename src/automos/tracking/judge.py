@@ -75,13 +75,18 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
 
 def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
     """Return the tracks, and the verdicts on them, of all but what has stayed in every scan and does not move."""
-    stays = np.ones(len(tracks), np.bool_)
-    for scan, segment, rows in _observed(tracks, len(detections)):
-        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
-    is_kept = ~stays | verdicts.is_moving
+    is_kept = ~is_scenery(tracks, verdicts, detections)
     number = np.cumsum(is_kept) - 1
     kept = tracks[np.flatnonzero(is_kept[tracks.track])]
     return replace(kept, track=number[kept.track]), Verdicts(verdicts.verdict[is_kept], verdicts.confidence[is_kept])
+
+
+def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> npt.NDArray[np.bool_]:
+    """Return (T,) which tracks have stayed in every scan and do not move."""
+    stays = np.ones(len(tracks), np.bool_)
+    for scan, segment, rows in _observed(tracks, len(detections)):
+        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
+    return stays & ~verdicts.is_moving
 
 
 def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Poses of scans as they come: KISS-ICP from the scans so far, never from later ones.
+"""Poses of scans as they come: KISS-ICP, then submaps of the past, from the scans so far, never from later ones.
 
 How sweeps are timed is a property of the sensor; where the scans do not say, it is found out once, from the first scans
 in which the sensor moves. Until then points are taken as they come.
@@ -13,13 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.array_sequence import ArraySequence
+from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD, read_clock
-from automos.odometry.kiss import KissOdometry
+from automos.odometry.kiss import STEP_DIGITS, KissOdometry
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
+from automos.odometry.sweeps import surfels_of
 from automos.odometry.timing import choose_timing
+from automos.online.past_submaps import Come, PastSubmaps
 from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
+
+FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
+"""Metres along the sensor's axes at which the second scan is tried: a registration begun at rest may stay there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +64,14 @@ class CausalOdometry:
         self._kiss = KissOdometry(settings, timing or SweepTiming(), np.zeros(6), settings.initial_threshold)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._waiting: deque[tuple[Scan, float, float]] = deque(maxlen=timing_scans)  # scan, stamp, metres come
+        self._past = PastSubmaps(settings.refinement)
+        self._T: Pose = np.eye(4)
+        self._twist = np.zeros(6)
 
     def step(self, scan: Scan) -> Moved:
         """Return how the sensor moved from the last scan to this one."""
         gap = self._gap(scan)
-        T_last_this = self._kiss.register(scan, gap).T_last_this
+        T_last_this = self._register(scan, gap)
         self._n += 1
         if self._timing is None:
             self._waiting.append((scan, self._stamp, float(np.linalg.norm(T_last_this[:3, 3]))))
@@ -71,7 +80,33 @@ class CausalOdometry:
         if self._n == self._settings.start_scans:
             self._restart(scan)
         timing = self._timing or SweepTiming()
-        return Moved(T_last_this, self._stamp, timing, timing.share * self._kiss.twist)
+        return Moved(T_last_this, self._stamp, timing, timing.share * self._twist)
+
+    def _register(self, scan: Scan, gap: float) -> Pose:
+        """Return the (4, 4) from this scan's sensor frame to the one before."""
+        timing = self._timing or SweepTiming()
+        T_last, expected, period = self._T, self._twist, self._period
+        registered = self._kiss.register(scan, gap)
+        T = T_last @ registered.T_last_this
+        surfels = surfels_of(registered.points, registered.times, self._settings.refinement)
+        if self._settings.refine and gap > 0.0:
+            is_first = self._n == 1
+            guesses = [T, T_last @ se3_exp(gap * expected)]
+            guesses += [T_last @ se3_exp(step) for step in FIRST_STEPS] if is_first else []
+            come = Come(self._stamp, T_last, gap, expected, period, timing.share, is_first)
+            T = self._past.lay(guesses, surfels, come)
+        step = np.round(se3_log(inverse(T_last) @ T), STEP_DIGITS)
+        T_last_this = se3_exp(step)
+        if gap > 0.0:
+            self._twist = step / gap
+            self._kiss.correct(T_last_this, self._twist)
+        self._T = T_last @ T_last_this
+        self._past.add(self._stamp, self._T, surfels, period)
+        return T_last_this
+
+    @property
+    def _period(self) -> float:
+        return float(np.median(self._steps)) if self._steps else USUAL_PERIOD
 
     def _gap(self, scan: Scan) -> float:
         """Return the usual gaps since the last scan, and move the clock on."""
@@ -81,6 +116,8 @@ class CausalOdometry:
         before = self._stamp
         self._stamp = before + USUAL_PERIOD if scan.stamp is None else scan.stamp
         passed = self._stamp - before
+        if passed <= 0.0:  # out of order
+            return 1.0
         usual = float(np.median(self._steps)) if self._steps else passed
         self._steps.append(passed)
         return passed / usual if passed > 1.5 * usual else 1.0
@@ -97,6 +134,6 @@ class CausalOdometry:
 
     def _restart(self, scan: Scan) -> None:
         """Begin the local map anew with this scan, the motion now known and the points timed as they should be."""
-        twist, settings = self._kiss.twist, self._settings
-        self._kiss = KissOdometry(settings, self._timing or SweepTiming(), twist, settings.known_threshold)
+        settings = self._settings
+        self._kiss = KissOdometry(settings, self._timing or SweepTiming(), self._twist, settings.known_threshold)
         self._kiss.register(scan, 0.0)

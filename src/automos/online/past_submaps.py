@@ -1,0 +1,160 @@
+"""Where a scan lies on what was seen half a second to two before it.
+
+Registration to the scans just before lets errors add up, and rings of a spinning sensor lie on rings wherever it goes:
+it would rather stand still. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; of that, this
+is the part that needs no future.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.odometry.motion import compensate
+from automos.odometry.submap import Fit, Submap, fit_surfels, make_submap
+from automos.odometry.surfels import Surfels
+from automos.scan import Pose
+from automos.settings import RefineSettings
+
+Array = npt.NDArray[np.float64]
+FIRST_MOTION = np.array([2.0, 0.2])
+"""Metres and radians that the sensor may move from the first scan to the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    stamp: float
+    T_world_sensor: Pose
+    surfels: Surfels
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    stamp: float
+    T_world_center: Pose
+    submap: Submap
+
+
+@dataclass(frozen=True, eq=False)
+class Come:
+    """What is known of how the sensor has come to a scan.
+
+    Attributes
+    ----------
+    stamp : seconds.
+    T_world_last : (4, 4) of the scan before, `gap` usual times earlier.
+    twist : (6,) expected motion per usual time between scans, `period` seconds.
+    share : of a sweep in the time between scans.
+    is_first : whether `twist` is a guess, because nothing came before.
+    """
+
+    stamp: float
+    T_world_last: Pose
+    gap: float
+    twist: Array
+    period: float
+    share: float
+    is_first: bool
+
+    def evenness(self, settings: RefineSettings) -> Array:
+        """Return (6,) inverse variances of the motion around what is expected."""
+        usual = np.array([settings.max_acceleration, np.radians(settings.max_turn_acceleration_deg)])
+        spread = usual * self.period**2 * self.gap
+        return 1.0 / np.repeat(np.maximum(spread, FIRST_MOTION) if self.is_first else spread, 3) ** 2
+
+
+class PastSubmaps:
+    """Submaps of the last seconds, made of scans whose poses will not change any more."""
+
+    def __init__(self, settings: RefineSettings):
+        self._settings = settings
+        self._kept: deque[_Kept] = deque()
+        self._places: deque[_Place] = deque()
+
+    def add(self, stamp: float, T_world_sensor: Pose, surfels: Surfels, period: float) -> None:
+        """Remember a scan at its final pose; every now and then a submap is made of the last few."""
+        half = int(self._settings.submap_length / period / 2.0)
+        self._kept.append(_Kept(stamp, T_world_sensor, surfels))
+        while len(self._kept) > 2 * half + 1:
+            self._kept.popleft()
+        is_first = not self._places
+        center = self._kept[-1 if is_first else len(self._kept) // 2]
+        is_due = is_first or center.stamp >= self._places[-1].stamp + self._settings.submap_every - 0.5 * period
+        if is_due and (is_first or len(self._kept) == 2 * half + 1):
+            T_center_parts = inverse(center.T_world_sensor) @ np.array([k.T_world_sensor for k in self._kept])
+            parts = [k.surfels for k in self._kept]
+            submap = make_submap(parts, T_center_parts, self._settings.voxel, self._settings.near)
+            self._places.append(_Place(center.stamp, center.T_world_sensor, submap))
+        reach = max(self._settings.lags) + self._settings.submap_every
+        while self._places[0].stamp < stamp - reach and len(self._places) > 1:
+            self._places.popleft()
+
+    def lay(self, guesses: list[Pose], surfels: Surfels, come: Come) -> Pose:
+        """Return where a scan lies best, from the best of the `guesses`, (4, 4) T_world_sensor each.
+
+        surfels : of the scan, compensated for `come.share` times the motion `come.twist`.
+        """
+        places = self._near(come.stamp, guesses[0])
+        if not places:
+            return guesses[0]
+        if come.is_first:  # nothing is known of the motion: every guess is followed to its end
+            ends = [self._descend(places, guess, surfels, come) for guess in guesses]
+            return max(ends, key=lambda end: end[1])[0]
+        wide = self._settings.kernels[0]
+        best = max(guesses, key=lambda guess: _n_close(self._fit(places, guess, surfels, wide)))
+        return self._descend(places, best, surfels, come)[0]
+
+    def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> tuple[Pose, int]:
+        """Return where the scan comes to lie from the guess `T`, and how many surfels lie on a surface there."""
+        about, used, guess, n_close = self._settings, come.twist, T, 0
+        for kernel in about.kernels:
+            fits = self._fit(places, T, surfels, kernel)
+            n_close = _n_close(fits)
+            A = adjoint(np.array([inverse(place.T_world_center) @ T for place in places]))
+            weights = about.information * np.array([fit.n_matched >= about.min_matched for fit in fits])
+            H = np.einsum("k,kji,kjl,klm->im", weights, A, np.array([fit.H for fit in fits]), A)
+            g = np.einsum("k,kji,kj->i", weights, A, np.array([fit.g for fit in fits]))
+            if not H.any():
+                return guess, 0
+            off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
+            even = come.evenness(about)
+            step = -np.linalg.solve(H + np.diag(even), g + even * off)
+            T = T @ se3_exp(step)
+            twist = se3_log(inverse(come.T_world_last) @ T) / come.gap
+            surfels = _compensated(surfels, come.share * (twist - used))
+            used = twist
+            if np.abs(step[:3]).max() < about.converged:
+                break
+        return T, n_close
+
+    def _near(self, stamp: float, T: Pose) -> list[_Place]:
+        """Return the submaps nearest to each lag, the oldest where the past is shorter than that."""
+        chosen = {}
+        for lag in self._settings.lags:
+            near = min(self._places, key=lambda place: abs(place.stamp - (stamp - lag)), default=None)
+            if near is not None and np.linalg.norm(near.T_world_center[:3, 3] - T[:3, 3]) < self._settings.max_distance:
+                chosen[near.stamp] = near
+        return list(chosen.values())
+
+    def _fit(self, places: list[_Place], T: Pose, surfels: Surfels, kernel: float) -> list[Fit]:
+        about = self._settings
+        every = max(-(-len(surfels) // about.max_surfels), 1)  # another part for each submap: all have a say
+        return [
+            fit_surfels(
+                place.submap, surfels[k % every :: every], inverse(place.T_world_center) @ T, kernel, about.noise,
+                about.close,
+            )
+            for k, place in enumerate(places)
+        ]  # fmt: skip
+
+
+def _n_close(fits: list[Fit]) -> int:
+    return sum(fit.n_close for fit in fits)
+
+
+def _compensated(surfels: Surfels, change: Array) -> Surfels:
+    return Surfels(compensate(surfels.mean, surfels.time, change), surfels.covariance, surfels.count, surfels.time)
