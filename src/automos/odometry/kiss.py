@@ -66,13 +66,12 @@ class KissOdometry:
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
-        self._before: Pose = np.eye(4)
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
         """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
         icp, sign = self._icp, self._sign
-        last_pose = self._before = np.array(icp.last_pose)
+        last_pose = np.array(icp.last_pose)
         predicted = last_pose @ se3_exp(sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
@@ -91,10 +90,14 @@ class KissOdometry:
             self.twist = sign / gap * se3_log(step)
         return Registered(step, is_registered, points, times, during)
 
-    def correct(self, T_last_this: Pose, twist: npt.NDArray[np.float64]) -> None:
-        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
-        self._icp.last_pose = self._before @ T_last_this
-        self.twist = twist
+    def add_to_map(self, points: Points, T_world_sensor: Pose) -> None:
+        """Add `points` (M, 3), sensor frame, of a scan whose pose is known to the local map."""
+        self._icp.local_map.update(points.astype(np.float64), T_world_sensor)
+
+    def register_at(self, scan: Scan, expected: Pose) -> Pose:
+        """Return the (4, 4) T_world_sensor of a scan that is about at `expected`; that where it cannot be told."""
+        self._icp.last_pose = expected
+        return expected @ self.register(scan, 0.0).T_last_this
 
 
 def map_voxel(settings: OdometrySettings) -> float:

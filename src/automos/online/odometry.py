@@ -1,4 +1,8 @@
-"""Poses of scans as they come: KISS-ICP, then submaps of the past, from the scans so far, never from later ones.
+"""Poses of scans as they come: from the scans so far, never from later ones.
+
+A scan is laid on submaps of the last seconds, beginning where it is expected. At the start, and where it does not fit
+there, it is registered to the last scans as KISS-ICP does, which looks further around.
+
 
 How sweeps are timed is a property of the sensor; where the scans do not say, it is found out once, from the first scans
 in which the sensor moves. Until then points are taken as they come.
@@ -15,17 +19,21 @@ import numpy.typing as npt
 from automos.array_sequence import ArraySequence
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD, read_clock
-from automos.odometry.kiss import STEP_DIGITS, KissOdometry
+from automos.odometry.kiss import STEP_DIGITS
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
-from automos.odometry.sweeps import surfels_of
+from automos.odometry.surfels import Surfels
+from automos.odometry.sweeps import surfels_of, usable_points
 from automos.odometry.timing import choose_timing
-from automos.online.past_submaps import Come, PastSubmaps
+from automos.online.near_map import NearMap
+from automos.online.past_submaps import Come, Laid, PastSubmaps
 from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
 
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes at which the second scan is tried: a registration begun at rest may stay there."""
+DOUBTFUL = 0.7
+"""Of the usual share of surfels that lie on what was seen before, below which a scan may lie elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +69,10 @@ class CausalOdometry:
             timing = SweepTiming()
         self._settings, self._wanted, self._is_compensated = settings, timing_scans, is_compensated
         self._timing = timing
-        self._kiss = KissOdometry(settings, timing or SweepTiming(), np.zeros(6), settings.initial_threshold)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._waiting: deque[tuple[Scan, float, float]] = deque(maxlen=timing_scans)  # scan, stamp, metres come
-        self._past = PastSubmaps(settings.refinement)
+        self._past, self._near = PastSubmaps(settings.refinement), NearMap(settings)
+        self._shares = deque[float](maxlen=20)
         self._T: Pose = np.eye(4)
         self._twist = np.zeros(6)
 
@@ -77,32 +85,38 @@ class CausalOdometry:
             self._waiting.append((scan, self._stamp, float(np.linalg.norm(T_last_this[:3, 3]))))
             if self._n % self._wanted == 0:
                 self._find_timing()
-        if self._n == self._settings.start_scans:
-            self._restart(scan)
         timing = self._timing or SweepTiming()
         return Moved(T_last_this, self._stamp, timing, timing.share * self._twist)
 
     def _register(self, scan: Scan, gap: float) -> Pose:
         """Return the (4, 4) from this scan's sensor frame to the one before."""
-        timing = self._timing or SweepTiming()
-        T_last, expected, period = self._T, self._twist, self._period
-        registered = self._kiss.register(scan, gap)
-        T = T_last @ registered.T_last_this
-        surfels = surfels_of(registered.points, registered.times, self._settings.refinement)
-        if self._settings.refine and gap > 0.0:
-            is_first = self._n == 1
-            guesses = [T, T_last @ se3_exp(gap * expected)]
-            guesses += [T_last @ se3_exp(step) for step in FIRST_STEPS] if is_first else []
-            come = Come(self._stamp, T_last, gap, expected, period, timing.share, is_first)
-            T = self._past.lay(guesses, surfels, come)
-        step = np.round(se3_log(inverse(T_last) @ T), STEP_DIGITS)
+        share = 0.0 if self._timing is None else self._timing.share
+        points, times = usable_points(scan, self._timing or SweepTiming(), share * self._twist, self._settings)
+        surfels = surfels_of(points, times, self._settings.refinement)
+        step = gap * self._twist
+        if gap > 0.0 and len(points) >= self._settings.min_points:
+            laid = self._lay(surfels, Come(self._stamp, self._T, gap, self._twist, self._period, share, self._n == 1))
+            step = np.round(se3_log(inverse(self._T) @ laid.T_world_sensor), STEP_DIGITS)
+            self._twist, surfels = step / gap, laid.surfels
         T_last_this = se3_exp(step)
-        if gap > 0.0:
-            self._twist = step / gap
-            self._kiss.correct(T_last_this, self._twist)
-        self._T = T_last @ T_last_this
-        self._past.add(self._stamp, self._T, surfels, period)
+        self._T = self._T @ T_last_this
+        self._past.add(self._stamp, self._T, surfels, self._period)
+        self._near.add(self._T, surfels)
         return T_last_this
+
+    def _lay(self, surfels: Surfels, come: Come) -> Laid:
+        """Return where a scan lies: usually near where it is expected; if not, it is looked for further around."""
+        expected = come.T_world_last @ se3_exp(come.gap * come.twist)
+        laid = self._past.lay([expected], surfels, come)
+        usual = float(np.median(self._shares)) if self._shares else 1.0
+        if self._n < self._settings.start_scans or laid.share < DOUBTFUL * usual:
+            guesses = [self._near.register(surfels, expected)]
+            if come.is_first:
+                guesses += [come.T_world_last @ se3_exp(step) for step in FIRST_STEPS]
+            found = self._past.lay(guesses, surfels, come)
+            laid = found if found.share >= laid.share else laid
+        self._shares.append(laid.share)
+        return laid
 
     @property
     def _period(self) -> float:
@@ -130,10 +144,8 @@ class CausalOdometry:
         scans = ArraySequence([scan for scan, _, _ in self._waiting], stamps, is_compensated=self._is_compensated)
         self._timing = choose_timing(scans, self._settings, None, read_clock(scans)).timing
         self._waiting.clear()
-        self._restart(scans[len(scans) - 1])
-
-    def _restart(self, scan: Scan) -> None:
-        """Begin the local map anew with this scan, the motion now known and the points timed as they should be."""
-        settings = self._settings
-        self._kiss = KissOdometry(settings, self._timing or SweepTiming(), self._twist, settings.known_threshold)
-        self._kiss.register(scan, 0.0)
+        self._past, self._near = PastSubmaps(self._settings.refinement), NearMap(self._settings)
+        scan, twist = scans[len(scans) - 1], self._timing.share * self._twist
+        surfels = surfels_of(*usable_points(scan, self._timing, twist, self._settings), self._settings.refinement)
+        self._past.add(self._stamp, self._T, surfels, self._period)
+        self._near.add(self._T, surfels)

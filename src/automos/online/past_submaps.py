@@ -67,6 +67,18 @@ class Come:
         return 1.0 / np.repeat(np.maximum(spread, FIRST_MOTION) if self.is_first else spread, 3) ** 2
 
 
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
+
+    share : of the surfels, those that lie on a surface; 0 where nothing is there to lie on.
+    """
+
+    T_world_sensor: Pose
+    surfels: Surfels
+    share: float
+
+
 class PastSubmaps:
     """Submaps of the last seconds, made of scans whose poses will not change any more."""
 
@@ -93,33 +105,27 @@ class PastSubmaps:
         while self._places[0].stamp < stamp - reach and len(self._places) > 1:
             self._places.popleft()
 
-    def lay(self, guesses: list[Pose], surfels: Surfels, come: Come) -> Pose:
-        """Return where a scan lies best, from the best of the `guesses`, (4, 4) T_world_sensor each.
+    def lay(self, guesses: list[Pose], surfels: Surfels, come: Come) -> Laid:
+        """Return where a scan lies best, from each of the `guesses`, (4, 4) T_world_sensor.
 
         surfels : of the scan, compensated for `come.share` times the motion `come.twist`.
         """
         places = self._near(come.stamp, guesses[0])
         if not places:
-            return guesses[0]
-        if come.is_first:  # nothing is known of the motion: every guess is followed to its end
-            ends = [self._descend(places, guess, surfels, come) for guess in guesses]
-            return max(ends, key=lambda end: end[1])[0]
-        wide = self._settings.kernels[0]
-        best = max(guesses, key=lambda guess: _n_close(self._fit(places, guess, surfels, wide)))
-        return self._descend(places, best, surfels, come)[0]
+            return Laid(guesses[0], surfels, 0.0)
+        return max((self._descend(places, guess, surfels, come) for guess in guesses), key=lambda laid: laid.share)
 
-    def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> tuple[Pose, int]:
-        """Return where the scan comes to lie from the guess `T`, and how many surfels lie on a surface there."""
-        about, used, guess, n_close = self._settings, come.twist, T, 0
+    def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> Laid:
+        """Return where the scan comes to lie from the guess `T`."""
+        about, used, nothing = self._settings, come.twist, Laid(T, surfels, 0.0)
         for kernel in about.kernels:
             fits = self._fit(places, T, surfels, kernel)
-            n_close = _n_close(fits)
             A = adjoint(np.array([inverse(place.T_world_center) @ T for place in places]))
             weights = about.information * np.array([fit.n_matched >= about.min_matched for fit in fits])
             H = np.einsum("k,kji,kjl,klm->im", weights, A, np.array([fit.H for fit in fits]), A)
             g = np.einsum("k,kji,kj->i", weights, A, np.array([fit.g for fit in fits]))
             if not H.any():
-                return guess, 0
+                return nothing
             off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
             even = come.evenness(about)
             step = -np.linalg.solve(H + np.diag(even), g + even * off)
@@ -129,7 +135,8 @@ class PastSubmaps:
             used = twist
             if np.abs(step[:3]).max() < about.converged:
                 break
-        return T, n_close
+        fits = self._fit(places, T, surfels, about.kernels[-1])
+        return Laid(T, surfels, sum(fit.n_close for fit in fits) / sum(fit.n_surfels for fit in fits))
 
     def _near(self, stamp: float, T: Pose) -> list[_Place]:
         """Return the submaps nearest to each lag, the oldest where the past is shorter than that."""
@@ -150,10 +157,6 @@ class PastSubmaps:
             )
             for k, place in enumerate(places)
         ]  # fmt: skip
-
-
-def _n_close(fits: list[Fit]) -> int:
-    return sum(fit.n_close for fit in fits)
 
 
 def _compensated(surfels: Surfels, change: Array) -> Surfels:
