@@ -37,14 +37,17 @@ class EvidenceWindow:
         is_far = not self._looks or np.floor(stamp / step) > np.floor(self._looks[-1].stamp / step)
         self._looks.append(_Look(stamp, is_far, seen))
 
-    def ask(self, stamp: float, mine: Seen) -> Evidence:
-        """Return what all scans that are remembered say of the one at `stamp`, which saw `mine`."""
+    def ask(self, stamp: float, mine: Seen, shared: bool = True) -> Evidence:
+        """Return what all scans that are remembered say of the one at `stamp`, which saw `mine`.
+
+        shared : whether threads share the work; False in one of these threads.
+        """
         stamps = np.array([look.stamp for look in self._looks])
         is_far = np.array([look.is_far for look in self._looks], np.bool_)
         chosen = partners_of(stamp, stamps, is_far, self._settings)
         chosen = chosen[stamps[chosen] != stamp]
         others = [self._looks[k].seen for k in chosen]
-        return ask(mine, others, stamps[chosen] - stamp, self.lidars, self._settings, self._pool)
+        return ask(mine, others, stamps[chosen] - stamp, self.lidars, self._settings, self._pool if shared else None)
 
     def forget(self, stamp: float) -> None:
         """Drop what no scan at `stamp` or later asks; of scans before it only what they saw is kept."""

@@ -49,6 +49,7 @@ class _Step:
     stamp: float
     found: Detections
     entry: LogEntry
+    has_future: bool = False
 
 
 class Following:
@@ -66,11 +67,20 @@ class Following:
         """The number that the next new object gets."""
         return self._tracker.next_track
 
-    def add(self, stamp: float, found: Detections) -> None:
-        """Follow all objects to the next scan, whose segments `found` will not change any more."""
-        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found)))
+    def add(self, stamp: float, found: Detections, has_future: bool) -> None:
+        """Follow all objects to the next scan, whose segments `found` will not change any more.
+
+        has_future : whether later scans were asked about it, too.
+        """
+        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), has_future))
         while self._steps[0].stamp < stamp - MEMORY:
             self._steps.popleft()
+
+    def renew(self, stamp: float, found: Detections) -> None:
+        """Take over what is known now of the segments of the scan at `stamp`, as far as that is remembered."""
+        for k, step in enumerate(self._steps):
+            if step.stamp == stamp:
+                self._steps[k] = replace(step, found=found, has_future=True)
 
     def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
         """Return the objects of the scan at `stamp`; `ahead` are those that were not added yet, with their times."""
@@ -81,7 +91,9 @@ class Following:
         is_followed = len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        verdicts = self._with_memory(judge_by_evidence(tracks, detections, self._settings.judge), numbers)
+        has_future = np.array([step.has_future for step in steps])
+        verdicts = judge_by_evidence(tracks, detections, self._settings.judge, has_future)
+        verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
         np.minimum.at(begins, tracks.track, tracks.scan)
         self._remember(verdicts, numbers, begins == 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from automos.candidates.free_space_view import Seen, learn_lidars, look
 from automos.detections import Detections
 from automos.geometry import make_transform
+from automos.instances.detect import recount
 from automos.labels import Label
 from automos.odometry.level import level_frame
 from automos.odometry.motion import compensate, sweep_times
@@ -30,6 +31,8 @@ from automos.stages import candidates_of, paint_frame, segment_frame
 from automos.tracking.tracks import Tracks
 from automos.workspace import Arrays
 
+GROWN = 1.0
+"""Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
 SETTLED = 1.0
 """Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
@@ -88,6 +91,7 @@ class Stream:
         self._ray_steps = np.zeros(2)
         self._following = Following(settings.tracking, first_track)
         self._held: deque[_Held] = deque()
+        self._growing: deque[_Held] = deque()
         self._n_given = 0
 
     @property
@@ -102,6 +106,7 @@ class Stream:
 
     def push(self, number: int, scan: Scan) -> Iterator[Painted]:
         """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp."""
+        grown = self._grow(scan.stamp or 0.0)
         moved = self._odometry.step(scan)
         self._T_level_sensor = self._T_level_sensor @ moved.T_last_this
         if not self._is_level:
@@ -111,7 +116,24 @@ class Stream:
         self._look(held)
         if self._window is not None:
             self._find_segments(held)
+        for done in grown:
+            self._following.renew(*done.result())
         yield from self._give_back(held.stamp)
+
+    def _grow(self, now: float) -> list[Future[tuple[float, Detections]]]:
+        """Ask about scans some time ago once more, beside what else is done meanwhile."""
+        asked = []
+        while self._growing and self._growing[0].stamp <= now - GROWN:
+            asked.append(self._pool.submit(self._recount, self._growing.popleft()))
+        return asked
+
+    def _recount(self, held: _Held) -> tuple[float, Detections]:
+        assert self._window is not None
+        assert held.seen is not None
+        assert held.segments is not None
+        evidence = self._window.ask(held.stamp, held.seen, shared=False)
+        ids, stayed, about = held.segments["ids"], held.segments["stayed"], self._settings.instances.components
+        return held.stamp, recount(held.detections, ids, stayed, evidence.net, about)
 
     def finish(self) -> Iterator[Painted]:
         """Yield the rest."""
@@ -158,13 +180,15 @@ class Stream:
                 if self._settle > 0.0:
                     self._find_segments(held)
                 if held.segments is not None:
-                    self._following.add(held.stamp, held.detections)
+                    self._following.add(held.stamp, held.detections, self._settle > 0.0)
+                    if self._settle < GROWN:
+                        self._growing.append(held)
                 held.is_settled = True
         while self._held and self._held[0].stamp <= now - self._lag + 1e-6:
             yield self._paint(self._held[0])
             self._held.popleft()
         if self._window is not None:
-            waiting = [held.stamp for held in self._held if not held.is_settled]
+            waiting = [held.stamp for held in (*self._held, *self._growing)]
             self._window.forget(min([now, *waiting]))
 
     def _paint(self, held: _Held) -> Painted:

@@ -55,7 +55,12 @@ _ENDS, _AROUND = 5, 3
 """Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
-def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
+def judge_by_evidence(
+    tracks: Tracks,
+    detections: Sequence[Detections],
+    settings: JudgeSettings,
+    has_future: npt.NDArray[np.bool_] | None = None,
+) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
     The confidence is the probability that the verdict is right. What was seen once is static.
@@ -63,9 +68,10 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
     Parameters
     ----------
     detections : per scan, its segments.
+    has_future : per scan, whether later scans were asked about it, too; all were where not given.
     """
     weights = np.array([1.0, *(getattr(settings, name) for name in TERMS[1:])])
-    log_odds = settings.prior + track_terms(tracks, detections) @ weights
+    log_odds = settings.prior + track_terms(tracks, detections, has_future) @ weights
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
     probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
@@ -89,8 +95,14 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
     return stays & ~verdicts.is_moving
 
 
-def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray[np.float64]:
-    """Return (T, 5) what the verdict adds up of each track, unweighted: `TERMS`."""
+def track_terms(
+    tracks: Tracks, detections: Sequence[Detections], has_future: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.float64]:
+    """Return (T, 5) what the verdict adds up of each track, unweighted: `TERMS`.
+
+    What nobody saw again speaks against a mover, but not before later scans were asked (`has_future`, see
+    `judge_by_evidence`): until then it is left out, and the known points are split as the same distributions say.
+    """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 2))
     for scan, segment, rows in _observed(tracks, len(detections)):
@@ -101,6 +113,8 @@ def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray
         length, width, height = boxes.size.T
         half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
         unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
+        if has_future is not None and not has_future[scan]:
+            unknown = np.full_like(unknown, -1.0)
         about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
         columns[rows] = np.stack([found.lift, found.part_of >= 0], axis=-1)[segment]
     seen = np.flatnonzero(tracks.is_observed)
@@ -159,9 +173,13 @@ def _scatter(path):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _log_dirichlet(counts, prior):  # type: ignore[no-untyped-def]
-    """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`."""
-    total = prior[0] + prior[1] + prior[2]
-    value = math.lgamma(total) - math.lgamma(total + counts.sum())
-    for c in range(3):
+    """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`.
+
+    A negative last count is left out: the shares of the others among themselves do not depend on it.
+    """
+    n = 2 if counts[2] < 0.0 else 3
+    total = prior[0] + prior[1] + (prior[2] if n == 3 else 0.0)
+    value = math.lgamma(total) - math.lgamma(total + counts[:n].sum())
+    for c in range(n):
         value += math.lgamma(prior[c] + counts[c]) - math.lgamma(prior[c])
     return value
