@@ -49,7 +49,7 @@ class _Step:
     stamp: float
     found: Detections
     entry: LogEntry
-    has_future: bool = False
+    is_asked: bool = False
 
 
 class Following:
@@ -61,26 +61,28 @@ class Following:
         self._tracker = Tracker(settings, first_track)
         self._steps: deque[_Step] = deque()
         self._moved: dict[int, float] = {}
+        self._has_forgotten = False
 
     @property
     def next_track(self) -> int:
         """The number that the next new object gets."""
         return self._tracker.next_track
 
-    def add(self, stamp: float, found: Detections, has_future: bool) -> None:
+    def add(self, stamp: float, found: Detections, is_asked: bool) -> None:
         """Follow all objects to the next scan, whose segments `found` will not change any more.
 
-        has_future : whether later scans were asked about it, too.
+        is_asked : whether others from a second or more were asked about it.
         """
-        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), has_future))
+        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), is_asked))
         while self._steps[0].stamp < stamp - MEMORY:
             self._steps.popleft()
+            self._has_forgotten = True
 
     def renew(self, stamp: float, found: Detections) -> None:
         """Take over what is known now of the segments of the scan at `stamp`, as far as that is remembered."""
         for k, step in enumerate(self._steps):
             if step.stamp == stamp:
-                self._steps[k] = replace(step, found=found, has_future=True)
+                self._steps[k] = replace(step, found=found, is_asked=True)
 
     def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
         """Return the objects of the scan at `stamp`; `ahead` are those that were not added yet, with their times."""
@@ -91,12 +93,12 @@ class Following:
         is_followed = len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        has_future = np.array([step.has_future for step in steps])
-        verdicts = judge_by_evidence(tracks, detections, self._settings.judge, has_future)
+        is_asked = np.array([step.is_asked for step in steps])
+        verdicts = judge_by_evidence(tracks, detections, self._settings.judge, is_asked)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
         np.minimum.at(begins, tracks.track, tracks.scan)
-        self._remember(verdicts, numbers, begins == 0)
+        self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
         if not is_followed:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
         kept = ~is_scenery(tracks, verdicts, detections)

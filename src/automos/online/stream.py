@@ -92,7 +92,7 @@ class Stream:
         self._following = Following(settings.tracking, first_track)
         self._held: deque[_Held] = deque()
         self._growing: deque[_Held] = deque()
-        self._n_given = 0
+        self._start = np.inf
 
     @property
     def next_track(self) -> int:
@@ -111,6 +111,7 @@ class Stream:
         self._T_level_sensor = self._T_level_sensor @ moved.T_last_this
         if not self._is_level:
             self._find_level(scan, moved)
+        self._start = min(self._start, moved.stamp)
         held = _Held(number, moved.stamp, _make_frame(scan, moved, self._T_level_sensor))
         self._held.append(held)
         self._look(held)
@@ -180,7 +181,8 @@ class Stream:
                 if self._settle > 0.0:
                     self._find_segments(held)
                 if held.segments is not None:
-                    self._following.add(held.stamp, held.detections, self._settle > 0.0)
+                    is_asked = self._settle > 0.0 or held.stamp - self._start >= GROWN
+                    self._following.add(held.stamp, held.detections, is_asked)
                     if self._settle < GROWN:
                         self._growing.append(held)
                 held.is_settled = True

@@ -59,7 +59,7 @@ def judge_by_evidence(
     tracks: Tracks,
     detections: Sequence[Detections],
     settings: JudgeSettings,
-    has_future: npt.NDArray[np.bool_] | None = None,
+    is_asked: npt.NDArray[np.bool_] | None = None,
 ) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
@@ -68,10 +68,10 @@ def judge_by_evidence(
     Parameters
     ----------
     detections : per scan, its segments.
-    has_future : per scan, whether later scans were asked about it, too; all were where not given.
+    is_asked : per scan, whether others from a second or more were asked about it; all were where not given.
     """
     weights = np.array([1.0, *(getattr(settings, name) for name in TERMS[1:])])
-    log_odds = settings.prior + track_terms(tracks, detections, has_future) @ weights
+    log_odds = settings.prior + track_terms(tracks, detections, is_asked) @ weights
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
     probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
@@ -96,12 +96,12 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
 
 
 def track_terms(
-    tracks: Tracks, detections: Sequence[Detections], has_future: npt.NDArray[np.bool_] | None = None
+    tracks: Tracks, detections: Sequence[Detections], is_asked: npt.NDArray[np.bool_] | None = None
 ) -> npt.NDArray[np.float64]:
     """Return (T, 5) what the verdict adds up of each track, unweighted: `TERMS`.
 
-    What nobody saw again speaks against a mover, but not before later scans were asked (`has_future`, see
-    `judge_by_evidence`): until then it is left out, and the known points are split as the same distributions say.
+    What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`): until then
+    it is left out, and the known points are split as the same distributions say.
     """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 2))
@@ -113,7 +113,7 @@ def track_terms(
         length, width, height = boxes.size.T
         half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
         unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
-        if has_future is not None and not has_future[scan]:
+        if is_asked is not None and not is_asked[scan]:
             unknown = np.full_like(unknown, -1.0)
         about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
         columns[rows] = np.stack([found.lift, found.part_of >= 0], axis=-1)[segment]
