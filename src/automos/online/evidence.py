@@ -37,6 +37,12 @@ class EvidenceWindow:
         is_far = not self._looks or np.floor(stamp / step) > np.floor(self._looks[-1].stamp / step)
         self._looks.append(_Look(stamp, is_far, seen))
 
+    def replace(self, stamp: float, seen: Seen) -> None:
+        """Take `seen` for what the scan at `stamp` saw, if it is remembered."""
+        for look in self._looks:
+            if look.stamp == stamp:
+                look.seen = seen if len(look.seen.kind) else _as_partner(seen)
+
     def ask(self, stamp: float, mine: Seen, shared: bool = True) -> Evidence:
         """Return what all scans that are remembered say of the one at `stamp`, which saw `mine`.
 

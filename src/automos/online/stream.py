@@ -24,7 +24,7 @@ from automos.odometry.motion import compensate, sweep_times
 from automos.odometry.sweeps import usable_points
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import Followed, Following
-from automos.online.odometry import CausalOdometry, Moved
+from automos.online.odometry import CausalOdometry, Moved, Remade
 from automos.scan import OBJECT, Frame, Pose, Scan
 from automos.settings import Settings
 from automos.stages import candidates_of, paint_frame, segment_frame
@@ -106,12 +106,14 @@ class Stream:
 
     def push(self, number: int, scan: Scan) -> Iterator[Painted]:
         """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp."""
-        grown = self._grow(scan.stamp or 0.0)
         moved = self._odometry.step(scan)
         self._T_level_sensor = self._T_level_sensor @ moved.T_last_this
         if not self._is_level:
             self._find_level(scan, moved)
         self._start = min(self._start, moved.stamp)
+        if moved.remade:
+            self._remake(moved)
+        grown = self._grow(moved.stamp)
         held = _Held(number, moved.stamp, _make_frame(scan, moved, self._T_level_sensor))
         self._held.append(held)
         self._look(held)
@@ -120,6 +122,17 @@ class Stream:
         for done in grown:
             self._following.renew(*done.result())
         yield from self._give_back(held.stamp)
+
+    def _remake(self, moved: Moved) -> None:
+        """Take the last scans as they are known now: what they saw, and those that wait."""
+        for again in moved.remade:
+            frame = _make_frame(again.scan, again, self._T_level_sensor @ again.T_now_then)
+            seen = None if self._window is None else look(frame, self._window.lidars, self._settings.candidates.ground)
+            if self._window is not None and seen is not None:
+                self._window.replace(again.stamp, seen)
+            for held in (*self._held, *self._growing):
+                if held.stamp == again.stamp:
+                    held.frame, held.seen = frame, seen
 
     def _grow(self, now: float) -> list[Future[tuple[float, Detections]]]:
         """Ask about scans some time ago once more, beside what else is done meanwhile."""
@@ -233,7 +246,7 @@ class _OneFrame:
         return self._frame
 
 
-def _make_frame(scan: Scan, moved: Moved, T_level_sensor: Pose) -> Frame:
+def _make_frame(scan: Scan, moved: Moved | Remade, T_level_sensor: Pose) -> Frame:
     """Return the valid points of `scan`, compensated for the motion during its sweep."""
     kept = np.flatnonzero(scan.is_valid)
     points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
