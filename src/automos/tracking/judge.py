@@ -100,8 +100,8 @@ def track_terms(
 ) -> npt.NDArray[np.float64]:
     """Return (T, 5) what the verdict adds up of each track, unweighted: `TERMS`.
 
-    What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`): until then
-    it is left out, and the known points are split as the same distributions say.
+    What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`). Until then
+    the known points speak, split as the same distributions say, for as much of the thing as they are.
     """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 2))
@@ -114,7 +114,7 @@ def track_terms(
         half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
         unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
         if is_asked is not None and not is_asked[scan]:
-            unknown = np.full_like(unknown, -1.0)
+            unknown = -np.maximum(unknown, 1e-9)
         about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
         columns[rows] = np.stack([found.lift, found.part_of >= 0], axis=-1)[segment]
     seen = np.flatnonzero(tracks.is_observed)
@@ -139,6 +139,8 @@ def _add_up(first, center, half, counts, columns, terms):  # type: ignore[no-unt
         a, b = first[k], first[k + 1]
         for i in range(a, b):
             ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
+            if counts[i, 2] < 0.0:  # as much as is known of it
+                ratio *= counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
             terms[k, 0] += math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY) / (b - a)
         terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
         way, scatter = 0.0, np.zeros((2, 3))
