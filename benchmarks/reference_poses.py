@@ -24,7 +24,7 @@ from scipy.spatial import KDTree
 from automos import load_settings, open_sequence
 from automos.geometry import inverse, transform
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.sweeps import usable_points
+from automos.odometry.motion import usable_points
 from automos.scan import Sequence
 from automos.settings import OdometrySettings
 

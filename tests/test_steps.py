@@ -50,9 +50,8 @@ def test_evidence_reads_no_further_than_its_part_may_ask(world, monkeypatch):
     assert asked == [3, 4, 5]
 
 
-def test_the_number_of_threads_leaves_every_fingerprint_as_it_is(world):
+def test_what_shapes_results_changes_the_fingerprints(world):
     settings = load_settings("default")
-    threads = load_settings("default", None, {"odometry.threads": 3})
-    assert stage_keys(world.sequence, settings) == stage_keys(world.sequence, threads)
+    assert stage_keys(world.sequence, settings) == stage_keys(world.sequence, load_settings("default"))
     other = load_settings("default", None, {"odometry.max_range": 50.0})
     assert stage_keys(world.sequence, settings) != stage_keys(world.sequence, other)

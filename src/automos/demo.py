@@ -13,7 +13,7 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import Result, label
 from automos.scan import Scan, Sequence
 from automos.settings import Settings

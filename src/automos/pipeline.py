@@ -19,9 +19,10 @@ import numpy.typing as npt
 
 from automos import __version__
 from automos.array_sequence import as_sequence
+from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
@@ -86,11 +87,11 @@ class Steps:
     @cached_property
     def trajectory(self) -> Trajectory:
         """Where the sensor was (III-A)."""
-        about = self.settings.odometry
-        about = about.model_copy(update={"threads": about.threads or self.workers})
+        about, workers = self.settings.odometry, self.workers
         return Trajectory.from_arrays(
             self.run.once(
-                "odometry", lambda tick: estimate_trajectory(self.sequence, about, self.poses, tick).to_arrays()
+                "odometry",
+                lambda tick: estimate_trajectory(self.sequence, about, self.poses, tick, workers).to_arrays(),
             )
         )
 
@@ -133,11 +134,11 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
     """Return each stage's fingerprint: it changes with all that shapes the stage's results."""
     given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     key = fingerprint(__version__, sequence.fingerprint(), given)
-    keys, chosen = {}, settings.model_dump(mode="json", exclude={"odometry": {"threads"}})
+    keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))
         if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):
-            key = fingerprint(key, chosen["baselines"])
+            key = fingerprint(key, repr(published(settings.candidates.method)))
         if stage == "candidates" and settings.self_training.folder:
             key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key

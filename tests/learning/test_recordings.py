@@ -121,7 +121,7 @@ def test_samples_hold_what_the_loss_wants(recordings):
 
 
 def test_the_scale_makes_channels_alike(recordings):
-    mean, deviation = measure_scale(recordings, settings().network)
+    mean, deviation = measure_scale(recordings)
     image = ValidationSamples(recordings, settings().network)[4]["image"]
     seen = image[:5, image[0] > 0]
     normalised = (seen - mean[:, None]) / deviation[:, None]

@@ -6,7 +6,6 @@ from automos.network.projection import even_grid, nearest_points, project
 from automos.network.residuals import pick_past, residual_images
 
 GRID = even_grid(16, 64, 10, -10)
-LIMITS = (2.0, 50.0)
 
 
 def ranges_of(points: np.ndarray) -> np.ndarray:
@@ -17,7 +16,7 @@ def ranges_of(points: np.ndarray) -> np.ndarray:
 
 def test_a_residual_is_the_change_of_range_over_the_range_of_now():
     now, before = np.array([[10.0, 0.1, 0.1]], np.float32), np.array([[8.0, 0.08, 0.08]], np.float32)
-    image = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS)
+    image = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID)
     assert image.shape == (1, 16, 64)
     assert np.count_nonzero(image) == 1
     assert image.max() == pytest.approx(0.2, abs=1e-4)  # |10 - 8| / 10
@@ -32,27 +31,27 @@ def test_what_stands_still_leaves_no_residual_however_the_sensor_moves():
         return np.stack(points, axis=1).astype(np.float32)
 
     before, now = wall(), transform(inverse(T_world_now), wall())
-    image = residual_images(ranges_of(now), [before], inverse(T_world_now)[None], GRID, LIMITS)
+    image = residual_images(ranges_of(now), [before], inverse(T_world_now)[None], GRID)
     assert np.median(image[image > 0]) < 0.01
-    moved = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS)
+    moved = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID)
     assert np.median(moved[moved > 0]) > 0.05  # the motion of the sensor, not taken out
 
 
 @pytest.mark.parametrize(("r_now", "r_before"), [(1.5, 10.0), (10.0, 1.5), (55.0, 10.0), (10.0, 55.0)])
 def test_ranges_beyond_the_limits_leave_no_residual(r_now, r_before):
     now, before = (np.array([[r, 0.0, 0.0]], np.float32) for r in (r_now, r_before))
-    assert not residual_images(ranges_of(now), [before], np.eye(4)[None], GRID, LIMITS).any()
+    assert not residual_images(ranges_of(now), [before], np.eye(4)[None], GRID).any()
 
 
 def test_a_scan_that_is_missing_leaves_no_residual():
     now = ranges_of(np.array([[10.0, 0.0, 0.0]], np.float32))
-    assert not residual_images(now, [None, None], np.stack([np.eye(4)] * 2), GRID, LIMITS).any()
+    assert not residual_images(now, [None, None], np.stack([np.eye(4)] * 2), GRID).any()
 
 
 def test_what_lies_beyond_the_beams_is_not_pressed_into_the_border_rows():
     now = ranges_of(np.array([[10.0, 0.0, 1.7]], np.float32))  # just inside the top row
     above = np.array([[6.0, 0.0, 4.0]], np.float32)
-    assert not residual_images(now, [above], np.eye(4)[None], GRID, LIMITS).any()
+    assert not residual_images(now, [above], np.eye(4)[None], GRID).any()
 
 
 @pytest.mark.parametrize(

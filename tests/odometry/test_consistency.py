@@ -21,7 +21,7 @@ def drive():
 def figures(drive, poses):
     sequence, _ = drive
     links = measure_consistency(sequence, poses, SweepTiming(), read_clock(sequence), SETTINGS)
-    return summarize(links, SETTINGS.refinement)
+    return summarize(links)
 
 
 def test_walls_are_thin_with_the_right_poses(drive):
@@ -43,4 +43,4 @@ def test_a_recording_of_one_scan_has_no_figures(drive):
     sequence, _ = drive
     single = type(sequence)([sequence[0]])
     links = measure_consistency(single, np.eye(4)[None], SweepTiming(), read_clock(single), SETTINGS)
-    assert set(summarize(links, SETTINGS.refinement).values()) == {None}
+    assert set(summarize(links).values()) == {None}

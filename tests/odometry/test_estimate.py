@@ -18,7 +18,7 @@ N = 20
 POSE = curve(7.0, 0.3)
 TRUTH = true_poses(POSE, N)
 EMPTY = Scan(np.zeros((0, 3), np.float32))
-REFINED = OdometrySettings(time="file", voxel=0.5, start_steps=())  # the town is small
+REFINED = OdometrySettings(time="file", voxel=0.5)  # the town is small
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def sequence_of(scans, stamps=None):
 
 
 def test_a_raw_recording_without_times_is_followed_to_within_centimetres(scans):
-    trajectory = estimate_trajectory(sequence_of([untimed(s) for s in scans]), OdometrySettings(start_steps=()))
+    trajectory = estimate_trajectory(sequence_of([untimed(s) for s in scans]), OdometrySettings())
     assert trajectory.timing.turn == -1
     assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.04  # 13 m driven
     np.testing.assert_allclose(trajectory.sweep_motion[:, 0], 0.7, atol=0.03)
@@ -41,7 +41,7 @@ def test_a_raw_recording_without_times_is_followed_to_within_centimetres(scans):
 
 
 def test_the_same_recording_gives_the_same_trajectory_whatever_the_threads(scans):
-    one, two = (estimate_trajectory(sequence_of(scans), REFINED.model_copy(update={"threads": n})) for n in (1, 3))
+    one, two = (estimate_trajectory(sequence_of(scans), REFINED, workers=n) for n in (1, 3))
     np.testing.assert_array_equal(one.T_world_sensor, two.T_world_sensor)
     np.testing.assert_array_equal(one.T_level_world, two.T_level_world)
 
@@ -49,19 +49,21 @@ def test_the_same_recording_gives_the_same_trajectory_whatever_the_threads(scans
 def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(scans, monkeypatch):
     chosen, choose = [], estimate.choose_timing
 
-    def blind_at_first(sequence, settings, poses, clock, pool=None):
-        chosen.append(TimingChoice(SweepTiming()) if poses is None else choose(sequence, settings, poses, clock, pool))
+    def blind_at_first(sequence, settings, poses, clock, *shared):
+        chosen.append(
+            TimingChoice(SweepTiming()) if poses is None else choose(sequence, settings, poses, clock, *shared)
+        )
         return chosen[-1]
 
-    def too_short_at_first(stretch, settings, pool=None):
-        missing = np.zeros((len(stretch) - 1, 3))
+    def too_short_at_first(window, settings, pool=None):
+        missing = np.zeros((len(window) - 1, 3))
         missing[3, 0] = 1e-3 * (len(chosen) == 1)
         return SpeedSearch(missing, np.zeros(len(OFFSETS)))
 
     monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
     monkeypatch.setattr(windows, "search_speed", too_short_at_first)
     raw = sequence_of([untimed(s) for s in scans])
-    trajectory = estimate_trajectory(raw, OdometrySettings(start_steps=()))
+    trajectory = estimate_trajectory(raw, OdometrySettings())
     assert [choice.timing.source for choice in chosen] == ["none", "order"]
     assert trajectory.timing == chosen[1].timing
     assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.04
@@ -95,7 +97,7 @@ def test_a_recording_without_any_point_stands_still_and_says_why():
 def test_a_recording_turned_round_goes_back_the_way_it_came(scans):
     back = [untimed(scan) for scan in reversed(scans)]
     back = [Scan(scan.points, stamp=SCAN_GAP * i) for i, scan in enumerate(back)]
-    trajectory = estimate_trajectory(sequence_of(back), OdometrySettings(start_steps=()))
+    trajectory = estimate_trajectory(sequence_of(back), OdometrySettings())
     assert worst_distance(trajectory.T_world_sensor, np.linalg.inv(TRUTH[-1]) @ TRUTH[::-1]) < 0.05
 
 
@@ -124,7 +126,7 @@ def test_poses_that_do_not_suit_the_scans_are_warned_of(scans):
     wrong = TRUTH.copy()
     wrong[:, :3, 3] *= 1.05  # 35 cm in a second
     trajectory = estimate_trajectory(sequence_of(scans), REFINED, poses=wrong)
-    assert "scans a second apart do not fold onto each other" in trajectory.diagnostics["warnings"][0]
+    assert "scans a second apart do not align with each other" in trajectory.diagnostics["warnings"][0]
 
 
 def test_too_few_poses_are_refused(scans):

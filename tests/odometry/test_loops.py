@@ -3,11 +3,11 @@ import pytest
 from worlds import Block, record
 
 from automos.geometry import inverse, make_transform, se3_exp
+from automos.odometry import loops
 from automos.odometry.clock import read_clock
-from automos.odometry.loops import close_loops
-from automos.odometry.motion import SweepTiming
+from automos.odometry.loops import RINGS, SECTORS, close_loops
+from automos.odometry.motion import SweepTiming, chain
 from automos.odometry.places import compare_places, describe_place
-from automos.odometry.speed import chain
 from automos.settings import LoopSettings, OdometrySettings
 
 LOOPS = LoopSettings()
@@ -36,12 +36,10 @@ def drifted(poses, slip, turn):
     return chain(np.eye(4), steps @ se3_exp([0.0, 0.0, 0.0, 0.0, 0.0, turn]))
 
 
-def close(world, poses, **loops):
-    diagnostics = {}
-    settings = SETTINGS.model_copy(update={"loops": LoopSettings(**loops)})
+def close(world, poses, **chosen):
+    settings = SETTINGS.model_copy(update={"loops": LoopSettings(**chosen)})
     clock, T_level_world = read_clock(world.sequence), make_transform(t=[0.0, 0.0, 1.8])
-    closed = close_loops(world.sequence, poses, T_level_world, SweepTiming(), clock, settings, diagnostics)
-    return closed, diagnostics["loops_closed"]
+    return close_loops(world.sequence, poses, T_level_world, SweepTiming(), clock, settings)
 
 
 @pytest.fixture(scope="module")
@@ -73,20 +71,20 @@ def test_a_drifted_round_is_closed_to_centimetres(circle):
     np.testing.assert_allclose(closed[0], np.eye(4), atol=1e-9)
 
 
-def test_a_street_without_revisits_stays_as_it_is():
+def test_a_street_without_revisits_stays_as_it_is(monkeypatch):
     rng = np.random.default_rng(5)
     along = [(x, side * rng.uniform(9, 14)) for x in np.arange(-20.0, 110.0, 11.0) for side in (-1, 1)]
     T = np.array([make_transform(t=[x, 0.0, 1.8]) for x in np.arange(0.0, 90.0, 1.5)])
     world = record(houses(4, along), T)
     poses = drifted(world.poses, 0.01, 0.0005)
-    closed, n = close(
-        world, poses, max_offset=200.0, max_difference=1.0, place_every=10.0
-    )  # whatever is 50 m apart is tried
+    for name, lenient in {"MAX_OFFSET": 200.0, "MAX_DIFFERENCE": 1.0, "PLACE_EVERY": 10.0}.items():
+        monkeypatch.setattr(loops, name, lenient)
+    closed, n = close(world, poses)  # whatever is 50 m apart is tried
     assert n == 0
     np.testing.assert_array_equal(closed, poses)
 
 
-def test_another_corner_that_looks_alike_is_refused():
+def test_another_corner_that_looks_alike_is_refused(monkeypatch):
     # The same four houses twice, 60 m apart, with other surroundings: a place must fit as a whole.
     corner = [(-12.0, 9.0), (0.0, -9.0), (11.0, 10.0), (8.0, -11.0)]
     twice = (*houses(6, corner), *houses(6, [(x + 60.0, y) for x, y in corner]))
@@ -95,16 +93,20 @@ def test_another_corner_that_looks_alike_is_refused():
     )
     T = np.array([make_transform(t=[x, 0.0, 1.8]) for x in np.arange(0.0, 66.0, 1.5)])
     world = record((*twice, *others), T)
-    poses, lenient = world.poses, {"max_offset": 200.0, "place_scans": 1}
-    assert close(world, poses, min_overlap=0.3, deviation=100.0, **lenient)[1] > 0  # it does look alike
-    closed, n = close(world, poses, deviation=100.0, **lenient)
+    poses = world.poses
+    for name, lenient in {"MAX_OFFSET": 200.0, "PLACE_SCANS": 1, "DEVIATION": 100.0}.items():
+        monkeypatch.setattr(loops, name, lenient)
+    assert close(world, poses, min_overlap=0.3)[1] > 0  # it does look alike
+    closed, n = close(world, poses)
     assert n == 0
     np.testing.assert_array_equal(closed, poses)
 
 
-def test_a_wrong_closure_that_looks_right_is_outvoted_by_the_way_driven(circle):
+def test_a_wrong_closure_that_looks_right_is_outvoted_by_the_way_driven(circle, monkeypatch):
     poses = circle.poses
-    closed, n = close(circle, poses, min_overlap=0.05, max_difference=1.0, max_offset=200.0, min_way=20.0, candidates=1)
+    for name, lenient in {"MAX_DIFFERENCE": 1.0, "MAX_OFFSET": 200.0, "CANDIDATES": 1}.items():
+        monkeypatch.setattr(loops, name, lenient)
+    closed, n = close(circle, poses, min_overlap=0.05, min_distance=20.0)
     assert n >= 1
     assert np.linalg.norm((closed - poses)[:, :3, 3], axis=1).max() < 0.1
 
@@ -116,10 +118,10 @@ def test_a_place_is_known_again_from_another_heading():
     turn = np.radians(90.0)
     c, s = np.cos(turn), np.sin(turn)
     seen = points @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])  # from a frame that heads to its left
-    a, b = (describe_place(p, LOOPS.reach, LOOPS.rings, LOOPS.sectors) for p in (points, seen))
+    a, b = (describe_place(p, LOOPS.reach, RINGS, SECTORS) for p in (points, seen))
     difference, found = compare_places(a, b)
     assert difference < 0.05
-    assert found == pytest.approx(turn, abs=2 * np.pi / LOOPS.sectors)
+    assert found == pytest.approx(turn, abs=2 * np.pi / SECTORS)
     assert compare_places(a, np.zeros_like(a))[0] == 1.0
 
 

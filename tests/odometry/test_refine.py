@@ -7,18 +7,18 @@ from raw_worlds import curve as curve_of
 from worlds import record, van
 
 from automos.geometry import se3_exp
+from automos.odometry.links import Alignment, Window
+from automos.odometry.motion import chain
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import chain
-from automos.odometry.stretch import Stretch
-from automos.odometry.sweeps import surfels_of
-from automos.settings import RefineSettings
+from automos.odometry.surfels import surfels_of
+from automos.settings import OdometrySettings
 
-SETTINGS = RefineSettings()
+SETTINGS = OdometrySettings()
 N = 30
 
 
-def stretch_at(surfels, poses) -> Stretch:
-    return Stretch(surfels, np.zeros((len(poses), 6)), poses, np.ones(len(poses) - 1), 0.1, 0.0)
+def window_at(surfels, poses) -> Window:
+    return Window(surfels, np.zeros((len(poses), 6)), poses, np.ones(len(poses) - 1), 0.1, 0.0)
 
 
 def shaken(poses, metres=0.03, degrees=0.1):
@@ -35,14 +35,14 @@ def town():
     """Return (surfels, true poses) of a drive through a town, a van keeping pace beside the sensor."""
     pose = curve_of(6.0, 0.1)
     world = record((*TOWN, van(2.0, 3.0, 0.0, speed=6.0)), np.array([pose(0.1 * i) for i in range(N)]))
-    return [surfels_of(scan.points, None, SETTINGS) for scan in world.sequence], true_poses(pose, N)
+    return [surfels_of(scan.points, None) for scan in world.sequence], true_poses(pose, N)
 
 
 def test_shaken_poses_come_back_to_within_two_centimetres(town):
     surfels, truth = town
     start = shaken(truth)
     assert worst_distance(start, truth) > 0.15
-    refined, before, after = refine_poses(stretch_at(surfels, start), np.zeros(N, bool), SETTINGS)
+    refined, before, after = refine_poses(window_at(surfels, start), np.zeros(N, bool), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
     assert np.median(after.disagreement) < 0.2 * np.median(before.disagreement)
     assert np.median(after.thickness) < np.median(before.thickness)
@@ -50,7 +50,7 @@ def test_shaken_poses_come_back_to_within_two_centimetres(town):
 
 def test_right_poses_stay(town):
     surfels, truth = town
-    refined, _, _ = refine_poses(stretch_at(surfels, truth), np.zeros(N, bool), SETTINGS)
+    refined, _, _ = refine_poses(window_at(surfels, truth), np.zeros(N, bool), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
 
 
@@ -58,7 +58,7 @@ def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
     surfels, truth = town
     start = shaken(truth)
     is_fixed = np.arange(N) < 10
-    refined, _, _ = refine_poses(stretch_at(surfels, start), is_fixed, SETTINGS)
+    refined, _, _ = refine_poses(window_at(surfels, start), is_fixed, SETTINGS, Alignment())
     moved = np.linalg.norm(refined.T_world_sensor[:, :3, 3] - start[:, :3, 3], axis=1)
     assert moved[:10].max() < 1e-6
     assert moved[10:].max() > 0.01
@@ -66,9 +66,9 @@ def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
 
 def test_the_result_does_not_depend_on_the_threads(town):
     surfels, truth = town
-    alone, _, _ = refine_poses(stretch_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS)
+    alone, _, _ = refine_poses(window_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment())
     with ThreadPoolExecutor(3) as pool:
-        shared, _, _ = refine_poses(stretch_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS, pool)
+        shared, _, _ = refine_poses(window_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment(), pool)
     np.testing.assert_array_equal(alone.T_world_sensor, shared.T_world_sensor)
 
 
@@ -76,13 +76,15 @@ def test_scans_without_points_are_bridged_by_even_motion(town):
     surfels, truth = town
     nothing = surfels[0][:0]
     holed = [nothing if i in (12, 13, 14) else s for i, s in enumerate(surfels)]
-    refined, _, _ = refine_poses(stretch_at(holed, shaken(truth)), np.zeros(N, bool), SETTINGS)
+    refined, _, _ = refine_poses(window_at(holed, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) < 0.04
 
 
 def test_where_nothing_is_seen_poses_stay(town):
     surfels, truth = town
-    refined, before, _ = refine_poses(stretch_at([surfels[0][:0]] * 4, truth[:4]), np.zeros(4, bool), SETTINGS)
+    refined, before, _ = refine_poses(
+        window_at([surfels[0][:0]] * 4, truth[:4]), np.zeros(4, bool), SETTINGS, Alignment()
+    )
     assert len(before.lag) == 0
     assert worst_distance(refined.T_world_sensor, truth[:4]) < 0.02
 
@@ -90,5 +92,5 @@ def test_where_nothing_is_seen_poses_stay(town):
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_shortest_recordings_are_refined_too(town, n):
     surfels, truth = town
-    refined, _, _ = refine_poses(stretch_at(surfels[:n], truth[:n]), np.zeros(n, bool), SETTINGS)
+    refined, _, _ = refine_poses(window_at(surfels[:n], truth[:n]), np.zeros(n, bool), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth[:n]) < 0.03

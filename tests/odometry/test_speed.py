@@ -3,31 +3,29 @@ import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import record, van
 
-from automos.odometry.facing import score_distances
+from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score_distances, stands
+from automos.odometry.links import Alignment, Window
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import (
     OFFSETS,
-    _expected_share,
     _prior,
-    _stands,
     lengthen,
-    missing_distance,
     rival_speed,
+    search_speed,
 )
-from automos.odometry.stretch import Stretch
 from automos.odometry.submap import make_submap
-from automos.odometry.sweeps import surfels_of
-from automos.settings import RefineSettings
+from automos.odometry.surfels import surfels_of
+from automos.settings import OdometrySettings
 
-SETTINGS = RefineSettings()
+SETTINGS = OdometrySettings()
 N, SPEED = 30, 8.0
 
 TRAFFIC = (van(8.0, 0.0, 0.0, SPEED), van(-9.0, 0.2, 0.0, SPEED), van(2.0, 3.5, 0.0, SPEED), van(-5.0, 3.5, 0.0, SPEED))
 
 
-def stretch_of(world, poses) -> Stretch:
-    surfels = [surfels_of(scan.points, None, SETTINGS) for scan in world.sequence]
-    return Stretch(surfels, np.zeros((len(poses), 6)), poses, np.ones(len(poses) - 1), 0.1, 0.0)
+def window_of(world, poses) -> Window:
+    surfels = [surfels_of(scan.points, None) for scan in world.sequence]
+    return Window(surfels, np.zeros((len(poses), 6)), poses, np.ones(len(poses) - 1), 0.1, 0.0)
 
 
 def shortened(poses, ratio):
@@ -46,24 +44,26 @@ def canyon():
 @pytest.mark.parametrize("ratio", [0.9, 0.6, 0.3])
 def test_steps_too_short_are_found_by_what_faces_along_the_street(canyon, ratio):
     world, truth = canyon
-    stretch = stretch_of(world, shortened(truth, ratio))
-    missing = missing_distance(stretch, SETTINGS)
+    window = window_of(world, shortened(truth, ratio))
+    missing = search_speed(window, SETTINGS).missing
     np.testing.assert_allclose(missing[:, 0], (1.0 - ratio) * 0.1 * SPEED, atol=0.04)
     np.testing.assert_allclose(missing[:, 1:], 0.0, atol=0.01)
-    refined, _, _ = refine_poses(stretch.moved(lengthen(stretch.T_world_sensor, missing)), np.zeros(N, bool), SETTINGS)
+    refined, _, _ = refine_poses(
+        window.moved(lengthen(window.T_world_sensor, missing)), np.zeros(N, bool), SETTINGS, Alignment()
+    )
     assert worst_distance(refined.T_world_sensor, truth) < 0.005 * SPEED * 0.1 * N  # half a per cent
 
 
 def test_without_it_refinement_keeps_step_with_the_traffic(canyon):
     world, truth = canyon
-    stretch = stretch_of(world, shortened(truth, 0.3))
-    refined, _, _ = refine_poses(stretch, np.zeros(N, bool), SETTINGS)
+    window = window_of(world, shortened(truth, 0.3))
+    refined, _, _ = refine_poses(window, np.zeros(N, bool), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) > 5.0
 
 
 def test_right_steps_stay(canyon):
     world, truth = canyon
-    assert not missing_distance(stretch_of(world, truth), SETTINGS).any()
+    assert not search_speed(window_of(world, truth), SETTINGS).missing.any()
 
 
 def test_a_vehicle_that_stands_is_not_driven_by_those_who_pass():
@@ -75,25 +75,25 @@ def test_a_vehicle_that_stands_is_not_driven_by_those_who_pass():
     )
     pose = curve(0.0, 0.0)
     world = record((*CANYON, *passing), np.array([pose(0.1 * i) for i in range(N)]))
-    assert not missing_distance(stretch_of(world, true_poses(pose, N)), SETTINGS).any()
+    assert not search_speed(window_of(world, true_poses(pose, N)), SETTINGS).missing.any()
 
 
 def test_one_scan_misses_nothing(canyon):
     world, truth = canyon
-    surfels = [surfels_of(world.sequence[0].points, None, SETTINGS)]
-    stretch = Stretch(surfels, np.zeros((1, 6)), truth[:1], np.ones(0), 0.1, 0.0)
-    assert missing_distance(stretch, SETTINGS).shape == (0, 3)
+    surfels = [surfels_of(world.sequence[0].points, None)]
+    window = Window(surfels, np.zeros((1, 6)), truth[:1], np.ones(0), 0.1, 0.0)
+    assert search_speed(window, SETTINGS).missing.shape == (0, 3)
 
 
 def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
     rng = np.random.default_rng(0)
     flat = np.array([0.0, 0.35, 0.35]) * rng.uniform(-1.0, 1.0, (400, 3))
     low, high = np.array([10.2, 2.2, 0.6]), np.array([12.2, -3.4, 4.2])
-    before = surfels_of((np.concatenate([flat + low, flat + high])).astype(np.float32), None, SETTINGS)
+    before = surfels_of((np.concatenate([flat + low, flat + high])).astype(np.float32), None)
     come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is high stays
-    after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None, SETTINGS)
-    submap = make_submap([before], np.eye(4)[None], SETTINGS.voxel, SETTINGS.near)
-    scores = score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS)
+    after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None)
+    submap = make_submap([before], np.eye(4)[None])
+    scores = score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS.overhead)
     low, high = scores
     assert low[0] > 0.0 == low[1] == low[2]
     assert high[2] > 0.0 == high[0] == high[1]
@@ -101,28 +101,27 @@ def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
 
 def test_the_present_speed_is_ahead_and_backwards_is_behind():
     speeds = np.array([-1.0, -0.125, 0.0, 0.125, 4.0])
-    settings = RefineSettings(speed_step=0.125, speed_prior=0.2, reverse_cost=0.3)
-    ahead = _prior(speeds, np.array([0.0, 4.0]), settings)
+    ahead = _prior(speeds, np.array([0.0, 4.0]))
     np.testing.assert_allclose(ahead, [[-0.3, 0.2, 0.2, 0.2, 0.0], [-0.3, 0.0, 0.0, 0.0, 0.2]])
 
 
 def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():
-    assert _stands(np.array([5.0, 30.0]), np.array([400.0, 40.0]), SETTINGS)
-    assert not _stands(np.array([200.0, 4.0]), np.array([400.0, 40.0]), SETTINGS)  # low: traffic at the sensor's speed
-    assert _stands(np.array([80.0, 0.0]), np.array([400.0, 1.0]), SETTINGS)
-    assert not _stands(np.array([8.0, 0.0]), np.array([400.0, 1.0]), SETTINGS)
+    assert stands(np.array([5.0, 30.0]), np.array([400.0, 40.0]))
+    assert not stands(np.array([200.0, 4.0]), np.array([400.0, 40.0]))  # low: traffic at the sensor's speed
+    assert stands(np.array([80.0, 0.0]), np.array([400.0, 1.0]))
+    assert not stands(np.array([8.0, 0.0]), np.array([400.0, 1.0]))
 
 
 def test_from_nearly_the_same_place_more_is_found_again():
-    share = _expected_share(np.array([0.0, SETTINGS.near_view, -SETTINGS.near_view, 100.0]), SETTINGS)
-    np.testing.assert_allclose(share, SETTINGS.near_share * np.array([1.0, np.exp(-1), np.exp(-1), 0.0]), atol=1e-9)
+    share = expected_share(np.array([0.0, NEAR_VIEW, -NEAR_VIEW, 100.0]))
+    np.testing.assert_allclose(share, NEAR_SHARE * np.array([1.0, np.exp(-1), np.exp(-1), 0.0]), atol=1e-9)
 
 
 def test_what_is_overhead_tells_whether_the_poses_follow_the_world():
     stands_right, follows_traffic = np.zeros(len(OFFSETS)), np.zeros(len(OFFSETS))
     stands_right[np.abs(OFFSETS) < 0.2] = 30.0
     follows_traffic[np.abs(OFFSETS - 22.0) < 0.2] = 30.0
-    assert rival_speed(stands_right)[:2] == (30.0, 0.0)
-    here, there, faster = rival_speed(follows_traffic)
+    assert list(rival_speed(stands_right).values())[:2] == [30.0, 0.0]
+    here, there, faster = rival_speed(follows_traffic).values()
     assert (here, there) == (0.0, 30.0)
     assert faster == pytest.approx(22.0, abs=0.2)

@@ -6,7 +6,7 @@ from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, make_surfels
 
 RNG = np.random.default_rng(1)
-KERNEL = {"kernel": 0.5, "noise": 0.03, "close": 0.1}
+KERNEL = {"kernel": 0.5}
 
 
 def patch(corner, one, other, n=6000):
@@ -16,7 +16,7 @@ def patch(corner, one, other, n=6000):
 
 
 def surfels_of(*patches) -> Surfels:
-    return make_surfels(np.concatenate(patches).astype(np.float32), None, 0.4, 20.0, 80.0)
+    return make_surfels(np.concatenate(patches).astype(np.float32), None)
 
 
 def ground():
@@ -32,7 +32,7 @@ def wall_ahead():
 
 
 def submap_of(surfels):
-    return make_submap([surfels], np.eye(4)[None], 0.8, 20.0)
+    return make_submap([surfels], np.eye(4)[None])
 
 
 def best_move(submap, surfels, T):
@@ -68,7 +68,7 @@ def test_a_post_holds_along_the_corridor_but_not_upwards():
 def test_a_ring_lying_on_the_ground_says_nothing():
     azimuth = np.linspace(0, 2 * np.pi, 3000)
     ring = np.stack([10 * np.cos(azimuth), 10 * np.sin(azimuth), np.full(3000, -1.8)], axis=1)
-    surfels = make_surfels((ring + RNG.normal(0, 0.01, ring.shape)).astype(np.float32), None, 0.4, 20.0, 80.0)
+    surfels = make_surfels((ring + RNG.normal(0, 0.01, ring.shape)).astype(np.float32), None)
     assert fit_surfels(submap_of(surfels), surfels, np.eye(4), **KERNEL).n_matched == 0
 
 
@@ -85,13 +85,13 @@ def test_distance_from_a_plane_is_counted_and_measured():
 def test_scans_are_merged_in_the_submaps_frame():
     ahead = se3_exp([3.0, 1.0, 0.0, 0.0, 0.0, 0.3])
     surfels = surfels_of(ground(), wall_left(), wall_ahead())
-    moved = make_submap([surfels], ahead[None], 0.8, 20.0)
+    moved = make_submap([surfels], ahead[None])
     fit = fit_surfels(moved, surfels, ahead, **KERNEL)
     assert fit.n_close > 0.99 * fit.n_matched > 0.5 * len(surfels)
 
 
 def test_nothing_lies_on_nothing():
-    nothing = make_surfels(np.zeros((0, 3), np.float32), None, 0.4, 20.0, 80.0)
+    nothing = make_surfels(np.zeros((0, 3), np.float32), None)
     surfels = surfels_of(ground())
     for submap, laid in ((submap_of(nothing), surfels), (submap_of(surfels), nothing)):
         fit = fit_surfels(submap, laid, np.eye(4), **KERNEL)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from automos.odometry.surfels import make_surfels
+from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, rows_of_first_in_voxel, without_body
 
 RNG = np.random.default_rng(0)
 
@@ -8,7 +8,7 @@ RNG = np.random.default_rng(0)
 def test_a_surfel_is_the_mean_and_covariance_of_the_points_in_its_voxel():
     points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)  # in one voxel of 0.4 m
     times = RNG.uniform(0.1, 0.5, 50).astype(np.float32)
-    surfels = make_surfels(points, times, voxel=0.4, near=20.0, max_range=80.0)
+    surfels = make_surfels(points, times)
     assert len(surfels) == 1
     np.testing.assert_allclose(surfels.mean[0], points.mean(axis=0), atol=1e-5)
     expected = np.cov(points.T.astype(float), bias=True)
@@ -19,22 +19,59 @@ def test_a_surfel_is_the_mean_and_covariance_of_the_points_in_its_voxel():
 
 def test_what_a_sweep_saw_first_and_last_lies_apart():
     points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)
-    surfels = make_surfels(points, np.repeat([-0.4, 0.4], 25).astype(np.float32), voxel=0.4, near=20.0, max_range=80.0)
+    surfels = make_surfels(points, np.repeat([-0.4, 0.4], 25).astype(np.float32))
     np.testing.assert_allclose(sorted(surfels.time), [-0.4, 0.4], atol=1e-6)
 
 
 def test_every_point_in_range_is_in_exactly_one_surfel():
-    points = RNG.uniform(-60, 60, (5000, 3)).astype(np.float32)
-    surfels = make_surfels(points, None, voxel=0.5, near=10.0, max_range=50.0)
-    assert surfels.count.sum() == (np.linalg.norm(points, axis=1) < 50.0).sum()
+    points = RNG.uniform(-90, 90, (5000, 3)).astype(np.float32)
+    surfels = make_surfels(points, None)
+    assert surfels.count.sum() == (np.linalg.norm(points, axis=1) < MAX_RANGE).sum()
 
 
 def test_voxels_double_with_distance():
     pair = np.array([[0.05, 0.0, 0.1], [0.45, 0.0, 0.1]], np.float32)  # 0.4 m apart
     near, far = pair + np.array([2.0, 0, 0]), pair + np.array([24.0, 0, 0])
-    assert len(make_surfels(near.astype(np.float32), None, 0.4, 20.0, 80.0)) == 2
-    assert len(make_surfels(far.astype(np.float32), None, 0.4, 20.0, 80.0)) == 1
+    assert len(make_surfels(near.astype(np.float32), None)) == 2
+    assert len(make_surfels(far.astype(np.float32), None)) == 1
 
 
 def test_no_points_make_no_surfels():
-    assert len(make_surfels(np.zeros((0, 3), np.float32), None, 0.4, 20.0, 80.0)) == 0
+    assert len(make_surfels(np.zeros((0, 3), np.float32), None)) == 0
+
+
+def surfels_at(points) -> Surfels:
+    n = len(points)
+    return Surfels(
+        np.array(points, np.float32), np.zeros((n, 6), np.float32), np.ones(n, np.float32), np.zeros(n, np.float32)
+    )
+
+
+def test_what_every_scan_has_at_the_same_place_is_the_vehicle():
+    roof = [1.5, 0.2, -0.3]
+    scans = [surfels_at([roof, [3.0 - 0.5 * i, 2.0, 0.0]]) for i in range(10)]
+    for i, kept in enumerate(without_body(scans)):
+        np.testing.assert_allclose(kept.mean, [[3.0 - 0.5 * i, 2.0, 0.0]], atol=1e-6)
+
+
+def test_what_shakes_by_more_than_centimetres_is_not():
+    rng = np.random.default_rng(0)
+    scans = [surfels_at([np.array([1.6, 0.2, -0.2]) + rng.normal(0, 0.06, 3)]) for _ in range(20)]
+    assert sum(len(s) for s in without_body(scans)) == 20
+
+
+def test_what_is_far_away_is_not():
+    scans = [surfels_at([[12.0, 0.0, 0.0]])] * 10
+    assert all(len(s) == 1 for s in without_body(scans))
+
+
+def test_nothing_has_no_body():
+    assert without_body([]) == []
+    assert len(without_body([surfels_at(np.zeros((0, 3)))])[0]) == 0
+
+
+def test_the_first_point_of_each_voxel_is_kept():
+    points = RNG.uniform(-3, 3, (500, 3)).astype(np.float32)
+    _, expected = np.unique(np.floor(points), axis=0, return_index=True)
+    np.testing.assert_array_equal(rows_of_first_in_voxel(points, 1.0), np.sort(expected))
+    assert len(rows_of_first_in_voxel(points[:0], 1.0)) == 0

@@ -15,9 +15,7 @@ POSE = curve(8.0, 0.5)
 
 
 def choose(sequence, poses=None, **settings):
-    return choose_timing(
-        sequence, OdometrySettings(**{"voxel": 0.5, "start_steps": (), **settings}), poses, read_clock(sequence)
-    ).timing
+    return choose_timing(sequence, OdometrySettings(**{"voxel": 0.5, **settings}), poses, read_clock(sequence)).timing
 
 
 def raw(turn, seam_deg, arrange=lambda points, i: points):
@@ -65,9 +63,7 @@ def test_a_sector_that_is_missing_and_wanders_tells_the_times_of_shuffled_points
 
 
 def test_what_was_tried_and_by_how_much_it_lost_is_said():
-    choice = choose_timing(
-        raw(-1, 180.0), OdometrySettings(voxel=0.5, start_steps=()), None, read_clock(raw(-1, 180.0))
-    )
+    choice = choose_timing(raw(-1, 180.0), OdometrySettings(voxel=0.5), None, read_clock(raw(-1, 180.0)))
     said = choice.to_dict()
     assert said["chosen"] == "order of the points (clockwise, 1.00 turns a scan)"
     assert said["worse_percent"]["none (compensated already, or unknown)"] > 3.0

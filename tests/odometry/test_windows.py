@@ -4,24 +4,25 @@ from raw_worlds import CANYON, TOWN, curve, true_poses, worst_distance
 from test_refine import shaken
 from worlds import record, van
 
-from automos.odometry.speed import chain
-from automos.odometry.sweeps import surfels_of
+from automos.odometry.motion import chain
+from automos.odometry.surfels import surfels_of
 from automos.odometry.windows import RollingRefinement
-from automos.settings import RefineSettings
+from automos.settings import OdometrySettings
 
 N = 45
-SHORT = RefineSettings(window=2.0, overlap=1.0)
+SETTINGS = OdometrySettings()
+SHORT = {"window": 2.0, "overlap": 1.0}
 
 
 @pytest.fixture(scope="module")
 def drive():
     pose = curve(5.0, 0.1)
     world = record(TOWN, np.array([pose(0.1 * i) for i in range(N)]))
-    return [surfels_of(scan.points, None, SHORT) for scan in world.sequence], true_poses(pose, N)
+    return [surfels_of(scan.points, None) for scan in world.sequence], true_poses(pose, N)
 
 
-def roll(surfels, poses, settings):
-    refinement = RollingRefinement(0.1, 0.0, settings)
+def roll(surfels, poses, **lengths):
+    refinement = RollingRefinement(0.1, 0.0, SETTINGS, **lengths)
     for i in range(len(poses)):
         step = np.linalg.inv(poses[max(i - 1, 0)]) @ poses[i]
         refinement.add(surfels[i], np.zeros(6), step, 1.0)
@@ -31,7 +32,7 @@ def roll(surfels, poses, settings):
 def test_windows_refine_as_well_as_the_whole(drive):
     surfels, truth = drive
     start = shaken(truth)
-    poses, before, after = roll(surfels, start, SHORT).finish()
+    poses, before, after = roll(surfels, start, **SHORT).finish()
     assert len(poses) == N
     assert worst_distance(start, truth) > 0.2
     assert worst_distance(poses, truth) < 0.03
@@ -40,19 +41,19 @@ def test_windows_refine_as_well_as_the_whole(drive):
 
 def test_no_step_jumps_where_windows_meet(drive):
     surfels, truth = drive
-    poses, _, _ = roll(surfels, shaken(truth), SHORT).finish()
+    poses, _, _ = roll(surfels, shaken(truth), **SHORT).finish()
     steps, true_steps = (np.linalg.norm(np.diff(p[:, :3, 3], axis=0), axis=1) for p in (poses, truth))
     np.testing.assert_allclose(steps, true_steps, atol=0.015)
 
 
 def test_no_more_than_a_window_of_scans_is_kept(drive):
     surfels, truth = drive
-    refinement = roll(surfels, truth, SHORT)
+    refinement = roll(surfels, truth, **SHORT)
     assert len(refinement._surfels) <= 20
 
 
 def test_without_scans_there_are_no_poses():
-    poses, before, after = RollingRefinement(0.1, 1.0, SHORT).finish()
+    poses, before, after = RollingRefinement(0.1, 1.0, SETTINGS).finish()
     assert poses.shape == (0, 4, 4)
     assert len(before.lag) == len(after.lag) == 0
 
@@ -66,6 +67,6 @@ def test_poses_settle_between_searches_for_the_speed():
     steps[:, :3, 3] *= 0.3  # in step with the traffic
     turn = np.eye(4)  # and turned a little, which hides the true speed from a single search
     turn[:2, :2] = [[np.cos(6e-3), -np.sin(6e-3)], [np.sin(6e-3), np.cos(6e-3)]]
-    surfels = [surfels_of(scan.points, None, RefineSettings()) for scan in world.sequence]
-    poses, _, _ = roll(surfels, chain(np.eye(4), steps @ turn), RefineSettings()).finish()
+    surfels = [surfels_of(scan.points, None) for scan in world.sequence]
+    poses, _, _ = roll(surfels, chain(np.eye(4), steps @ turn)).finish()
     assert worst_distance(poses, truth) < 0.02

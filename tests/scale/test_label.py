@@ -102,8 +102,6 @@ def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labell
     with pytest.raises(InputError, match="holds a run with other settings"):
         label(settings=load_settings("default", None, {"labels.unsure": 0.5}))
     assert fleet.differences(tmp_path / "out") == []
-    # threads shape nothing
-    assert label(settings=load_settings("default", None, {"odometry.threads": 2})).had_been == fleet.names
 
 
 def test_poses_that_came_with_a_recording_are_not_replaced_by_labelling_it_in_place(fleet, tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_view import Lidar, Seen, View
-from automos.candidates.free_space_vote import find_supported, look_through
+from automos.candidates.free_space_vote import look_through
 from automos.candidates.free_space_weigh import (
     find_open,
     find_seen_through,
@@ -33,11 +33,12 @@ class Evidence:
 
     Attributes
     ----------
-    kind : (M,) uint8, OBJECT, GROUND or EGO_BODY.
-    net : (M,) float32, see-throughs minus hits, weighted; above 0 the point has moved, 0 is unknown. 0 for ground and
-        ego body.
+    kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.
+    net : (M,) float32, see-throughs minus hits, weighted; above 0 the point has moved, 0 is unknown. 0 for what is no
+        object.
     through, hits : (M,) uint8, how many scans saw through the point and how many hit it again.
     height : (M,) float32, metres above the ground.
+    solidity : (M,) uint8, share of the rays beside an object that ended beside it, 255 for all.
     """
 
     kind: npt.NDArray[np.uint8]
@@ -45,6 +46,7 @@ class Evidence:
     through: npt.NDArray[np.uint8]
     hits: npt.NDArray[np.uint8]
     height: npt.NDArray[np.float32]
+    solidity: npt.NDArray[np.uint8]
 
 
 def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSettings) -> npt.NDArray[np.int64]:
@@ -91,7 +93,7 @@ def ask(
         heights = mine.height[view.rows][view.is_object]
         told = _ask_about(view, heights, others, offsets, lidars, settings, pool)
         net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
-    return Evidence(mine.kind, net, through, hits, mine.height)
+    return Evidence(mine.kind, net, through, hits, mine.height, mine.solidity)
 
 
 def _ask_about(
@@ -107,7 +109,10 @@ def _ask_about(
     if pool is None:
         return list(_ask_part(mine, heights, others, offsets, lidars, settings))
     parts = np.array_split(np.arange(len(heights)), _PARTS)
-    views = [replace(mine, objects=np.ascontiguousarray(mine.objects[:, rows])) for rows in parts]
+    views = [
+        replace(mine, objects=np.ascontiguousarray(mine.objects[:, rows]), is_supported=mine.is_supported[rows])
+        for rows in parts
+    ]
     asked = [
         pool.submit(_ask_part, view, heights[rows], others, offsets, lidars, settings)
         for view, rows in zip(views, parts, strict=True)
@@ -137,9 +142,7 @@ def _ask_part(
         _add_votes(mine, ids, own_ranges, heights, others[k], lidars, settings, votes[k])
 
     ids = find_seen_through(votes)
-    support = (np.float32(settings.support), np.float32(settings.support_per_metre))
-    is_supported = find_supported(np.take(mine.objects, ids, axis=1), mine.motion, mine.pattern, mine.image, *support)
-    weaken_lone(votes, ids, is_supported, settings.lone_weight)
+    weaken_lone(votes, ids, mine.is_supported[ids], settings.lone_weight)
 
     net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
     sum_votes(votes, int(np.searchsorted(offsets, 0.0)), settings.stay_weight, net, through, hits)

@@ -19,7 +19,7 @@ from automos.cli.network import network_app
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.errors import AutomosError
-from automos.working_folder import SAFE_PATH
+from automos.working_folder import OURS, SAFE_PATH
 
 app = typer.Typer(
     add_completion=False,
@@ -74,7 +74,7 @@ def _refused(error: Exception) -> str:
 
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
-    os.environ.update(SAFE_PATH)  # for every process that is started from here, by whatever library
+    os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")
     except AutomosError as error:

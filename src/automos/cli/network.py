@@ -32,6 +32,7 @@ def train(
     init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one that came along")] = None,
     device: Device = "auto",
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
+    loaders: Annotated[int, typer.Option(min=0, help="processes that prepare scans; 0: the training itself")] = 0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -60,7 +61,7 @@ def train(
     init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
     with StageProgress(console, "train") as progress:
-        best = train_on(together, out, chosen, init, device, devices, progress=progress)
+        best = train_on(together, out, chosen, init, device, devices, progress, loaders=loaders)
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
 
 
@@ -80,6 +81,8 @@ def segment(
         bool, typer.Option("--probabilities", help="lmnet: write how likely each point moves")
     ] = False,
     device: Device = "auto",
+    engine: Annotated[str, typer.Option(help="what runs the network: auto, torch, onnxruntime or openvino")] = "auto",
+    threads: Annotated[int, typer.Option(min=0, help="of the network on a CPU; 0: one per core")] = 0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -106,9 +109,12 @@ def segment(
         raise InputError("--weights and --probabilities are the network's: add --method lmnet, or leave them out")
     if uses_network and lag > 0.0:
         raise InputError("the network labels every scan at once: leave --lag out, or take --method evidence")
-    chosen = _settings(settings, set_, {"network.online.device": device})
+    chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
-    run_one = _with_network(weights, chosen, probabilities) if uses_network else _with_evidence(chosen, lag)
+    if uses_network:
+        run_one = _with_network(weights, engine, device, threads, chosen, probabilities)
+    else:
+        run_one = _with_evidence(chosen, lag)
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:
@@ -116,10 +122,12 @@ def segment(
         output.print(told)
 
 
-def _with_network(weights: Path | None, settings: Settings, probabilities: bool) -> Callable[..., str]:
+def _with_network(
+    weights: Path | None, engine: str, device: str, threads: int, settings: Settings, probabilities: bool
+) -> Callable[..., str]:
     from automos.learning.segment import open_network, segment_recording, summary
 
-    network = open_network(weights, settings)
+    network = open_network(weights, engine, device, threads)
     return lambda sequence, folder, progress: summary(
         segment_recording(sequence, folder, network, settings, probabilities, progress), folder
     )

@@ -13,7 +13,7 @@ from automos.baselines.methods import BASELINES
 from automos.errors import InputError
 from automos.labels import Label
 from automos.odometry import Trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import label, stage_keys
 from automos.scan import Sequence
 from automos.settings import PRESETS, Settings

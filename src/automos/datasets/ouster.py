@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.sensor_choice import choose_sensor, split_sensor
@@ -80,7 +81,8 @@ class OusterSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         index = range(len(self))[index]
         place, within = self._places[index]
-        frame = [frame for frame in self._reader[place] if frame is not None][within]
+        with limited(self.source):
+            frame = [frame for frame in self._reader[place] if frame is not None][within]
         times = _column_seconds(frame)
         points, intensity = [], []
         for range_, reflectivity in _RETURNS:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
@@ -123,7 +124,8 @@ class VelodyneSequence(Sequence):
         sent = zip(clock_of(packets).tolist(), packets.payloads.tolist(), strict=True)
         vector = decoder.PacketVector([decoder.VelodynePacket(seconds, payload) for seconds, payload in sent])
         try:
-            return decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
+            with limited(self.source):
+                return decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
         except (RuntimeError, ValueError) as error:
             raise InputError(
                 f"{self.source} cannot be decoded as packets of a Velodyne ({error}); convert it with its maker's tools"

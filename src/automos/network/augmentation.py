@@ -13,7 +13,18 @@ import numpy.typing as npt
 
 from automos.geometry import Array, inverse, transform
 from automos.network.images import Window
-from automos.settings import AugmentationSettings
+
+SEED = 0
+"""Of all that is drawn in a training: which scans, how they are changed, the first weights."""
+
+_MIRRORED, _SHIFTED, _THINNED, _WITHOUT_INTENSITY = 0.5, 0.5, 0.5, 0.3
+"""How often; every window is turned. None of them changes a label, all were seen on some robot."""
+
+_MOST_SHIFTED = np.array([2.0, 2.0, 0.3])
+"""Metres along x, y, z: other lanes, and mounts as high as on a car or a van."""
+
+_MOST_DROPPED = 0.5
+"""Share of a scan's points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +43,21 @@ class Change:
     keeps_intensity: bool
 
 
-def draw_change(rng: np.random.Generator, settings: AugmentationSettings, width: int) -> Change:
+UNCHANGED = Change(np.eye(4), 0.0, True)
+
+
+def draw_change(rng: np.random.Generator, width: int) -> Change:
     """Return a random change. Turns are by whole columns of an image `width` wide, so beams keep to their pixels."""
     T = np.eye(4)
-    if rng.random() < settings.turn:
-        angle = 2.0 * np.pi * rng.integers(width) / width
-        T[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    if rng.random() < settings.mirror:
+    rng.random()  # as when turns were drawn, too: trainings of before can be repeated
+    angle = 2.0 * np.pi * rng.integers(width) / width
+    T[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    if rng.random() < _MIRRORED:
         T[1] *= -1.0
-    if rng.random() < settings.shift:
-        reach = np.array([settings.shift_x, settings.shift_y, settings.shift_z])
-        T[:3, 3] = rng.uniform(-reach, reach)
-    dropped = rng.uniform(0.0, settings.max_dropped) if rng.random() < settings.drop else 0.0
-    return Change(T, dropped, rng.random() >= settings.no_intensity)
+    if rng.random() < _SHIFTED:
+        T[:3, 3] = rng.uniform(-_MOST_SHIFTED, _MOST_SHIFTED)
+    dropped = rng.uniform(0.0, _MOST_DROPPED) if rng.random() < _THINNED else 0.0
+    return Change(T, dropped, rng.random() >= _WITHOUT_INTENSITY)
 
 
 def apply_change(

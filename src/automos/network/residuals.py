@@ -15,13 +15,18 @@ import numpy.typing as npt
 from automos.network.projection import Image, ImageGrid, column_of, row_of
 from automos.scan import Points, Pose
 
+SPACING = 0.1
+"""Seconds between the scans of successive residual images: one each at the 10 Hz of LMNet's recordings."""
+
+MIN_RANGE, MAX_RANGE = 2.0, 50.0
+"""Metres between which ranges have residuals (LMNet's configuration): the vehicle itself, and what is too sparse."""
+
 
 def residual_images(
     range_now: Image,
     past: Sequence[Points | None],
     T_now_past: Pose,
     grid: ImageGrid,
-    limits: tuple[float, float],
 ) -> Image:
     """Return (K, H, W) float32: |range now - range before| / range now, 0 where either is missing.
 
@@ -30,19 +35,18 @@ def residual_images(
     range_now : (H, W) float32, metres, 0 where a pixel is empty.
     past : K earlier clouds (M, 3) float32 in their own sensor frames; None where there is none, which gives zeros.
     T_now_past : (K, 4, 4) from each cloud's frame to the present one.
-    limits : metres between which ranges count.
     """
     out = np.zeros((len(past), grid.height, grid.width), np.float32)
     before = np.empty(grid.size, np.float32)
     for k, points in enumerate(past):
         if points is not None:
             T = np.asarray(T_now_past[k], np.float32)
-            _reproject(np.ascontiguousarray(points), T, grid.row_of_sine, grid.height, grid.width, limits[1], before)
-            _residual(range_now.reshape(-1), before, limits[0], limits[1], out[k].reshape(-1))
+            _reproject(np.ascontiguousarray(points), T, grid.row_of_sine, grid.height, grid.width, MAX_RANGE, before)
+            _residual(range_now.reshape(-1), before, MIN_RANGE, MAX_RANGE, out[k].reshape(-1))
     return out
 
 
-def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float) -> npt.NDArray[np.int64]:
+def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -> npt.NDArray[np.int64]:
     """Return for residual images 1..n which earlier scan to take, -1 for none.
 
     Parameters

@@ -1,13 +1,14 @@
-"""The recording's clock: stamps, the usual time between scans, and gaps where scans are missing."""
+"""The recording's clock: stamps, the usual time between scans, and scans that are missing or there twice."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.scan import Pose, Sequence
+from automos.odometry.trajectory import Trajectory
+from automos.scan import Pose, Scan, Sequence
 
 USUAL_PERIOD = 0.1
 """Seconds between scans where the recording has no clock."""
@@ -21,6 +22,8 @@ STEP_NOISE = 0.05
 """Metres, error of a registration from scan to scan."""
 SELDOM = 10.0
 """Logarithm of how much likelier it is that no scan is missing at a place."""
+TWICE = 1e-3
+"""Seconds after a scan at which the same one once more is taken to be measured: stamps must increase."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +97,47 @@ def find_missing(steps: Pose, gaps: npt.NDArray[np.float64], period: float) -> n
             best = int(np.argmin(cost))
             found[k] = tried[best] if off[best] < 3.0 else gaps[k]
     return found
+
+
+class DistinctScans(Sequence):
+    """The scans of a recording that are not the one before them once more."""
+
+    def __init__(self, sequence: Sequence, is_repeat: npt.NDArray[np.bool_]):
+        """Take the recording and which of its scans (N,) to leave out."""
+        self._sequence, self._ids = sequence, np.flatnonzero(~is_repeat)
+        self.name, self.source = sequence.name, sequence.source
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._sequence[int(self._ids[index])]
+
+    @property
+    def names(self) -> list[str]:
+        """Those of the scans that are left."""
+        names = self._sequence.names
+        return [names[i] for i in self._ids]
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """Those of the scans that are left."""
+        stamps = self._sequence.stamps
+        return None if stamps is None else stamps[self._ids]
+
+    @property
+    def is_compensated(self) -> bool | None:
+        """As the whole recording."""
+        return self._sequence.is_compensated
+
+
+def with_repeats(trajectory: Trajectory, is_repeat: npt.NDArray[np.bool_]) -> Trajectory:
+    """Return the trajectory of all N scans, from that of the distinct ones: repeats are where the first one was."""
+    row = np.cumsum(~is_repeat) - 1
+    nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a scan that is new, 1 for its first repeat
+    return replace(
+        trajectory,
+        T_world_sensor=trajectory.T_world_sensor[row],
+        stamps=trajectory.stamps[row] + TWICE * nth,
+        sweep_motion=trajectory.sweep_motion[row],
+    )

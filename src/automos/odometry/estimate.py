@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import inverse
-from automos.odometry.clock import Clock, find_missing, read_clock
-from automos.odometry.consistency import measure_consistency, summarize
-from automos.odometry.distinct import DistinctScans, with_repeats
-from automos.odometry.kiss import Registered
-from automos.odometry.leaps import find_leaps, mend_leaps, replay
+from automos.odometry.clock import Clock, DistinctScans, find_missing, read_clock, with_repeats
+from automos.odometry.consistency import doubts, measure_consistency, summarize
+from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
-from automos.odometry.motion import SweepTiming, step_twists
-from automos.odometry.register import register_scans
-from automos.odometry.speed import chain, rival_speed
-from automos.odometry.sweeps import surfels_of, usable_points
+from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
+from automos.odometry.speed import rival_speed
+from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
 from automos.odometry.windows import RollingRefinement
@@ -33,8 +31,8 @@ _log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
 
-CLEARLY_MORE = 5.0
-"""Surfels overhead by which another speed must explain more to put the present one in doubt."""
+GROUND_SCANS = 20
+"""Scans in which the ground is looked for."""
 
 
 def estimate_trajectory(
@@ -42,6 +40,7 @@ def estimate_trajectory(
     settings: OdometrySettings,
     poses: Pose | None = None,
     progress: Progress | None = None,
+    workers: int = 0,
 ) -> Trajectory:
     """Return the poses and the motion of the sensor at every scan of `sequence`.
 
@@ -52,6 +51,7 @@ def estimate_trajectory(
     poses : (N, 4, 4) T_world_sensor known to the user; then nothing is registered, and only the motion during each
         sweep and the ground are found.
     progress : called with the number of scans done and their total.
+    workers : threads, 0: one per core; the result does not depend on their number.
 
     Raises
     ------
@@ -64,115 +64,114 @@ def estimate_trajectory(
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
-        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, progress=progress)
+        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, None, progress, workers)
         return with_repeats(distinct, is_repeat)
-    clock = read_clock(sequence)
-    if poses is not None:
-        poses = _checked_poses(poses, len(sequence))
-    diagnostics: dict[str, Any] = {"warnings": []}
+    known = None if poses is None else _checked_poses(poses, len(sequence))
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
-    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
-        choice = choose_timing(sequence, settings, poses, clock, pool)
-        if poses is None:
-            poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
-            if choice.timing.source == "none" and diagnostics.get("lengthened_m", 0.0) > 0.0:
-                # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
-                better = choose_timing(sequence, settings, poses, clock, pool)
-                if better.timing != choice.timing:
-                    choice, diagnostics["warnings"] = better, []
-                    poses, clock = _register(sequence, settings, choice.timing, clock, pool, progress, diagnostics)
-    timing = choice.timing
-    diagnostics["timing"] = choice.to_dict()
-    if "wall_thickness_m" not in diagnostics:
-        links = measure_consistency(sequence, poses, timing, clock, settings)
-        diagnostics.update(summarize(links, settings.refinement))
-    _judge(diagnostics, settings)
-    T_level_world = _find_level(sequence, poses, timing, clock, settings, diagnostics)
-    if settings.loop_closure:
-        poses = close_loops(sequence, poses, T_level_world, timing, clock, settings, diagnostics)
-    for warning in diagnostics["warnings"]:
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
+        found = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
+        poses, timing = found.at_poses(known) if known is not None else found.from_scans()
+        warnings, figures, clock = found.warnings, found.figures, found.clock
+        if "wall_thickness_m" not in figures:
+            figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
+        warnings += doubts(figures, settings)
+        T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
+        if not has_ground:
+            warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")
+        if settings.loop_closure:
+            poses, figures["loops_closed"] = close_loops(sequence, poses, T_level_world, timing, clock, settings)
+    for warning in warnings:
         _log.warning("%s: %s", sequence.name, warning)
     motion = timing.share * step_twists(poses, clock.gaps)
-    return Trajectory(poses, clock.stamps, motion, timing, T_level_world, diagnostics)
+    return Trajectory(poses, clock.stamps, motion, timing, T_level_world, {"warnings": warnings, **figures})
 
 
-def _register(
-    sequence: Sequence,
-    settings: OdometrySettings,
-    timing: SweepTiming,
-    clock: Clock,
-    pool: ThreadPoolExecutor,
-    progress: Progress | None,
-    diagnostics: dict[str, Any],
-) -> tuple[Pose, Clock]:
-    """Return the (N, 4, 4) poses from the scans alone, and the clock with the scans that are missing.
+class _Estimate:
+    """Poses and timing of one recording, and what is to be told of them: `warnings` and `figures`."""
 
-    Figures and warnings go to `diagnostics`.
-    """
-    held: list[str] = []
+    def __init__(
+        self,
+        sequence: Sequence,
+        settings: OdometrySettings,
+        clock: Clock,
+        pool: ThreadPoolExecutor,
+        progress: Progress | None,
+    ):
+        self.clock = clock
+        self.warnings: list[str] = []
+        self.figures: dict[str, Any] = {}
+        self._sequence, self._settings, self._pool, self._progress = sequence, settings, pool, progress
 
-    def fold(scans: Iterable[Registered]) -> tuple[Pose, RollingRefinement]:
-        steps = []
-        refinement = RollingRefinement(clock.period, timing.share, settings.refinement, pool)
-        for i, scan in enumerate(scans):
+    def at_poses(self, poses: Pose) -> tuple[Pose, SweepTiming]:
+        """Return the poses that are known already, and the timing."""
+        choice = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
+        self.figures["timing"] = choice.to_dict()
+        return poses, choice.timing
+
+    def from_scans(self) -> tuple[Pose, SweepTiming]:
+        """Return (N, 4, 4) poses and the timing, from the scans alone."""
+        choice = choose_timing(self._sequence, self._settings, None, self.clock, self._pool)
+        poses = self._follow(choice.timing)
+        if choice.timing.source == "none" and self.figures.get("lengthened_m", 0.0) > 0.0:
+            # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
+            better = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
+            if better.timing != choice.timing:
+                choice, self.warnings = better, []
+                poses = self._follow(choice.timing)
+        self.figures["timing"] = choice.to_dict()
+        return poses, choice.timing
+
+    def _follow(self, timing: SweepTiming) -> Pose:
+        """Return the (N, 4, 4) poses under a timing; the clock is corrected for scans that are missing."""
+        names = self._sequence.names
+        first = self._register(timing)
+        gaps = self.clock.gaps
+        if not self.clock.has_stamps:
+            gaps = find_missing(first.steps, gaps, self.clock.period)
+        if len(missing := np.flatnonzero(gaps != self.clock.gaps)):
+            self.warnings.append(
+                f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}), "
+                "and no stamps tell how many; the motion does, and the poses were made anew with it."
+            )
+            self.clock = self.clock.with_gaps(gaps)
+            first = self._register(timing)
+        if first.held:
+            self.warnings.append(
+                f"{len(first.held)} scans have too few points to register (first: {names[first.held[0]]}); their poses "
+                "are extrapolated."
+            )
+        if not self._settings.refine:
+            return chain(np.eye(4), first.steps)
+        poses, before, after = first.refinement.finish()
+        self.figures.update(summarize(after))
+        self.figures["before_refinement"] = summarize(before)
+        self.figures["lengthened_m"] = first.refinement.lengthened
+        self.figures.update(rival_speed(first.refinement.refound))
+        return poses
+
+    def _register(self, timing: SweepTiming) -> _FirstPoses:
+        """Return every scan registered to the ones before."""
+        gaps, steps, held = self.clock.gaps, [], []
+        refinement = RollingRefinement(self.clock.period, timing.share, self._settings, self._pool)
+        for i, scan in enumerate(register_scans(self._sequence, self._settings, timing, gaps)):
             steps.append(scan.T_last_this)
             if not scan.is_registered:
-                held.append(sequence.names[i])
-            if settings.refine:
-                surfels = pool.submit(surfels_of, scan.points, scan.times, settings.refinement)
-                refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
-            if progress is not None:
-                progress(i + 1, len(sequence))
-        return np.array(steps[1:]).reshape(-1, 4, 4), refinement
-
-    steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
-    gaps = clock.gaps if clock.has_stamps else find_missing(steps, clock.gaps, clock.period)
-    if len(missing := np.flatnonzero(gaps != clock.gaps)):
-        diagnostics["warnings"].append(
-            f"scans seem to be missing at {len(missing)} places (first: before {sequence.names[missing[0] + 1]}), "
-            "and no stamps tell how many; the motion does, and the poses were made anew with it."
-        )
-        clock = clock.with_gaps(gaps)
-        held.clear()
-        steps, refinement = fold(register_scans(sequence, settings, timing, clock.gaps))
-    if held:
-        diagnostics["warnings"].append(
-            f"{len(held)} scans have too few points to register (first: {held[0]}); their poses are extrapolated."
-        )
-    if not settings.refine:
-        return chain(np.eye(4), steps), clock
-    mended = mend_leaps(sequence, steps, timing, clock, settings)
-    if mended is not steps:
-        _, refinement = fold(replay(sequence, mended, timing, clock, settings))
-    poses, before, after = refinement.finish()
-    if leaps := find_leaps(inverse(poses[:-1]) @ poses[1:], clock, settings):
-        diagnostics["warnings"].append(
-            f"the speed leaps at {len(leaps)} scans (first: {sequence.names[leaps[0]]}) as no vehicle's does: before "
-            "that the poses may follow traffic rather than the world, and labels are not to be trusted."
-        )
-    diagnostics.update(summarize(after, settings.refinement))
-    diagnostics["before_refinement"] = summarize(before, settings.refinement)
-    diagnostics["lengthened_m"] = refinement.lengthened
-    diagnostics["refound_overhead"], diagnostics["refound_at_rival"], faster = rival_speed(refinement.refound)
-    if diagnostics["refound_at_rival"] > diagnostics["refound_overhead"] + CLEARLY_MORE:
-        diagnostics["warnings"].append(
-            "the speed is in doubt: what is higher than any vehicle is found again if the sensor is "
-            f"{abs(faster):.0f} m/s {'faster' if faster > 0.0 else 'slower'} than found. The poses may follow traffic "
-            "rather than the world, and labels are not to be trusted: give your own poses (--poses)."
-        )
-    return poses, clock
+                held.append(i)
+            if self._settings.refine:
+                surfels = self._pool.submit(surfels_of, scan.points, scan.times)
+                refinement.add(surfels, scan.twist, scan.T_last_this, gaps[i - 1] if i else 1.0)
+            if self._progress is not None:
+                self._progress(i + 1, len(self._sequence))
+        return _FirstPoses(np.array(steps[1:]).reshape(-1, 4, 4), held, refinement)
 
 
-def _judge(diagnostics: dict[str, Any], settings: OdometrySettings) -> None:
-    """Add a warning where the scans do not lie on each other."""
-    thickness, disagreement = diagnostics["wall_thickness_m"], diagnostics["baseline_disagreement_m"]
-    if thickness is None:
-        return
-    if thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement:
-        diagnostics["warnings"].append(
-            f"scans a second apart do not fold onto each other: walls are {100 * thickness:.0f} cm thick and poses off "
-            f"by {100 * disagreement:.0f} cm. The poses or the points' times are poor, and labels will be, too."
-        )
+@dataclass(frozen=True, eq=False)
+class _FirstPoses:
+    """Steps (N - 1, 4, 4) between scans, the scans whose motion is only held, and all of them for refinement."""
+
+    steps: Pose
+    held: list[int]
+    refinement: RollingRefinement
 
 
 def _checked_poses(poses: Pose, n: int) -> Pose:
@@ -195,24 +194,15 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
 
 
 def _find_level(
-    sequence: Sequence,
-    poses: Pose,
-    timing: SweepTiming,
-    clock: Clock,
-    settings: OdometrySettings,
-    diagnostics: dict[str, Any],
-) -> Pose:
+    sequence: Sequence, poses: Pose, timing: SweepTiming, clock: Clock, settings: OdometrySettings
+) -> tuple[Pose, bool]:
+    """Return T_level_world and whether there is ground."""
     twists = timing.share * step_twists(poses, clock.gaps)
     clouds: list[Points] = []
     used: list[int] = []
-    for i in np.unique(np.linspace(0, len(sequence) - 1, settings.ground_scans).round().astype(int)):
+    for i in np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)):
         points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
-        if len(points) >= settings.min_points:
+        if len(points) >= MIN_POINTS:
             clouds.append(points)
             used.append(int(i))
-    T_level_world, has_ground = level_frame(clouds, poses[used], settings)
-    if not has_ground:
-        diagnostics["warnings"].append(
-            "no ground found near the sensor; its own z axis is taken for up and its height for zero."
-        )
-    return T_level_world
+    return level_frame(clouds, poses[used], settings)

@@ -1,4 +1,4 @@
-"""How much of the surface that faces along the way is found again, as a function of the distance come."""
+"""How much of the surface that faces along the path is found again, as a function of the distance come."""
 
 from __future__ import annotations
 
@@ -6,10 +6,23 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.submap import Submap
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.covariances import variance_along
+from automos.odometry.submap import VOXEL, Submap
+from automos.odometry.surfels import Surfels, find_slot, level_of, voxel_key
 from automos.scan import Pose
-from automos.settings import RefineSettings
+
+CLOSE = 0.15
+"""Metres, surfels nearer to a surface than this have found it again: poses that are not yet refined are off by less."""
+EVIDENCE = 5.0
+"""Surfels found again that count for half of full certainty."""
+STANDSTILL_SHARE = 0.25
+"""Of what is overhead and faces along the path, found where it was by one who stands."""
+STANDSTILL_SHARE_LOW = 0.1
+"""Of all that faces along the path, the same where nothing is overhead."""
+NEAR_SHARE = 0.5
+"""Of what faces along the path, found again from nearly the same place."""
+NEAR_VIEW = 1.5
+"""Metres over which this falls to a third."""
 
 Array = npt.NDArray[np.float64]
 
@@ -30,58 +43,77 @@ def score_distances(
     forward: Array,
     distances: Array,
     per_sweep: float,
-    settings: RefineSettings,
+    overhead: float,
 ) -> Array:
-    """Return how much surface facing along the way `surfels` find again, had they come `distances` (D,) metres.
+    """Return how much surface facing along the path `surfels` find again, had they come `distances` (D,) metres.
 
     Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
-    `per_sweep` is the share of the distance that is driven during a sweep.
+    `per_sweep` is the share of the distance that is driven during a sweep. What is `overhead` metres over the sensor is
+    higher than any vehicle.
     """
     scores = np.zeros((2, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
     sideways = T_submap_surfels[:3, 3] - present * direction
     R = np.ascontiguousarray(T_submap_surfels[:3, :3])
-    stretch = per_sweep * (distances - present)
+    shift = per_sweep * (distances - present)
     _score(
-        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, stretch,
-        settings.speed_close, settings.overhead, scores,
+        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, shift,
+        overhead, scores,
     )  # fmt: skip
     return scores
 
 
+def stands(refound: Array, whole: Array) -> bool:
+    """Return whether as much is found again where it was, low and high (2,), of the `whole` (2,), as one at rest sees.
+
+    What is high tells, if there is any; what is low may be traffic nearly all.
+    """
+    if whole[1] > EVIDENCE:
+        return bool(refound[1] > STANDSTILL_SHARE * whole[1])
+    return bool(refound.sum() > STANDSTILL_SHARE_LOW * whole.sum())
+
+
+def expected_share(distances: Array) -> Array:
+    """Return how much of what faces along the path is found again at least, (D,), had the sensor come `distances`.
+
+    From nearly the same place nearly all of it is: what stands with the traffic finds little beside the traffic.
+    """
+    return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
+
+
 @numba.njit(cache=True, nogil=True)
 def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, stretch, close, overhead, scores
+    submap, points, covariance, times, R, offset, direction, distances, shift, overhead, scores
 ):  # fmt: skip
-    keys, rows, mean, axes, variance, voxel, near = submap
-    inverse_voxel = 1.0 / voxel
-    told = np.zeros(len(mean))  # how much each voxel says about the way
+    keys, rows, mean, axes, variance = submap
+    inverse_voxel = 1.0 / VOXEL
+    says = np.zeros(len(mean))  # how much each voxel says about the path
     for row in range(len(mean)):
         for k in range(2):
             if variance[row, k] < 0.0:
                 break
-            told[row] += (
+            says[row] += (
                 axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
             ) ** 2
     n_telling = 0
     for slot in range(len(keys)):
-        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+        if keys[slot] != -1 and says[rows[slot]] > 0.1:
             n_telling += 1
     size = 16
     while size < 4 * n_telling:
         size *= 2
     few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough to stay in cache
     for slot in range(len(keys)):
-        if keys[slot] != -1 and told[rows[slot]] > 0.1:
+        if keys[slot] != -1 and says[rows[slot]] > 0.1:
             few = find_slot(few_keys, keys[slot])
             few_keys[few] = keys[slot]
             few_rows[few] = rows[slot]
     a = np.empty(3)
-    for k in range(3):  # the way in the surfels' frame
+    for k in range(3):  # the path in the surfels' frame
         a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
     for i in range(len(points)):
         c = covariance[i]
-        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the way
+        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the path
             continue
         px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
@@ -89,9 +121,9 @@ def _score(  # type: ignore[no-untyped-def]
         z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
         height = 1 if points[i, 2] > overhead else 0
         for d in range(len(distances)):
-            e = distances[d] + times[i] * stretch[d]
+            e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z), inverse_voxel))
             if few_keys[slot] == -1:
                 continue
             row = few_rows[slot]
@@ -101,5 +133,5 @@ def _score(  # type: ignore[no-untyped-def]
                     break
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
-            if worst < close:
-                scores[height, d] += told[row]
+            if worst < CLOSE:
+                scores[height, d] += says[row]

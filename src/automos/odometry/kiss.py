@@ -1,30 +1,55 @@
 """Poses of every scan from the scans alone, with KISS-ICP (paper III-A; Vizzo et al., RA-L 2023).
 
-Three things KISS-ICP leaves to its caller are done here. Scans reach it already compensated to mid-sweep, so its poses
-are the sensor's at mid-sweep (its own compensation would move them to the sweep's end). Every field of its
-configuration is written, since it reads environment variables. And a scan too poor to register holds the motion instead
-of breaking the map.
+Scans reach KISS-ICP already compensated to mid-sweep, so its poses are the sensor's at mid-sweep (its own compensation
+would move them to the sweep's end), and a scan too poor to register holds the motion instead of breaking the map.
+
+At the start nothing is known of the motion, and a registration that begins at rest while the sensor is in full flight
+may stay at rest for good: rings lie on rings. So where the first scans seem to stand, or nearly, they are also
+registered from a few speeds in either direction of the sensor's axes, and the start whose scans then align best over
+longer baselines is taken.
 """
 
 from __future__ import annotations
 
-import os
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
-from automos.odometry.motion import SweepTiming
-from automos.odometry.sweeps import usable_points
-from automos.scan import Points, Pose, Scan
+from automos.odometry.clock import USUAL_PERIOD
+from automos.odometry.links import COARSE, Window
+from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
+from automos.odometry.refine import refine_poses
+from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.surfels import Surfels, few_surfels_of
+from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
+Array = npt.NDArray[np.float64]
+
 STEP_DIGITS = 6
-"""Decimals (m, rad) of a step. Threads add in any order, which shows in the sixteenth digit: reruns are identical."""
-MAX_THREADS = 4
-"""More have too few points each to be any faster."""
+"""Decimals (m, rad) of a step: sums of another order show in the sixteenth digit, and reruns are identical."""
+UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
+"""Metres, deviation expected at first: while the motion is unknown, and once it is known."""
+CONVERGENCE, START_CONVERGENCE = 1e-3, 1e-4
+"""Metres, a registration ends with a step shorter than this (KISS-ICP's own: 1e-4); one that starts far off moves on in
+small steps, and must not be content with little."""
+START_SCANS = 6
+"""Scans registered twice, to know the motion during the first."""
+CLEAR_STEP = 0.5
+"""Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
+TRIED_STEPS = (1.0, 2.5)
+"""Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+SAME_START = 0.05
+"""Metres from scan to scan between starts that registration has brought together: they are one."""
+TRIAL_SCANS = 10
+"""Scans whose alignment decides between these."""
+TRIAL_GAIN = 0.2
+"""Share by which another start must align them better."""
+COARSE_VOXEL = 1.5
+"""Metres, voxel of the local map that surfels are registered to: centimetres are left to what follows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +69,7 @@ class Registered:
     is_registered: bool
     points: Points
     times: npt.NDArray[np.float32] | None
-    twist: npt.NDArray[np.float64]
+    twist: Array
 
 
 class KissOdometry:
@@ -58,75 +83,124 @@ class KissOdometry:
         self,
         settings: OdometrySettings,
         timing: SweepTiming,
-        twist: npt.NDArray[np.float64],
+        twist: Array,
         threshold: float,
         reverse: bool = False,
+        convergence: float = CONVERGENCE,
     ):
-        self._icp = _make_kiss_icp(settings, threshold)
+        voxel = settings.voxel or settings.max_range / 100.0
+        local_map = LocalMap(voxel, settings.points_per_voxel, settings.max_range)
+        self._icp = Icp(local_map, threshold, settings.max_range, convergence)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
+        self._before, self._pose = np.eye(4), np.eye(4)  # of the scan before the last, and of the last
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
         """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
-        icp, sign = self._icp, self._sign
-        last_pose = np.array(icp.last_pose)
-        predicted = last_pose @ se3_exp(sign * gap * self.twist)
+        step = se3_exp(self._sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
-        is_registered = len(points) >= self._settings.min_points
+        is_registered = len(points) >= MIN_POINTS
         if is_registered:
-            icp.last_delta = inverse(last_pose) @ predicted
-            icp.register_frame(points.astype(np.float64), np.empty(0))
-            is_registered = bool(np.isfinite(icp.last_pose).all())
-            if is_registered:
-                step = se3_log(inverse(last_pose) @ icp.last_pose)
-                icp.last_pose = last_pose @ se3_exp(np.round(step, STEP_DIGITS))
-        if not is_registered:
-            icp.last_pose = predicted
-        step = inverse(last_pose) @ icp.last_pose
-        if is_registered and gap > 0.0:
-            self.twist = sign / gap * se3_log(step)
+            T = self._icp.register(points, self._pose @ step)
+            step = se3_exp(np.round(se3_log(inverse(self._pose) @ T), STEP_DIGITS))
+            if gap > 0.0:
+                self.twist = self._sign / gap * se3_log(step)
+        self._before, self._pose = self._pose, self._pose @ step
         return Registered(step, is_registered, points, times, during)
 
-    def add_to_map(self, points: Points, T_world_sensor: Pose) -> None:
-        """Add `points` (M, 3), sensor frame, of a scan whose pose is known to the local map."""
-        self._icp.local_map.update(points.astype(np.float64), T_world_sensor)
-
-    def register_at(self, scan: Scan, expected: Pose) -> Pose:
-        """Return the (4, 4) T_world_sensor of a scan that is about at `expected`; that where it cannot be told."""
-        self._icp.last_pose = expected
-        return expected @ self.register(scan, 0.0).T_last_this
+    def correct(self, T_last_this: Pose, twist: Array) -> None:
+        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
+        self._pose = self._before @ T_last_this
+        self.twist = twist
 
 
-def map_voxel(settings: OdometrySettings) -> float:
-    """Return metres, the edge of a voxel of the local map."""
-    return settings.voxel or settings.max_range / 100.0
+def register_scans(
+    sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array
+) -> Iterator[Registered]:
+    """Yield every scan of `sequence` registered to the ones before.
+
+    Parameters
+    ----------
+    sequence : the scans.
+    settings : the odometry's.
+    timing : when in the sweep each point was measured.
+    gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
+    """
+    n = min(TRIAL_SCANS, len(sequence))
+    scans = [sequence[i] for i in range(n)]
+    surfels = [few_surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    start = _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
+    odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
+    for i, scan in enumerate(sequence):
+        yield odometry.register(scan, gaps[i - 1] if i else 0.0)
 
 
-def _make_kiss_icp(settings: OdometrySettings, threshold: float) -> Any:
-    from kiss_icp.config import KISSConfig
-    from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
-    from kiss_icp.kiss_icp import KissICP
+def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
+    """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with surfels as they came alone."""
+    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
+    scans = [Scan(s.mean) for s in surfels[:START_SCANS]]
+    start = _find_start(scans, surfels[:TRIAL_SCANS], settings, SweepTiming(), gaps)
+    return _follow_surfels(surfels, start, settings, 0.0, gaps)
 
-    config = KISSConfig(
-        out_dir="",
-        data=DataConfig(max_range=settings.max_range, min_range=settings.min_range, deskew=False),
-        registration=RegistrationConfig(
-            max_num_iterations=settings.max_iterations,
-            convergence_criterion=settings.convergence,
-            # The first that is asked for holds for the process: KISS-ICP limits its threads once.
-            max_num_threads=min(settings.threads or os.cpu_count() or 1, MAX_THREADS),
-        ),
-        mapping=MappingConfig(
-            voxel_size=map_voxel(settings),
-            max_points_per_voxel=settings.points_per_voxel,
-        ),
-        adaptive_threshold=AdaptiveThresholdConfig(
-            fixed_threshold=None,
-            initial_threshold=threshold,
-            min_motion_th=settings.min_motion,
-        ),
-    )
-    return KissICP(config)
+
+def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
+    """Return the (6,) first motion that a few scans give: forwards from rest, then backwards."""
+    n = len(scans)
+    forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION, False, START_CONVERGENCE)
+    for i, scan in enumerate(scans):
+        forwards.register(scan, gaps[i - 1] if i else 0.0)
+    backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, True, START_CONVERGENCE)
+    for i in reversed(range(n)):
+        backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
+    return backwards.twist
+
+
+def _find_start(
+    scans: list[Scan], surfels: list[Surfels], settings: OdometrySettings, timing: SweepTiming, gaps: Array
+) -> Array:
+    """Return the (6,) motion per usual gap at the start, from the first scans, and the surfels of a few more."""
+    twist = _from_rest(scans, settings, timing, gaps)
+    if len(surfels) <= START_SCANS:
+        return twist
+    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
+    gaps = gaps[: len(surfels) - 1]
+    tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]
+    found, misfit = _align_start(tried[0], surfels, settings, timing.share, gaps)
+    if misfit is None or np.linalg.norm(found[:3]) > CLEAR_STEP:
+        return twist
+    best, least = twist, misfit + np.log1p(-TRIAL_GAIN)
+    for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
+        for step in TRIED_STEPS:
+            steps = _follow_surfels(surfels, step * direction, settings, timing.share, gaps)
+            if min(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() for other in tried) < SAME_START:
+                continue
+            tried.append(steps)
+            found, misfit = _align_start(steps, surfels, settings, timing.share, gaps)
+            if misfit is not None and misfit < least:
+                best, least = found, misfit
+    return best
+
+
+def _align_start(
+    steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
+) -> tuple[Array, float | None]:
+    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
+    n, T = len(surfels), chain(np.eye(4), steps)
+    as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
+    aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
+    T = aligned.T_world_sensor
+    return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit
+
+
+def _follow_surfels(
+    surfels: list[Surfels], twist: Array, settings: OdometrySettings, share: float, gaps: Array
+) -> Pose:
+    """Return (N - 1, 4, 4) steps from each scan to the one before, from its surfels as they came and a first motion."""
+    timing = SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
+    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION)
+    scans = [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
+    steps = [odometry.register(scan, gaps[i - 1] if i else 0.0).T_last_this for i, scan in enumerate(scans)]
+    return np.array(steps[1:]).reshape(-1, 4, 4)

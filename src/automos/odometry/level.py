@@ -13,11 +13,23 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import make_transform, rotation_between
+from automos.odometry.motion import MIN_POINTS
 from automos.odometry.surfels import find_slot, voxel_key
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
+
+RANGE = 20.0
+"""Metres around the sensor in which the ground is looked for: farther away it may slope otherwise."""
+VOXEL = 0.5
+"""Metres, one point per voxel is asked, so that every piece of surface counts alike."""
+TRIALS = 1000
+"""Planes through three points tried: ground that is a fifth of the surface is hit eight times."""
+DISTANCE = 0.15
+"""Metres, points nearer a plane than this lie on it: kerbs and ruts."""
+SHARE = 0.1
+"""Of the near surface that must be ground."""
 
 
 def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:
@@ -29,12 +41,12 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     poses : (M, 4, 4) T_world_sensor of these.
     settings : the odometry's.
     """
-    near = [_thin(cloud, settings) for cloud in clouds]
+    near = [_thin(cloud) for cloud in clouds]
     everything = np.concatenate(near) if near else np.zeros((0, 3))
     mount = _find_plane(everything, settings)  # what most scans share: how the sensor is mounted
     if mount is None:
         return np.eye(4), False
-    planes = [_fit_plane(points, mount, settings) for points in near]
+    planes = [_fit_plane(points, mount) for points in near]
     ups = np.array([T[:3, :3] @ plane[:3] for T, plane in zip(poses, planes, strict=True)])
     up = np.median(ups, axis=0)
     R = rotation_between(up / np.linalg.norm(up), [0.0, 0.0, 1.0])
@@ -47,9 +59,9 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     return T, True
 
 
-def _thin(points: Points, settings: OdometrySettings) -> npt.NDArray[np.float64]:
+def _thin(points: Points) -> npt.NDArray[np.float64]:
     """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
-    keys, rows = _nearest_to_middle(points, settings.ground_range, settings.ground_voxel)
+    keys, rows = _nearest_to_middle(points, RANGE, VOXEL)
     return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
 
 
@@ -76,19 +88,12 @@ def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
     return keys[used], found[used]
 
 
-def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int64]:
-    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
-    keys = np.floor(points / np.float32(voxel)).astype(np.int64) + (1 << 20)
-    packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
-    return np.sort(np.unique(packed, return_index=True)[1])
-
-
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
     """Return (4,) unit normal towards the sensor and its height over the plane, or None where there is no ground."""
-    if len(points) < settings.min_points:
+    if len(points) < MIN_POINTS:
         return None
     rng = np.random.default_rng(0)
-    triples = rng.integers(0, len(points), (settings.ground_trials, 3))
+    triples = rng.integers(0, len(points), (TRIALS, 3))
     points_tested = points[rng.permutation(len(points))[:5000]]
     a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
     normals = np.cross(b - a, c - a)
@@ -106,11 +111,11 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
     if not is_possible.any():
         return None
     normals, heights = normals[is_possible], heights[is_possible]
-    scores = _score_planes(points_tested, normals, heights, settings.ground_distance)
+    scores = _score_planes(points_tested, normals, heights, DISTANCE)
     best = int(np.argmax(scores))
-    if scores[best] < settings.ground_share * len(points_tested):
+    if scores[best] < SHARE * len(points_tested):
         return None
-    return _fit_plane(points, np.append(normals[best], heights[best]), settings)
+    return _fit_plane(points, np.append(normals[best], heights[best]))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -131,14 +136,12 @@ def _score_planes(points, normals, heights, distance):  # type: ignore[no-untype
     return scores
 
 
-def _fit_plane(
-    points: npt.NDArray[np.float64], plane: npt.NDArray[np.float64], settings: OdometrySettings
-) -> npt.NDArray[np.float64]:
+def _fit_plane(points: npt.NDArray[np.float64], plane: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return `plane` (4,) drawn onto the points near it, each round looking closer (reweighted least squares)."""
     for reach in (4.0, 2.0, 1.0, 1.0):
         residual = points @ plane[:3] + plane[3]
-        near = points[np.abs(residual) < reach * settings.ground_distance]
-        if len(near) < settings.min_points:
+        near = points[np.abs(residual) < reach * DISTANCE]
+        if len(near) < MIN_POINTS:
             return plane
         centre = near.mean(axis=0)
         _, vectors = np.linalg.eigh(np.cov((near - centre).T))

@@ -1,28 +1,51 @@
 """Loop closure: places seen again are recognised, verified by registration, and the drift between is spread.
 
 Off by default: closing a loop moves poses that fitted what was seen around them. So the correction is spread evenly
-along the way, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
+along the path, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
 from automos.odometry.clock import Clock
-from automos.odometry.level import rows_of_first_in_voxel
-from automos.odometry.motion import SweepTiming, step_twists
+from automos.odometry.motion import SweepTiming, step_twists, usable_points
 from automos.odometry.places import compare_places, describe_place
 from automos.odometry.pose_graph import Edges, solve_pose_graph
-from automos.odometry.sweeps import usable_points
+from automos.odometry.surfels import rows_of_first_in_voxel
 from automos.scan import Points, Pose, Sequence
 from automos.settings import LoopSettings, OdometrySettings
 
 Array = npt.NDArray[np.float64]
+
+PLACE_EVERY = 5.0
+"""Metres driven between places."""
+PLACE_LENGTH, PLACE_SCANS = 10.0, 5
+"""Metres driven whose scans show a place, and how many of them: what a few beams miss, the next scans see."""
+RINGS, SECTORS = 20, 60
+"""In which a place is described (Scan Context's own)."""
+VOXEL = 0.5
+"""Metres, one point per voxel; what is nearer lies on each other."""
+MAX_TURN_DRIFT_DEG = 0.3
+"""Degrees per metre driven, by which poses may be turned."""
+MAX_OFFSET = 8.0
+"""Metres between places that show the same: two lanes and more."""
+MAX_DIFFERENCE = 0.4
+"""Between places that look alike, 0 to 1; registration then decides."""
+CANDIDATES = 3
+"""Places tried for each, most alike first."""
+REGISTRATION_DISTANCES = (8.0, 3.0, 1.0)
+"""Metres, one registration each: pairs further apart are left out."""
+MIN_POINTS = 100
+"""That stand on the ground, on which an overlap is judged."""
+DRIFT, TURN_DRIFT_DEG = 0.05, 0.1
+"""Metres and degrees over 10 m, usual drift of the odometry."""
+DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
+"""Metres and degrees, usual error of a revisit's registration."""
 
 
 def close_loops(
@@ -32,46 +55,45 @@ def close_loops(
     timing: SweepTiming,
     clock: Clock,
     settings: OdometrySettings,
-    diagnostics: dict[str, Any],
-) -> Pose:
-    """Return the (N, 4, 4) poses with the drift taken out that revisits show; the number of these to `diagnostics`.
+) -> tuple[Pose, int]:
+    """Return the (N, 4, 4) poses with the drift taken out that revisits show, and the number of these.
 
     Memory holds one description per place and the clouds of two places, however long the recording is.
     """
     loops = settings.loops
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
-    middles = np.searchsorted(way, np.arange(0.0, way[-1] + 1e-9, loops.place_every))
-    middles = np.unique(np.minimum(middles, len(way) - 1))
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
+    middles = np.searchsorted(path, np.arange(0.0, path[-1] + 1e-9, PLACE_EVERY))
+    middles = np.unique(np.minimum(middles, len(path) - 1))
     T_level_sensor = T_level_world @ T_world_sensor
     T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
     twists = timing.share * step_twists(T_world_sensor, clock.gaps)
 
     def see(place: int) -> Points:
-        reach = 0.5 * loops.place_length
-        ids = np.flatnonzero(np.abs(way - way[middles[place]]) <= reach)
-        ids = ids[np.unique(np.linspace(0, len(ids) - 1, loops.place_scans).round().astype(int))]
+        reach = 0.5 * PLACE_LENGTH
+        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= reach)
+        ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
         for i in ids:
             points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
             cloud = transform(inverse(T_level_place[place]) @ T_level_sensor[i], points)
             cloud = cloud[np.einsum("ij,ij->i", cloud, cloud) < loops.reach**2]
-            clouds.append(cloud[rows_of_first_in_voxel(cloud, loops.voxel)])
+            clouds.append(cloud[rows_of_first_in_voxel(cloud, VOXEL)])
         cloud = np.concatenate(clouds)
-        return cloud[rows_of_first_in_voxel(cloud, loops.voxel)]
+        return cloud[rows_of_first_in_voxel(cloud, VOXEL)]
 
     found: list[_Revisit] = []
-    looks = [describe_place(see(k), loops.reach, loops.rings, loops.sectors) for k in range(len(middles))]
+    looks = [describe_place(see(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
     for second in range(len(middles)):
-        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], way[middles], loops):
+        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], path[middles], loops):
             T_first_second = _verify(see(first), see(second), turn, loops)
             if T_first_second is not None:
                 found.append(_Revisit(first, second, T_first_second))
-    T_closed, is_kept = _solve(T_level_place, way[middles], found, loops)
-    diagnostics["loops_closed"] = int(is_kept.sum())
+    T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
     if not is_kept.any():
-        return T_world_sensor
+        return T_world_sensor, 0
     correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
-    return _spread(T_world_sensor, T_level_world, T_level_place, correction, way, way[middles])
+    poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
+    return poses, int(is_kept.sum())
 
 
 @dataclass(frozen=True)
@@ -89,18 +111,18 @@ def _upright(T: Pose) -> Pose:
 
 
 def _look_alike(
-    second: int, looks: list[Array], position: Array, way: Array, loops: LoopSettings
+    second: int, looks: list[Array], position: Array, path: Array, loops: LoopSettings
 ) -> list[tuple[int, float]]:
     """Return earlier places that look like place `second`, most alike first, and the turn (rad) from each to it."""
-    driven = way[second] - way
+    driven = path[second] - path
     apart = np.linalg.norm(position - position[second], axis=1)
-    is_possible = (driven >= loops.min_way) & (apart < loops.max_drift * driven + loops.max_offset)
+    is_possible = (driven >= loops.min_distance) & (apart < loops.max_drift * driven + MAX_OFFSET)
     alike = []
     for first in np.flatnonzero(is_possible):
         difference, turn = compare_places(looks[first], looks[second])
-        if difference < loops.max_difference:
+        if difference < MAX_DIFFERENCE:
             alike.append((difference, int(first), turn))
-    return [(first, turn) for _, first, turn in sorted(alike)[: loops.candidates]]
+    return [(first, turn) for _, first, turn in sorted(alike)[:CANDIDATES]]
 
 
 def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> Pose | None:
@@ -109,9 +131,9 @@ def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> 
 
     c, s = np.cos(turn), np.sin(turn)
     T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=loops.voxel)
-    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=loops.voxel)
-    for distance in loops.registration_distances:
+    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=VOXEL)
+    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=VOXEL)
+    for distance in REGISTRATION_DISTANCES:
         T = small_gicp.align(
             target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance, max_iterations=30
         ).T_target_source
@@ -126,40 +148,40 @@ def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
 
     ground = np.percentile(cloud[:, 2], 5.0)
     is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
-    asked = points[is_inside & (points[:, 2] > ground + loops.voxel)]
-    if len(asked) < loops.min_points:
+    asked = points[is_inside & (points[:, 2] > ground + VOXEL)]
+    if len(asked) < MIN_POINTS:
         return 0.0
-    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=loops.voxel)
+    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=VOXEL)
     return float(np.isfinite(distance).mean())
 
 
 def _solve(
-    T_level_place: Pose, way: Array, found: list[_Revisit], loops: LoopSettings
+    T_level_place: Pose, path: Array, found: list[_Revisit], loops: LoopSettings
 ) -> tuple[Pose, npt.NDArray[np.bool_]]:
     """Return the places' poses with the revisits taken into account, and which of these were believed.
 
-    Wrong revisits that agree with each other could outvote the way driven. So none may bend it more than drift would:
+    Wrong revisits that agree with each other could outvote the path driven. So none may bend it more than drift would:
     until that is so, the one that asks for most is given up.
     """
     first = np.arange(len(T_level_place) - 1)
     steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
-    length = np.diff(way)
-    usual = np.repeat([loops.drift, np.radians(loops.turn_drift_deg)], 3)
+    length = np.diff(path)
+    usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
     chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
     is_left = np.ones(len(found), bool)
-    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (way[r.second] - way[r.first]) for r in found]
+    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
     while is_left.any():
         left = np.flatnonzero(is_left)
         links = Edges(
             np.array([found[k].first for k in left]),
             np.array([found[k].second for k in left]),
             np.array([found[k].T_first_second for k in left]),
-            np.tile(np.repeat([loops.deviation, np.radians(loops.turn_deviation_deg)], 3), (len(left), 1)),
+            np.tile(np.repeat([DEVIATION, np.radians(TURN_DEVIATION_DEG)], 3), (len(left), 1)),
         )
         T, is_kept = solve_pose_graph(T_level_place, chain, links)
         bend = se3_log(inverse(steps) @ inverse(T[:-1]) @ T[1:])
         is_even = np.linalg.norm(bend[:, :3], axis=1) <= loops.max_drift * length
-        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(loops.max_turn_drift_deg) * length
+        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(MAX_TURN_DRIFT_DEG) * length
         if is_even.all() and is_straight.all():
             is_left[left] = is_kept
             return T, is_left
@@ -173,12 +195,12 @@ def _disagreement(T: Pose, revisit: _Revisit) -> Array:
 
 
 def _spread(
-    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, way: Array, place_way: Array
+    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array
 ) -> Pose:
-    """Return the poses moved by the corrections of the places before and after, in proportion to the way."""
-    after = np.clip(np.searchsorted(place_way, way, side="right"), 1, len(place_way) - 1)
+    """Return the poses moved by the corrections of the places before and after, in proportion to the path."""
+    after = np.clip(np.searchsorted(place_path, path, side="right"), 1, len(place_path) - 1)
     before = after - 1
-    share = np.clip((way - place_way[before]) / np.maximum(place_way[after] - place_way[before], 1e-9), 0.0, None)
+    share = np.clip((path - place_path[before]) / np.maximum(place_path[after] - place_path[before], 1e-9), 0.0, None)
     T_level_sensor = T_level_world @ T_world_sensor
     moved = []
     for place in (before, after):

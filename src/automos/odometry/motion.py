@@ -16,7 +16,11 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, se3_log
 from automos.odometry.sweep_order import PointOrder, gap_edges, turns_since_start
-from automos.scan import Points, Pose, Scan
+from automos.scan import MIN_RANGE, Points, Pose, Scan
+from automos.settings import OdometrySettings
+
+MIN_POINTS = 50
+"""Usable points of a scan without which it is not registered, and asked about no ground."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,32 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     return out
 
 
+def usable_points(
+    scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
+) -> tuple[Points, npt.NDArray[np.float32] | None]:
+    """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
+    rows = rows_in_range(scan, settings)
+    points, times = np.take(scan.points, rows, axis=0), sweep_times(scan, timing)  # [rows] takes five times as long
+    if times is None:
+        return points, None
+    times = np.take(times, rows)
+    return compensate(points, times, twist), times
+
+
+def rows_in_range(scan: Scan, settings: OdometrySettings) -> npt.NDArray[np.int32]:
+    """Return (M,) the rows of the points that a registration can use."""
+    return _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+
+
+def chain(T_first: Pose, steps: Pose) -> Pose:
+    """Return the (N, 4, 4) poses that start at `T_first` and go on by (N - 1, 4, 4) `steps`."""
+    poses = np.empty((len(steps) + 1, 4, 4))
+    poses[0] = T_first
+    for i, step in enumerate(steps):
+        poses[i + 1] = poses[i] @ step
+    return poses
+
+
 def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return (N, 6) twists per usual gap at each scan: the mean of the steps before and after it."""
     n = len(poses)
@@ -155,3 +185,16 @@ def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
         out[i, 0] = x + sine * (py * z - pz * y) + cosine * (px * dot - square * x + sx) + t * rx + rest * cx
         out[i, 1] = y + sine * (pz * x - px * z) + cosine * (py * dot - square * y + sy) + t * ry + rest * cy
         out[i, 2] = z + sine * (px * y - py * x) + cosine * (pz * dot - square * z + sz) + t * rz + rest * cz
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
+    rows = np.empty(len(points), np.int32)
+    n = 0
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        squared = x * x + y * y + z * z
+        if nearest * nearest < squared < farthest * farthest:  # never true of NaN
+            rows[n] = i
+            n += 1
+    return rows[:n]

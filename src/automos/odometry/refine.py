@@ -14,61 +14,70 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
-from automos.odometry.links import Consistency, choose_links, fit_links
-from automos.odometry.stretch import Stretch
+from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.submap import Fit
-from automos.settings import RefineSettings
+from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
 
+CONVERGED = 0.003
+"""Metres, a round that moves no scan further is the last: a tenth of a surfel's noise."""
+INFORMATION = 0.05
+"""Share of a surfel's weight that is not its neighbours', which err with it."""
+
 
 def refine_poses(
-    stretch: Stretch, is_fixed: npt.NDArray[np.bool_], settings: RefineSettings, pool: ThreadPoolExecutor | None = None
-) -> tuple[Stretch, Consistency, Consistency]:
+    window: Window,
+    is_fixed: npt.NDArray[np.bool_],
+    settings: OdometrySettings,
+    about: Alignment,
+    pool: ThreadPoolExecutor | None = None,
+) -> tuple[Window, Consistency, Consistency]:
     """Return the scans at refined poses, and their consistency before and after.
 
     Parameters
     ----------
-    stretch : consecutive scans.
+    window : consecutive scans.
     is_fixed : (N,) bool, scans that stay where they are (the first one does in any case).
-    settings : the refinement's.
+    settings : the odometry's.
+    about : how scans are laid on submaps.
     pool : threads to share the work; the result does not depend on them.
     """
-    links = list(choose_links(stretch, settings))
+    links = list(choose_links(window, about))
     seen: list[Consistency] = []
-    for kernel in settings.kernels:
-        fits, consistency = fit_links(stretch, links, kernel, settings, pool)
+    for kernel in about.kernels:
+        fits, consistency = fit_links(window, links, kernel, about, pool)
         seen.append(consistency)
-        steps = _solve(stretch, links, fits, is_fixed, settings)
-        stretch = stretch.moved(stretch.T_world_sensor @ se3_exp(steps))
-        if np.abs(steps[:, :3]).max() < settings.converged:
+        steps = _solve(window, links, fits, is_fixed, settings)
+        window = window.moved(window.T_world_sensor @ se3_exp(steps))
+        if np.abs(steps[:, :3]).max() < CONVERGED:
             break
-    return stretch, seen[0], seen[-1]
+    return window, seen[0], seen[-1]
 
 
 def _solve(
-    stretch: Stretch,
+    window: Window,
     links: list[tuple[int, int]],
     fits: list[Fit],
     is_fixed: npt.NDArray[np.bool_],
-    settings: RefineSettings,
+    settings: OdometrySettings,
 ) -> Array:
     """Return (N, 6) small motions of all scans in their own frames that suit links and even motion best."""
     from scipy.linalg import solveh_banded
 
-    n = len(stretch)
-    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= settings.min_matched]
+    n = len(window)
+    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
     scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T
-    H = settings.information * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
-    g = settings.information * np.array([fits[k].g for k in kept]).reshape(-1, 6)
-    T = stretch.T_world_sensor
+    H = INFORMATION * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
+    g = INFORMATION * np.array([fits[k].g for k in kept]).reshape(-1, 6)
+    T = window.T_world_sensor
     A = adjoint(inverse(T[center]) @ T[scan])
     At_H = np.swapaxes(A, 1, 2) @ H
     rhs = np.zeros((n, 6))
     np.subtract.at(rhs, scan, np.einsum("kji,kj->ki", A, g))
     np.add.at(rhs, center, g)
     rows, columns, blocks = [scan, center, scan], [scan, center, center], [At_H @ A, H, -At_H]
-    _add_even_motion(rows, columns, blocks, rhs, stretch, settings)
+    _add_even_motion(rows, columns, blocks, rhs, window, settings)
     held = np.where(is_fixed | (np.arange(n) == 0), 1e12, 1e-3)  # what nothing links stays where it is
     rows, columns = [*rows, np.arange(n)], [*columns, np.arange(n)]
     blocks = [*blocks, held[:, None, None] * np.eye(6)]
@@ -99,18 +108,18 @@ def _add_even_motion(
     columns: list[npt.NDArray[np.int64]],
     blocks: list[Array],
     rhs: Array,
-    stretch: Stretch,
-    settings: RefineSettings,
+    window: Window,
+    settings: OdometrySettings,
 ) -> None:
     """Add, for every scan with two neighbours, that the motion before it goes on after it."""
-    T, gaps = stretch.T_world_sensor, stretch.gaps
+    T, gaps = window.T_world_sensor, window.gaps
     if len(T) < 3:
         return
     steps = inverse(T[:-1]) @ T[1:]
     change = np.diff(se3_log(steps) / gaps[:, None], axis=0)
     back = adjoint(inverse(steps))
-    usual = np.repeat([settings.max_acceleration, np.radians(settings.max_turn_acceleration_deg)], 3)
-    weight = 1.0 / (usual * (stretch.period**2 * np.maximum(gaps[:-1], gaps[1:]))[:, None]) ** 2  # (N - 2, 6)
+    usual = np.repeat([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)], 3)
+    weight = 1.0 / (usual * (window.period**2 * np.maximum(gaps[:-1], gaps[1:]))[:, None]) ** 2  # (N - 2, 6)
     per_gap = 1.0 / gaps[:, None, None]
     jacobians = {
         0: back[:-1] * per_gap[:-1],

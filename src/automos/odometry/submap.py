@@ -1,4 +1,4 @@
-"""A short stretch of the recording as a field of small planes and edges, and how well a scan lies on it.
+"""A short window of the recording as a field of small planes and edges, and how well a scan lies on it.
 
 Surfels of a few neighbouring scans are merged in voxels. Where a voxel holds a plane, it says how far a surfel is off
 along the normal; where it holds an upright edge or pole, along both directions across it. A single ring of a spinning
@@ -14,9 +14,16 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.covariances import across, eigenvalues, eigenvector, variance_along
+from automos.odometry.surfels import Surfels, find_slot, level_of, voxel_key
 from automos.scan import Points, Pose
 
+VOXEL = 0.8
+"""Metres, edge of a voxel nearer than `surfels.NEAR`, doubling with distance: two surfels wide, to hold a plane."""
+NOISE = 0.03
+"""Metres, deviation of a surfel on a perfect surface: ranges of usual sensors are as noisy."""
+CLOSE = 0.1
+"""Metres, surfels nearer to a surface than this lie on it: three deviations."""
 MAX_WEIGHT = 8.0
 """Points a surfel counts for at most when surfels are merged: near surfaces have hundreds, far ones a few."""
 
@@ -32,7 +39,6 @@ class Submap:
     mean : (M, 3) float32, metres.
     axes : (M, 2, 3) float32, unit directions across the surface: a plane has one (the second is zero), an edge two.
     variance : (M, 2) float32, square metres along these; negative where a direction says nothing.
-    voxel, near : metres, voxel edge and up to which distance it holds.
     """
 
     keys: npt.NDArray[np.int64]
@@ -40,13 +46,11 @@ class Submap:
     mean: Points
     axes: npt.NDArray[np.float32]
     variance: npt.NDArray[np.float32]
-    voxel: float
-    near: float
 
     @property
     def arrays(self) -> tuple[npt.NDArray, ...]:
         """Everything, in order, as the compiled loops take it."""
-        return (self.keys, self.rows, self.mean, self.axes, self.variance, self.voxel, self.near)  # type: ignore[return-value]
+        return (self.keys, self.rows, self.mean, self.axes, self.variance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +74,13 @@ class Fit:
     thickness: float
 
 
-def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: float) -> Submap:
+def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
     """Return the surfels of several scans merged.
 
     Parameters
     ----------
     parts : surfels of P scans, each in its own frame.
     T_center_parts : (P, 4, 4) to the frame of the submap.
-    voxel : metres, edge of a voxel nearer than `near`; doubles with distance.
-    near : metres.
     """
     n = sum(len(part) for part in parts)
     size = 1 << max(n, 16).bit_length()  # one slot more than there are surfels at least: a search ends at an empty one
@@ -86,16 +88,12 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose, voxel: float, near: 
     sums = np.empty((n, 10))
     m = 0
     for part, T in zip(parts, T_center_parts, strict=True):
-        m = _add_surfels(
-            part.mean, part.covariance, part.count, np.ascontiguousarray(T), voxel, near, keys, rows, sums, m
-        )
-    mean, axes, variance = _shape_voxels(sums[:m], voxel, near)
-    return Submap(keys, rows, mean, axes, variance, voxel, near)
+        m = _add_surfels(part.mean, part.covariance, part.count, np.ascontiguousarray(T), keys, rows, sums, m)
+    mean, axes, variance = _shape_voxels(sums[:m])
+    return Submap(keys, rows, mean, axes, variance)
 
 
-def fit_surfels(
-    submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel: float, noise: float, close: float
-) -> Fit:
+def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel: float, noise: float = NOISE) -> Fit:
     """Return how `surfels`, moved by `T_submap_surfels` (4, 4), lie on `submap`.
 
     Parameters
@@ -105,23 +103,20 @@ def fit_surfels(
     T_submap_surfels : (4, 4).
     kernel : metres, residuals much longer than this count little (Geman and McClure).
     noise : metres, deviation of a surfel on a perfect surface.
-    close : metres, residuals shorter than this are counted in `n_close`.
     """
     H, g = np.zeros((6, 6)), np.zeros(6)
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
-    n_matched, n_close, thickness = _fit(
-        submap.arrays, surfels.mean, surfels.covariance, T, (kernel, noise, close), H, g
-    )
+    n_matched, n_close, thickness = _fit(submap.arrays, surfels.mean, surfels.covariance, T, (kernel, noise), H, g)
     return Fit(H, g, len(surfels), n_matched, n_close, thickness)
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m):  # type: ignore[no-untyped-def]
+def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: ignore[no-untyped-def]
     """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
 
     Written out without loops, which takes half the time.
     """
-    inverse_voxel = 1.0 / voxel
+    inverse_voxel = 1.0 / VOXEL
     r00, r01, r02 = T[0, 0], T[0, 1], T[0, 2]
     r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
     r20, r21, r22 = T[2, 0], T[2, 1], T[2, 2]
@@ -130,7 +125,7 @@ def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m): 
         x = r00 * mx + r01 * my + r02 * mz + T[0, 3]
         y = r10 * mx + r11 * my + r12 * mz + T[1, 3]
         z = r20 * mx + r21 * my + r22 * mz + T[2, 3]
-        key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        key = voxel_key(x, y, z, level_of(x, y, z), inverse_voxel)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], rows[slot] = key, m
@@ -158,60 +153,12 @@ def _add_surfels(mean, covariance, count, T, voxel, near, keys, rows, sums, m): 
 
 
 @numba.njit(cache=True, nogil=True)
-def _eigen(c, values, vectors):  # type: ignore[no-untyped-def]
-    """Eigenvalues (ascending) and eigenvectors (rows) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
-    a00, a01, a02, a11, a12, a22 = c[0], c[1], c[2], c[3], c[4], c[5]
-    A = np.empty((3, 3))
-    A[0, 0], A[0, 1], A[0, 2] = a00, a01, a02
-    A[1, 0], A[1, 1], A[1, 2] = a01, a11, a12
-    A[2, 0], A[2, 1], A[2, 2] = a02, a12, a22
-    V = np.zeros((3, 3))
-    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
-    for _ in range(12):
-        off = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
-        if off < 1e-20:
-            break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if abs(A[p, q]) < 1e-30:
-                    continue
-                theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
-                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                if theta < 0.0:
-                    t = -t
-                cos = 1.0 / np.sqrt(t * t + 1.0)
-                sin = t * cos
-                for k in range(3):
-                    akp, akq = A[k, p], A[k, q]
-                    A[k, p], A[k, q] = cos * akp - sin * akq, sin * akp + cos * akq
-                for k in range(3):
-                    apk, aqk = A[p, k], A[q, k]
-                    A[p, k], A[q, k] = cos * apk - sin * aqk, sin * apk + cos * aqk
-                for k in range(3):
-                    vkp, vkq = V[k, p], V[k, q]
-                    V[k, p], V[k, q] = cos * vkp - sin * vkq, sin * vkp + cos * vkq
-    i0, i2 = 0, 0
-    for k in range(1, 3):
-        if A[k, k] < A[i0, i0]:
-            i0 = k
-        if A[k, k] >= A[i2, i2]:
-            i2 = k
-    if i0 == i2:
-        i0, i2 = 0, 2
-    i1 = 3 - i0 - i2
-    for row, col in ((0, i0), (1, i1), (2, i2)):
-        values[row] = max(A[col, col], 0.0)
-        for k in range(3):
-            vectors[row, k] = V[k, col]
-
-
-@numba.njit(cache=True, nogil=True)
-def _shape_voxels(sums, voxel, near):  # type: ignore[no-untyped-def]
+def _shape_voxels(sums):  # type: ignore[no-untyped-def]
     n = len(sums)
     mean = np.empty((n, 3), np.float32)
     axes = np.zeros((n, 2, 3), np.float32)
     variance = np.full((n, 2), -1.0, np.float32)
-    c, values, vectors = np.empty(6), np.empty(3), np.empty((3, 3))
+    c, along, first, second = np.empty(6), np.empty(3), np.empty(3), np.empty(3)
     for i in range(n):
         row = sums[i]
         w = 1.0 / row[0]
@@ -221,28 +168,28 @@ def _shape_voxels(sums, voxel, near):  # type: ignore[no-untyped-def]
             continue
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
-        _eigen(c, values, vectors)
-        edge = voxel * (1 << level_of(x, y, z, near))
-        wide = (0.12 * edge) ** 2
-        if values[1] > wide:
-            directions = 1 if values[0] < 0.1 * values[1] else 0  # a plane
-        else:
-            is_upright = values[1] < 0.1 * values[2] and abs(vectors[2, 2]) > 0.8
-            directions = 2 if values[2] > wide and is_upright else 0  # an upright edge
-        for k in range(directions):
-            variance[i, k] = values[k]
-            for j in range(3):
-                axes[i, k, j] = vectors[k, j]
+        low, middle, high = eigenvalues(c)
+        wide = (0.12 * VOXEL * (1 << level_of(x, y, z))) ** 2
+        if middle > wide:
+            if low < 0.1 * middle:  # a plane
+                eigenvector(c, low, first)
+                variance[i, 0] = low
+                axes[i, 0] = first
+        elif high > wide and middle < 0.1 * high:
+            eigenvector(c, high, along)
+            if abs(along[2]) > 0.8:  # an upright edge
+                variance[i, 0], variance[i, 1] = across(c, along, first, second)
+                axes[i, 0], axes[i, 1] = first, second
     return mean, axes, variance
 
 
 @numba.njit(cache=True, nogil=True)
 def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
-    keys, rows, mean, axes, variance, voxel, near = submap
-    kernel, noise, close = limits
+    keys, rows, mean, axes, variance = submap
+    kernel, noise = limits
     n_matched = n_close = 0
     squares = weights = 0.0
-    inverse_voxel = 1.0 / voxel
+    inverse_voxel = 1.0 / VOXEL
     R = T[:3, :3]
     J, a = np.empty(6), np.empty(3)
     for i in range(len(points)):
@@ -250,7 +197,7 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
         x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + T[0, 3]
         y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + T[1, 3]
         z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + T[2, 3]
-        slot = find_slot(keys, voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel))
+        slot = find_slot(keys, voxel_key(x, y, z, level_of(x, y, z), inverse_voxel))
         if keys[slot] == -1:
             continue
         row = rows[slot]
@@ -275,11 +222,11 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
                 for q in range(p + 1):
                     H[p, q] += w * J[p] * J[q]
             worst = max(worst, abs(r))
-            trust = 4.0 * close * close / (4.0 * close * close + r * r)  # whatever the kernel
+            trust = 4.0 * CLOSE * CLOSE / (4.0 * CLOSE * CLOSE + r * r)  # whatever the kernel
             squares += trust * trust * r * r
             weights += trust * trust
         n_matched += 1
-        if worst < close:
+        if worst < CLOSE:
             n_close += 1
     for p in range(6):
         for q in range(p):

@@ -17,6 +17,24 @@ from automos.scan import Points
 
 N_LEVELS = 4
 """Voxel sizes: each covers twice the distance of the one before."""
+NEAR = 20.0
+"""Metres up to which voxels have their least size: beams of usual sensors are 10 cm and less apart there."""
+SURFEL = 0.4
+"""Metres, least edge of the voxels that a scan is gathered in: some points each, and still flat."""
+MAX_RANGE = 80.0
+"""Metres; surfels farther away are larger than the errors they should show."""
+MIN_SURFEL_POINTS = 3
+"""Points without which a surfel has no extent."""
+FEW = 3000
+"""Surfels of a scan at most with which hypotheses are compared: more cost time and tell nothing new."""
+BODY_RANGE = 6.0
+"""Metres within which the vehicle's own body is looked for: a long one's ends."""
+BODY_VOXEL = 0.4
+"""Metres, edge of the voxels in which places are compared, as surfels have."""
+BODY_SHARE = 0.8
+"""Share of the scans that must see it at the same place."""
+BODY_SPREAD = 0.04
+"""Metres, deviation of that place: noise of a surfel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,31 +61,74 @@ class Surfels:
         return Surfels(self.mean[rows], self.covariance[rows], self.count[rows], self.time[rows])
 
 
-def make_surfels(
-    points: Points, times: npt.NDArray[np.float32] | None, voxel: float, near: float, max_range: float
-) -> Surfels:
+def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
     """Return the surfels of one scan.
 
     Parameters
     ----------
     points : (N, 3) float32, metres, sensor frame.
     times : (N,) float32 in [-0.5, 0.5], or None.
-    voxel : metres, edge of a voxel nearer than `near`; twice that up to twice as far, and so on.
-    near : metres.
-    max_range : metres, points beyond it are left out.
     """
     if times is None:
         times = np.zeros(len(points), np.float32)
     size = 1 << max(int(np.ceil(np.log2(max(len(points), 16)))), 4)
-    sums = _sum_moments(np.ascontiguousarray(points), times, voxel, near, max_range, size)
+    sums = _sum_moments(np.ascontiguousarray(points), times, size)
     return Surfels(*_finish_moments(sums))
 
 
+def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+    """Return the surfels of a sweep's usable points that are seen well enough."""
+    surfels = make_surfels(points, times)
+    return surfels[surfels.count >= MIN_SURFEL_POINTS]
+
+
+def few_surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+    """Return as many of them as hypotheses are compared with."""
+    surfels = surfels_of(points, times)
+    return surfels[:: -(-len(surfels) // FEW) or 1]
+
+
+def without_body(surfels: list[Surfels]) -> list[Surfels]:
+    """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
+
+    Near the sensor, what nearly every scan has at the same place to within centimetres belongs to the vehicle (or is
+    ground so even that nothing is lost with it). While the vehicle stands, everything does.
+    """
+    if not surfels:
+        return []
+    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
+    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
+    _, voxel, count = np.unique(_voxel_keys(means), return_inverse=True, return_counts=True)
+    spread = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(voxel, means[:, axis], len(count)) / count
+        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
+    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
+    out = []
+    for scan, near in zip(surfels, is_near, strict=True):
+        keep = np.ones(len(scan), bool)
+        n = int(near.sum())
+        keep[near] = ~is_body[:n]
+        is_body = is_body[n:]
+        out.append(scan[keep])
+    return out
+
+
+def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    k = np.floor(points / BODY_VOXEL).astype(np.int64) + (1 << 20)
+    return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]
+
+
+def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32]:
+    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
+    return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
+
+
 @numba.njit(cache=True, nogil=True)
-def level_of(x, y, z, near):  # type: ignore[no-untyped-def]
+def level_of(x, y, z):  # type: ignore[no-untyped-def]
     """Return the voxel level at a place in the frame of the sensor that sees it."""
     squared = x * x + y * y + z * z
-    limit = near * near
+    limit = NEAR * NEAR
     level = 0
     while squared > limit and level < N_LEVELS - 1:
         limit *= 4.0
@@ -96,26 +157,17 @@ def find_slot(keys, key):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def variance_along(c, a):  # type: ignore[no-untyped-def]
-    """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
-    x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
-    y = a[0] * c[1] + a[1] * c[3] + a[2] * c[4]
-    z = a[0] * c[2] + a[1] * c[4] + a[2] * c[5]
-    return a[0] * x + a[1] * y + a[2] * z
-
-
-@numba.njit(cache=True, nogil=True)
-def _sum_moments(points, times, voxel, near, max_range, size):  # type: ignore[no-untyped-def]
+def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
     keys = np.full(size, -1, np.int64)
     row_of = np.empty(size, np.int32)
     sums = np.zeros((len(points), 11))  # count, x y z, xx xy xz yy yz zz, time
     n = 0
-    inverse_voxel = 1.0 / voxel
+    inverse_voxel = 1.0 / SURFEL
     for i in range(len(points)):
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        if not (x * x + y * y + z * z < max_range * max_range):
+        if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
             continue
-        key = voxel_key(x, y, z, level_of(x, y, z, near), inverse_voxel)
+        key = voxel_key(x, y, z, level_of(x, y, z), inverse_voxel)
         if times[i] > 0.0:  # where the sweep ends beside its start, what it saw first and last lies apart
             key |= 4
         slot = find_slot(keys, key)
@@ -160,3 +212,18 @@ def _finish_moments(sums):  # type: ignore[no-untyped-def]
         count[i] = row[0]
         time[i] = row[10] * w
     return mean, covariance, count, time
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
+    keys = np.full(size, -1, np.int64)
+    rows = np.empty(len(points), np.int32)
+    n = 0
+    for i in range(len(points)):
+        key = voxel_key(float(points[i, 0]), float(points[i, 1]), float(points[i, 2]), 0, inverse_voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot] = key
+            rows[n] = i
+            n += 1
+    return rows[:n]

@@ -19,20 +19,16 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.links import choose_links, fit_links
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
-from automos.odometry.moving_windows import Window, moving_windows
-from automos.odometry.refine import refine_poses
-from automos.odometry.stretch import Stretch
-from automos.odometry.surfels import Surfels
+from automos.odometry.motion import SweepTiming
+from automos.odometry.moving_windows import MovingWindow, measure_misfits, moving_windows
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
 from automos.scan import Pose, Sequence
-from automos.settings import OdometrySettings, RefineSettings
+from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
-"""Azimuths at which sweeps are tried to start."""
+"""Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
 N_LIKELY = 3
@@ -47,14 +43,6 @@ GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
 """By which more for what is seldom true: halved or reversed sweeps."""
-ON_NEIGHBOURS = RefineSettings(
-    kernels=(0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600
-)
-"""Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
-ON_SUBMAPS = RefineSettings(
-    kernels=(0.2, 0.2), noise=0.05, submap_every=0.2, submap_length=0.5, max_distance=40.0, max_surfels=800
-)
-"""Each scan on what was seen half a second to two apart: wide enough not to overlook what does not fit."""
 
 
 @dataclass(frozen=True)
@@ -96,34 +84,23 @@ def choose_timing(
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
         return TimingChoice(SweepTiming())
-    from_file = _file_timing(sequence, clock)
-    if wanted == "file":
-        if from_file is None:
-            raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
-        return TimingChoice(from_file)
-    from_order = _order_timing(sequence)
-    if wanted == "order":
-        if from_order is None:
-            raise InputError(
-                f"in {sequence.name} the azimuth does not run on from point to point, so their order tells no time; "
-                "set odometry.time to auto, azimuth or none."
-            )
-        return TimingChoice(from_order)
+    timed = _recorded_timings(sequence, clock, wanted)
+    if wanted in ("file", "order"):
+        return TimingChoice(timed[0])
     is_round = _sees_all_round(sequence)
-    if wanted == "auto" and from_file is None and from_order is None and not is_round:
+    if wanted == "auto" and not timed and not is_round:
         return TimingChoice(SweepTiming())
-    known = {"raw": SweepTiming()}
-    known.update({t.source: t for t in (from_file, from_order) if t is not None and wanted == "auto"})
-    windows = moving_windows(sequence, settings, poses, clock, known, pool)
-    windows = [w for w in windows if np.isfinite(_link_misfits(w, SweepTiming(), is_rough=True)).sum() >= LEAST_LINKS]
+    sources: dict[str, SweepTiming] = {"raw": SweepTiming()}
+    sources.update({timing.source: timing for timing in timed})
+    windows = moving_windows(sequence, settings, poses, clock, sources, pool)
+    search = _Search(windows, settings, pool)
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
-    timed = [known[source] for source in ("file", "order") if source in known]
-    if not windows:  # nothing bends where nothing moves, or nothing is there to tell
-        return TimingChoice([*timed[:1], *untimed, _rear()][0] if "file" in known or not untimed else untimed[0])
-    search = _Search(windows, pool)
-    backwards = [replace(timing, share=-timing.share) for timing in timed[:1]]
-    best = search.best([*timed, *untimed], backwards)
-    if is_round and from_order is None and (best is None or best.source == "none"):
+    if not search.tells:  # nothing bends where nothing moves, or nothing is there to tell
+        from_file = [timing for timing in timed if timing.source == "file"]
+        return TimingChoice([*from_file, *untimed, *timed, _rear()][0])
+    best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
+    has_order = any(timing.source == "order" for timing in timed)
+    if is_round and not has_order and (best is None or best.source == "none"):
         best = _best_seam(search, sequence, untimed)
     if best is not None and best.source != "none":
         best = search.best([best], [replace(best, share=share * best.share) for share in _shares(best, clock)])
@@ -135,23 +112,31 @@ def choose_timing(
 class _Search:
     """Asks every window once for each hypothesis."""
 
-    def __init__(self, windows: list[Window], pool: ThreadPoolExecutor | None):
-        self._windows = windows
+    def __init__(self, windows: list[MovingWindow], settings: OdometrySettings, pool: ThreadPoolExecutor | None):
         self._map: Callable = map if pool is None else pool.map
-        self._misfit = functools.cache(lambda guess, k, is_rough: _link_misfits(windows[k], guess, is_rough))
+        measure = functools.cache(measure_misfits)
+        self._misfit = lambda guess, k, is_rough: measure(windows[k], guess, settings, is_rough)
         self.misfits: dict[str, float] = {}
+        as_they_came = self._map(lambda k: self._misfit(SweepTiming(), k, True), range(len(windows)))
+        self._windows = [k for k, found in enumerate(as_they_came) if np.isfinite(found).sum() >= LEAST_LINKS]
+
+    @property
+    def tells(self) -> bool:
+        """Whether any window has enough to compare hypotheses on."""
+        return bool(self._windows)
 
     def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
         """Return (G, L) misfits of the links of all windows."""
-        ks = range(len(self._windows))
-        found = list(self._map(lambda one: self._misfit(*one), [(guess, k, is_rough) for guess in guesses for k in ks]))
-        return np.array([np.concatenate(found[g * len(ks) : (g + 1) * len(ks)]) for g in range(len(guesses))])
+        asked = [(guess, k, is_rough) for guess in guesses for k in self._windows]
+        found = list(self._map(lambda one: self._misfit(*one), asked))
+        n = len(self._windows)
+        return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
-        """Return the `n` of `guesses` under which the windows fit best as their poses are."""
+        """Return the `n` of `guesses` under which the windows fit best as their poses are, in their order."""
         misfits = self._ask(guesses, is_rough=True)
         found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
-        return [guesses[i] for i in np.argsort(found, kind="stable")[:n]]
+        return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
 
     def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
         """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
@@ -166,13 +151,13 @@ class _Search:
         score = np.full(len(guesses), np.inf)
         base = self.misfits.setdefault(str(guesses[0]), 0.0)
         for g, guess in enumerate(guesses):
-            told = better[g, np.isfinite(better[g])]
-            if len(told) == 0:  # nothing meets anything under it
+            known = better[g, np.isfinite(better[g])]
+            if len(known) == 0:  # nothing meets anything under it
                 continue
-            self.misfits.setdefault(str(guess), base + float(told.mean()))
-            error = told.std() / np.sqrt(len(told) / LINKS_OF_A_SCAN)
+            self.misfits.setdefault(str(guess), base + float(known.mean()))
+            error = known.std() / np.sqrt(len(known) / LINKS_OF_A_SCAN)
             margin = GAIN if g < len(likely) else GAIN + CLEAR_GAIN
-            score[g] = told.mean() + max(margin, N_ERRORS * error)
+            score[g] = known.mean() + max(margin, N_ERRORS * error)
         score[0] = 0.0
         return guesses[int(np.argmin(score))]
 
@@ -182,9 +167,10 @@ def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) 
     if turn := learn_drifting_gap(sequence):
         return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    found = search.best([*untimed, *search.likeliest(circle, N_LIKELY)])
-    if found is None or found.source == "none":
+    likely = search.likeliest(circle, N_LIKELY)
+    if (found := search.best([*untimed, *likely])) == SweepTiming():
         return found
+    found = search.best(likely) or _rear()  # where two seams tell no difference, the more usual one
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
     return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
 
@@ -201,13 +187,27 @@ def _rear() -> SweepTiming:
     return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
 
 
-def _order_timing(sequence: Sequence) -> SweepTiming | None:
-    order = learn_order(sequence)
-    return (
-        None
-        if order is None
-        else SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
-    )
+def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
+    """Return the timings that follow from the file's times and from the order of its points, as far as they are wanted.
+
+    Raises
+    ------
+    InputError
+        One of them is asked for, and there is none.
+    """
+    found = []
+    if wanted in ("auto", "file") and (from_file := _file_timing(sequence, clock)):
+        found.append(from_file)
+    if wanted in ("auto", "order") and (order := learn_order(sequence)):
+        found.append(SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order))
+    if wanted == "file" and not found:
+        raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
+    if wanted == "order" and not found:
+        raise InputError(
+            f"in {sequence.name} the azimuth does not run on from point to point, so their order tells no time; "
+            "set odometry.time to auto, azimuth or none."
+        )
+    return found
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
@@ -227,32 +227,3 @@ def _sees_all_round(sequence: Sequence) -> bool:
     scan = sequence[len(sequence) // 2]
     x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
-
-
-def _link_misfits(window: Window, guess: SweepTiming, is_rough: bool) -> npt.NDArray[np.float64]:
-    """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
-
-    A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
-    neighbours keep their steps, in a third of the time.
-    """
-    twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    raw = window.surfels.get(guess.source, window.surfels["raw"])
-    surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
-    timed = Stretch(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
-    links = list(choose_links(timed, ON_SUBMAPS))
-    is_fixed = np.zeros(len(timed), bool)
-    if not is_rough:
-        timed = refine_poses(timed, is_fixed, ON_NEIGHBOURS)[0]
-    timed = refine_poses(timed, is_fixed, ON_SUBMAPS)[0]
-    fits = fit_links(timed, links, ON_SUBMAPS.kernels[-1], ON_SUBMAPS, None)[0]
-    n_close = np.array([fit.n_close if fit.n_matched >= ON_SUBMAPS.min_matched else 0 for fit in fits])
-    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
-    return np.log(np.array([fit.thickness for fit in fits]) / share)
-
-
-def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
-    """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
-    if guess.source == "none":
-        return raw
-    times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
-    return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)

@@ -11,23 +11,40 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.links import Consistency
+from automos.odometry.links import Alignment, Consistency, Window
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import OFFSETS, lengthen, search_speed
-from automos.odometry.stretch import Stretch
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
-from automos.settings import RefineSettings
+from automos.settings import OdometrySettings
+
+WINDOW = 20.0
+"""Seconds of recording refined at once: many times the longest baseline."""
+OVERLAP = 6.0
+"""Seconds of it that are refined again with the next: as long as a pose is felt."""
+SPEED_ROUNDS = 5
+"""Searches for the speed, at most, each from the poses that the one before has found."""
 
 
 class RollingRefinement:
     """Takes scans with first poses one by one, gives refined poses at the end."""
 
-    def __init__(self, period: float, share: float, settings: RefineSettings, pool: ThreadPoolExecutor | None = None):
-        """Take the usual seconds between scans, the share of it a sweep lasts, and threads to work with."""
+    def __init__(
+        self,
+        period: float,
+        share: float,
+        settings: OdometrySettings,
+        pool: ThreadPoolExecutor | None = None,
+        window: float = WINDOW,
+        overlap: float = OVERLAP,
+    ):
+        """Take the usual seconds between scans, the share of it a sweep lasts, and threads to work with.
+
+        `window` and `overlap` are the seconds refined at once, and again with the next.
+        """
         self._period, self._share, self._settings, self._pool = period, share, settings, pool
-        self._length = max(round(settings.window / period), 3)
-        self._overlap = min(max(round(settings.overlap / period), 2), self._length - 1)
+        self._length = max(round(window / period), 3)
+        self._overlap = min(max(round(overlap / period), 2), self._length - 1)
         self._surfels: list[Surfels | Future[Surfels]] = []
         self._twists: list[npt.NDArray[np.float64]] = []
         self._poses: list[Pose] = []  # refined up to the overlap, first poses after it
@@ -65,23 +82,23 @@ class RollingRefinement:
     def _refine(self) -> None:
         surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
         poses, gaps = np.array(self._poses), np.array(self._gaps)
-        stretch = Stretch(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
+        window = Window(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
         is_fixed = np.arange(len(poses)) < self._n_known // 2
-        for _ in range(self._settings.speed_rounds):
-            search = search_speed(stretch, self._settings, self._pool)
+        for _ in range(SPEED_ROUNDS):
+            search = search_speed(window, self._settings, self._pool)
             missing = search.missing
             missing[: max(self._n_known - 1, 0)] = 0.0
             if not missing.any():
                 break
             self.lengthened += float(np.linalg.norm(missing, axis=1).sum())
-            stretch = stretch.moved(lengthen(stretch.T_world_sensor, missing))
-            stretch = refine_poses(stretch, is_fixed, self._settings, self._pool)[0]
+            window = window.moved(lengthen(window.T_world_sensor, missing))
+            window = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)[0]
         self.refound += search.refound
-        stretch, before, after = refine_poses(stretch, is_fixed, self._settings, self._pool)
+        window, before, after = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
         self._before.append(before)
         self._after.append(after)
-        self._surfels, self._twists = list(stretch.surfels), list(stretch.twists)
-        self._poses = list(stretch.T_world_sensor)
+        self._surfels, self._twists = list(window.surfels), list(window.twists)
+        self._poses = list(window.T_world_sensor)
 
     def _keep_last(self, n: int) -> None:
         done = len(self._poses) - n

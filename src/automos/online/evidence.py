@@ -68,8 +68,9 @@ class EvidenceWindow:
 def _as_partner(seen: Seen) -> Seen:
     """Return what others need: the images without the points."""
     nothing = np.zeros(0, np.uint8)
-    return Seen(nothing, nothing.astype(np.float32), [_without_points(view) for view in seen.views])
+    return Seen(nothing, nothing.astype(np.float32), nothing, [_without_points(view) for view in seen.views])
 
 
 def _without_points(view: View) -> View:
-    return replace(view, rows=slice(0), is_object=np.zeros(0, np.bool_), objects=np.zeros((3, 0), np.float32))
+    nobody = np.zeros(0, np.bool_)
+    return replace(view, rows=slice(0), is_object=nobody, is_supported=nobody, objects=np.zeros((3, 0), np.float32))

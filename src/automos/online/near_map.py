@@ -6,10 +6,11 @@ from collections import deque
 
 import numpy as np
 
-from automos.odometry.kiss import KissOdometry
-from automos.odometry.motion import SweepTiming
+from automos.geometry import transform
+from automos.odometry.kiss import START_CONVERGENCE, UNKNOWN_MOTION
+from automos.odometry.registration import Icp, LocalMap
 from automos.odometry.surfels import Surfels
-from automos.scan import Points, Pose, Scan
+from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
 N_SCANS = 10
@@ -29,7 +30,8 @@ class NearMap:
 
     def register(self, surfels: Surfels, expected: Pose) -> Pose:
         """Return the (4, 4) T_world_sensor of a scan that is expected about `expected`."""
-        odometry = KissOdometry(self._settings, SweepTiming(), np.zeros(6), self._settings.initial_threshold)
+        s = self._settings
+        local_map = LocalMap(s.voxel or s.max_range / 100.0, s.points_per_voxel, s.max_range)
         for T, points in self._scans:
-            odometry.add_to_map(points, T)
-        return odometry.register_at(Scan(surfels.mean), expected)
+            local_map.add(transform(T, points.astype(np.float64)), T[:3, 3])
+        return Icp(local_map, UNKNOWN_MOTION, s.max_range, START_CONVERGENCE).register(surfels.mean, expected)

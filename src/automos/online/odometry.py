@@ -19,11 +19,10 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD
-from automos.odometry.kiss import STEP_DIGITS
-from automos.odometry.motion import SweepTiming
+from automos.odometry.kiss import START_SCANS, STEP_DIGITS
+from automos.odometry.motion import MIN_POINTS, SweepTiming, usable_points
 from automos.odometry.moving_windows import MIN_BEND
-from automos.odometry.surfels import Surfels
-from automos.odometry.sweeps import surfels_of, usable_points
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.online.near_map import NearMap
 from automos.online.past_submaps import Come, Laid, PastSubmaps
 from automos.online.timing_inquiry import TimingInquiry, told_by
@@ -94,7 +93,7 @@ class CausalOdometry:
         self._timing, self._choice = timing, None if timing is not None else TimingInquiry(settings, is_compensated)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._waiting = deque[_Waiting](maxlen=REMADE)
-        self._past, self._near = PastSubmaps(settings.refinement), NearMap(settings)
+        self._past, self._near = PastSubmaps(settings), NearMap(settings)
         self._shares = deque[float](maxlen=20)
         self._T: Pose = np.eye(4)
         self._twist = np.zeros(6)
@@ -130,7 +129,7 @@ class CausalOdometry:
             self._timing = timing
             return ()
         now, self._timing, n = self._stamp, timing, self._n
-        self._past, self._near = PastSubmaps(self._settings.refinement), NearMap(self._settings)
+        self._past, self._near = PastSubmaps(self._settings), NearMap(self._settings)
         made = []
         for k, w in enumerate(self._waiting):
             self._stamp = w.stamp
@@ -146,9 +145,9 @@ class CausalOdometry:
         """Return the (4, 4) from this scan's sensor frame to the one before."""
         share = 0.0 if self._timing is None else self._timing.share
         points, times = usable_points(scan, self._timing or SweepTiming(), share * self._twist, self._settings)
-        surfels = surfels_of(points, times, self._settings.refinement)
+        surfels = surfels_of(points, times)
         step = gap * self._twist
-        if gap > 0.0 and len(points) >= self._settings.min_points:
+        if gap > 0.0 and len(points) >= MIN_POINTS:
             laid = self._lay(surfels, Come(self._stamp, self._T, gap, self._twist, self._period, share, self._n == 1))
             step = np.round(se3_log(inverse(self._T) @ laid.T_world_sensor), STEP_DIGITS)
             self._twist, surfels = step / gap, laid.surfels
@@ -163,7 +162,7 @@ class CausalOdometry:
         expected = come.T_world_last @ se3_exp(come.gap * come.twist)
         laid = self._past.lay([expected], surfels, come)
         usual = float(np.median(self._shares)) if self._shares else 1.0
-        if self._n < self._settings.start_scans or laid.share < DOUBTFUL * usual:
+        if self._n < START_SCANS or laid.share < DOUBTFUL * usual:
             guesses = [self._near.register(surfels, expected)]
             if come.is_first:
                 guesses += [come.T_world_last @ se3_exp(step) for step in FIRST_STEPS]

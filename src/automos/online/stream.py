@@ -20,8 +20,7 @@ from automos.geometry import make_transform
 from automos.instances.detect import recount
 from automos.labels import Label
 from automos.odometry.level import level_frame
-from automos.odometry.motion import compensate, sweep_times
-from automos.odometry.sweeps import usable_points
+from automos.odometry.motion import compensate, sweep_times, usable_points
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import Followed, Following
 from automos.online.odometry import CausalOdometry, Moved, Remade
@@ -33,6 +32,10 @@ from automos.workspace import Arrays
 
 GROWN = 1.0
 """Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
+TIMING_SCANS = 16
+"""Scans in which the sensor moves, after which it is found out how sweeps are timed."""
+PATTERN_POINTS = 1000
+"""Points a scan needs to show the sensor's beams."""
 SETTLED = 1.0
 """Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
@@ -83,8 +86,7 @@ class Stream:
         """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
-        online = settings.network.online
-        self._odometry = CausalOdometry(settings.odometry, online.timing_scans, None, is_compensated)
+        self._odometry = CausalOdometry(settings.odometry, TIMING_SCANS, None, is_compensated)
         self._T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._is_level = False
         self._window: EvidenceWindow | None = None
@@ -170,7 +172,7 @@ class Stream:
         """Note what the scan saw; the first that shows the sensor's beams says how they lie."""
         about = self._settings.candidates
         if self._window is None:
-            if len(held.frame.points) < self._settings.network.online.pattern_points:
+            if len(held.frame.points) < PATTERN_POINTS:
                 return
             frames = _OneFrame(held.frame)
             lidars = learn_lidars(frames, [held.frame], about.ego_body, 1)
@@ -185,7 +187,7 @@ class Stream:
         if held.seen is None or self._window is None:
             return
         evidence = self._window.ask(held.stamp, held.seen)
-        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, self._ray_steps)
+        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, self._ray_steps)
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give_back(self, now: float) -> Iterator[Painted]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry import Trajectory
-from automos.odometry.frames import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Frame, Sequence
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks

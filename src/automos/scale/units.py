@@ -66,7 +66,7 @@ def work(order: Order) -> Report:
 def settings_key(settings: Settings) -> str:
     """Return a fingerprint of the version and of all that shapes results beside the recording."""
     heard = cue_fingerprint(settings.self_training) if settings.self_training.folder else None
-    return fingerprint(__version__, settings.model_dump(mode="json", exclude={"odometry": {"threads"}}), heard)
+    return fingerprint(__version__, settings.model_dump(mode="json"), heard)
 
 
 def results_folder(job: Job, recording: Recording) -> Path:

@@ -13,10 +13,11 @@ import numpy.typing as npt
 
 from automos.errors import MissingExtraError
 from automos.evaluation.moving import count
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.extras import pip_install
 from automos.geometry import transform
 from automos.labels import Label, to_mos
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 from automos.scan import Pose
 from automos.workspace import Workspace
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.visualization.rerun_log import load_rerun, log_run, make_recording
 
 HOST = "127.0.0.1"

@@ -4,8 +4,8 @@ import pytest
 from automos.array_sequence import ArraySequence
 from automos.geometry import make_transform
 from automos.odometry import Trajectory, make_frame
-from automos.odometry.frames import SequenceFrames
 from automos.odometry.motion import SweepTiming
+from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Scan
 
 POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)

@@ -1,0 +1,234 @@
+"""A scan laid on the points of the ones before: KISS-ICP (Vizzo et al., RA-L 2023), compiled.
+
+Point to point, robust, on a map of voxels that hold a few points each; how far to look for a point's partner follows
+from how far predictions have been off. Two things make it several times as fast as the authors' library for the same
+poses: a search for the nearest point leaves out voxels farther away than what it has, and while a point moves by less
+than would make another one its nearest, that is not asked for again.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from automos.odometry.surfels import find_slot, rows_of_first_in_voxel, voxel_key
+from automos.scan import Points, Pose
+
+Array = npt.NDArray[np.float64]
+
+DENSE, SPARSE = 0.5, 1.5
+"""Voxels of the map, to which scans are thinned to be kept and to be registered (the authors' values)."""
+MIN_MOTION = 0.1
+"""Metres, predictions that are off by less do not change how far is looked (the authors' value)."""
+FORGET_EVERY = 0.1
+"""Of the map's range, that the sensor moves on before what is out of range is forgotten."""
+MAX_ITERATIONS = 500
+"""Of one registration (the authors' value)."""
+AROUND = np.array(sorted(np.ndindex(3, 3, 3), key=lambda v: np.abs(np.array(v) - 1).sum())) - 1
+"""A voxel and its neighbours, nearest first."""
+
+
+class LocalMap:
+    """Points around the sensor in voxels of `voxel` metres, of which each holds `capacity` at most."""
+
+    def __init__(self, voxel: float, capacity: int, max_range: float):
+        """Take what the map holds; it begins empty."""
+        self.voxel, self._max_range = voxel, max_range
+        self._center = np.zeros(3)
+        self._keys, self._rows = np.full(1 << 12, -1, np.int64), np.zeros(1 << 12, np.int32)
+        self._cells, self._counts = np.empty((1 << 10, capacity, 3)), np.zeros(1 << 10, np.int32)
+        self._n = 0
+
+    @property
+    def arrays(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray, float]:
+        """Keys of voxels and their rows, points and their number by row, edge of a voxel: as compiled loops take it."""
+        return self._keys, self._rows, self._cells, self._counts, self.voxel
+
+    def add(self, points: Array, center: Array) -> None:
+        """Add `points` (M, 3), world frame, seen from `center`; those too near to others are left out."""
+        is_far = np.linalg.norm(center - self._center) > FORGET_EVERY * self._max_range
+        if is_far or 2 * (self._n + len(points)) > min(len(self._keys), 2 * len(self._cells)):
+            self._center = center
+            self._rebuild(len(points))
+        self._n = _add_points(points, self.arrays, self._n)
+
+    def _rebuild(self, n_more: int) -> None:
+        """Forget what is out of range, and make room for `n_more` voxels."""
+        first = self._cells[: self._n, 0] - self._center
+        kept = np.flatnonzero(np.einsum("ij,ij->i", first, first) < self._max_range**2)
+        n, room = len(kept), 2 * (len(kept) + n_more)
+        cells, counts = np.empty((room, *self._cells.shape[1:])), np.zeros(room, np.int32)
+        cells[:n], counts[:n] = self._cells[kept], self._counts[kept]
+        size = 1 << (2 * room).bit_length()
+        self._keys, self._rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+        self._cells, self._counts, self._n = cells, counts, n
+        _enter(cells[:n, 0], self._keys, self._rows, self.voxel)
+
+
+class Icp:
+    """Scans laid on the map of the ones before, and how far predictions have been off."""
+
+    def __init__(self, local_map: LocalMap, threshold: float, max_range: float, convergence: float):
+        """Take the map, the deviation from predictions expected at first (m) and when a registration ends."""
+        self._map, self._max_range = local_map, max_range
+        self._convergence = convergence
+        self._squares, self._n = threshold**2, 1
+
+    def register(self, points: Points, T_world_predicted: Pose) -> Pose:
+        """Return where the scan `points` (M, 3) lies, near to where it is predicted to; it becomes part of the map."""
+        dense = points[rows_of_first_in_voxel(points, DENSE * self._map.voxel)]
+        source = dense[rows_of_first_in_voxel(dense, SPARSE * self._map.voxel)]
+        threshold = float(np.sqrt(self._squares / self._n))
+        T = self._align(source, T_world_predicted, threshold)
+        turned = np.clip((np.trace(T_world_predicted[:3, :3].T @ T[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)
+        moved = np.linalg.norm(T[:3, 3] - T_world_predicted[:3, 3])
+        off = moved + 2.0 * self._max_range * np.sin(0.5 * np.arccos(turned))
+        if off > MIN_MOTION:
+            self._squares, self._n = self._squares + float(off) ** 2, self._n + 1
+        self._map.add(dense @ T[:3, :3].T + T[:3, 3], T[:3, 3])
+        return T
+
+    def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
+        T = np.array(T)
+        _align(source, T, self._map.arrays, 3.0 * threshold, threshold, self._convergence)
+        return T
+
+
+@numba.njit(cache=True, nogil=True)
+def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
+    """Enter the voxels of `firsts` (V, 3), one point of each, in the table."""
+    for row in range(len(firsts)):
+        key = voxel_key(firsts[row, 0], firsts[row, 1], firsts[row, 2], 0, 1.0 / voxel)
+        slot = find_slot(keys, key)
+        keys[slot], rows[slot] = key, row
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
+    """Add points to their voxels unless these are full or one lies nearby; return the number of voxels."""
+    keys, rows, cells, counts, voxel = local_map
+    capacity = cells.shape[1]
+    apart = voxel * voxel / capacity
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        key = voxel_key(x, y, z, 0, 1.0 / voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot], rows[slot] = key, n
+            counts[n] = 0
+            n += 1
+        row = rows[slot]
+        count = counts[row]
+        is_new = count < capacity
+        for k in range(count):
+            if not is_new:
+                break
+            dx, dy, dz = x - cells[row, k, 0], y - cells[row, k, 1], z - cells[row, k, 2]
+            is_new = dx * dx + dy * dy + dz * dz >= apart
+        if is_new:
+            cells[row, count, 0], cells[row, count, 1], cells[row, count, 2] = x, y, z
+            counts[row] = count + 1
+    return n
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
+    """Write the nearest point in a voxel or its neighbours to `nearest`; return how far it and the next one are.
+
+    What lies in no neighbour is no nearer than the second.
+    """
+    keys, rows, cells, counts, voxel = local_map
+    center = voxel_key(x, y, z, 0, 1.0 / voxel)
+    fx, fy, fz = x / voxel, y / voxel, z / voxel
+    fx, fy, fz = voxel * (fx - np.floor(fx)), voxel * (fy - np.floor(fy)), voxel * (fz - np.floor(fz))
+    best, second = np.inf, np.inf
+    nearest[0] = np.nan
+    for v in range(len(AROUND)):
+        ox, oy, oz = AROUND[v, 0], AROUND[v, 1], AROUND[v, 2]
+        gx = fx if ox < 0 else (voxel - fx if ox > 0 else 0.0)
+        gy = fy if oy < 0 else (voxel - fy if oy > 0 else 0.0)
+        gz = fz if oz < 0 else (voxel - fz if oz > 0 else 0.0)
+        if gx * gx + gy * gy + gz * gz >= second:
+            continue
+        slot = find_slot(keys, center + (ox << 39) + (oy << 21) + (oz << 3))
+        if keys[slot] == -1:
+            continue
+        row = rows[slot]
+        for k in range(counts[row]):
+            dx, dy, dz = x - cells[row, k, 0], y - cells[row, k, 1], z - cells[row, k, 2]
+            square = dx * dx + dy * dy + dz * dz
+            if square < best:
+                best, second = square, best
+                nearest[0], nearest[1], nearest[2] = cells[row, k, 0], cells[row, k, 1], cells[row, k, 2]
+            elif square < second:
+                second = square
+    return np.sqrt(best), min(np.sqrt(second), voxel)
+
+
+@numba.njit(cache=True, nogil=True)
+def _align(source, T, local_map, max_distance, kernel, convergence):  # type: ignore[no-untyped-def]
+    """Move `T` until the points lie on the map."""
+    nearest, asked_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
+    margin = np.full(len(source), -1.0)
+    H, g = np.empty((6, 6)), np.empty(6)
+    for _ in range(MAX_ITERATIONS):
+        _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g)
+        if H[0, 0] == 0.0:  # nothing lies near anything
+            return
+        for k in range(6):
+            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # a single point can be turned about
+        step = np.linalg.solve(H, -g)  # of the sensor's position, and a turn about it
+        angle = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+        if angle > 1e-12:
+            x, y, z = step[3] / angle, step[4] / angle, step[5] / angle
+            K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+            R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+            T[:3, :3] = R @ np.ascontiguousarray(T[:3, :3])
+        T[:3, 3] += step[:3]
+        if np.sqrt((step * step).sum()) < convergence:
+            break
+
+
+@numba.njit(cache=True, nogil=True)
+def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g):  # type: ignore[no-untyped-def]
+    """Write the normal equations of a small motion of the points about the sensor's position that brings them together.
+
+    `nearest`, `asked_at` and `margin` remember each point's partner: it is kept while no other can be nearer.
+    """
+    H[:], g[:], W = 0.0, 0.0, 0.0
+    s, r, first, cross, second = np.empty(3), np.empty(3), np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    for i in range(len(source)):
+        px, py, pz = float(source[i, 0]), float(source[i, 1]), float(source[i, 2])
+        for k in range(3):
+            s[k] = T[k, 0] * px + T[k, 1] * py + T[k, 2] * pz
+        x, y, z = s[0] + T[0, 3], s[1] + T[1, 3], s[2] + T[2, 3]
+        moved = np.sqrt((x - asked_at[i, 0]) ** 2 + (y - asked_at[i, 1]) ** 2 + (z - asked_at[i, 2]) ** 2)
+        r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
+        distance = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+        if not distance <= margin[i] - moved:  # true of NaN
+            distance, margin[i] = _find_nearest(x, y, z, local_map, nearest[i])
+            asked_at[i, 0], asked_at[i, 1], asked_at[i, 2] = x, y, z
+            r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
+        if not distance < max_distance:
+            continue
+        w = (kernel / (kernel + distance * distance)) ** 2
+        W += w
+        for k in range(3):
+            first[k] += w * s[k]
+            g[k] += w * r[k]
+            for j in range(3):
+                second[k, j] += w * s[k] * s[j]
+        cross[0] += w * (s[1] * r[2] - s[2] * r[1])
+        cross[1] += w * (s[2] * r[0] - s[0] * r[2])
+        cross[2] += w * (s[0] * r[1] - s[1] * r[0])
+    trace = second[0, 0] + second[1, 1] + second[2, 2]
+    for k in range(3):
+        H[k, k], g[3 + k] = W, cross[k]
+        for j in range(3):
+            H[3 + k, 3 + j] = (trace if k == j else 0.0) - second[k, j]
+    H[0, 4], H[0, 5], H[1, 3] = first[2], -first[1], -first[2]
+    H[1, 5], H[2, 3], H[2, 4] = first[0], first[1], -first[0]
+    for k in range(3):
+        for j in range(3):
+            H[3 + j, k] = H[k, 3 + j]

@@ -1,0 +1,98 @@
+"""Settings that had another name in earlier versions, or that are constants beside their code now.
+
+Results keep all their settings, so files of earlier versions must still be read: what has a new name goes there, what
+has none is left out, and the user is told.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+from automos.errors import SettingsError
+
+_log = logging.getLogger(__name__)
+
+RENAMED = {
+    "odometry.refinement.max_acceleration": "odometry.usual_acceleration",
+    "odometry.refinement.max_turn_acceleration_deg": "odometry.usual_turn_acceleration_deg",
+    "odometry.refinement.max_speed": "odometry.max_speed",
+    "odometry.refinement.max_reverse": "odometry.max_reverse",
+    "odometry.refinement.overhead": "odometry.overhead",
+    "odometry.loops.min_way": "odometry.loops.min_distance",
+}
+"""The present name of each."""
+
+CONSTANTS = {
+    "odometry": """
+        min_points max_iterations convergence initial_threshold known_threshold min_motion start_scans start_convergence
+        start_clear_step start_steps start_fold_scans start_voxel start_iterations start_gain max_acceleration leap_time
+        ground_scans ground_range ground_voxel ground_trials ground_distance ground_share threads
+        """,
+    "odometry.refinement": """
+        surfel voxel near max_range min_points submap_every submap_length lags max_distance kernels converged noise
+        close max_surfels min_matched information window overlap speed_lags speed_step speed_close speed_evidence
+        overhead_weight speed_rounds speed_prior reverse_cost speed_gain acceleration_cost min_speed_ratio
+        min_clear_speed standstill_share standstill_share_low near_share near_view min_step min_straightness body_range
+        body_voxel body_share body_spread
+        """,
+    "odometry.loops": """
+        place_every place_length place_scans rings sectors voxel max_turn_drift_deg max_offset max_difference candidates
+        registration_distances min_points drift turn_drift_deg deviation turn_deviation_deg
+        """,
+}
+"""Names, by group, of settings that nobody can change any more."""
+
+
+def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Return the settings `tree` with present names only; what was left out is told in one warning.
+
+    Parameters
+    ----------
+    tree : groups of settings, by name, as some version wrote them.
+    source : where they come from, for the warning.
+    """
+    left_out: list[str] = []
+    renamed: dict[str, Any] = {}
+    kept = _present(tree, "", left_out, renamed)
+    for key, value in renamed.items():
+        *groups, name = key.split(".")
+        branch = kept
+        for group in groups:
+            branch = branch.setdefault(group, {})
+        branch.setdefault(name, value)
+    if left_out:
+        others = f" and {len(left_out) - 1} more are" if len(left_out) > 1 else " is"
+        _log.warning("%s: %s%s left out: they are constants now, not settings", source, left_out[0], others)
+    return kept
+
+
+def refuse_former_name(key: str) -> None:
+    """Raise SettingsError if the setting `key` ("odometry.convergence") was asked for, and is none any more."""
+    if _is_constant(key):
+        raise SettingsError(f"{key} is a constant now, not a setting: leave it out (`automos settings` lists all)")
+    if key in RENAMED:
+        raise SettingsError(f"there is no setting '{key}' any more: it is called '{RENAMED[key]}' now")
+
+
+def _is_constant(key: str) -> bool:
+    group, _, name = key.rpartition(".")
+    return name in CONSTANTS.get(group, "").split()
+
+
+def _present(tree: Mapping[str, Any], prefix: str, left_out: list[str], renamed: dict[str, Any]) -> dict[str, Any]:
+    """Return what has its name still; the names of what is a constant, and the values of what is renamed, are added."""
+    kept = {}
+    for name, value in tree.items():
+        key = f"{prefix}{name}"
+        if _is_constant(key):
+            left_out.append(key)
+        elif key in RENAMED:
+            renamed[RENAMED[key]] = value
+        elif isinstance(value, Mapping) and value:
+            if inner := _present(value, f"{key}.", left_out, renamed):
+                kept[name] = inner
+        else:
+            kept[name] = value
+    return kept
