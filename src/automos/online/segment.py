@@ -14,7 +14,7 @@ import numpy as np
 from automos import __version__
 from automos.atomic import atomic_path, remove_parts, write_text
 from automos.errors import InputError
-from automos.export.tracks_file import write_tracks
+from automos.results.tracks_file import write_tracks
 from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
 from automos.labels import Label, pack
