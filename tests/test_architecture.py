@@ -36,6 +36,7 @@ MAY_IMPORT = {
     "evaluation": {*BASE, "evaluation", "pose_files", "workspace"},
     "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
     "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
+    "live": {*BASE, "live", "datasets", "odometry", "compiling"},
     "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
     "results": {
         *BASE,
