@@ -209,7 +209,7 @@ def restore(hand, eye, session):
     while hand.actions + 2 <= ACTIONS:
         totals = eye.totals(lost)
         worth = [
-            sum(totals[thing] for thing in things)
+            sum(totals[thing] * ease for thing, (_, ease) in things.items())
             for things in (clickable(session, eye, lost, tried, i) for i in every(lost))
         ]
         if not max(worth):
@@ -217,10 +217,11 @@ def restore(hand, eye, session):
         index = hand.go_to_scan(int(np.argmax(worth)), len(lost))
         things = clickable(session, eye, lost, tried, index)
         for thing in sorted(things, key=lambda thing: -totals[thing]):
+            rows, _ = things[thing]
             tried |= {(thing, i) for i in range(index - 2, index + 3)}
-            if hand.actions < ACTIONS and lost[index][things[thing]].any():
+            if hand.actions < ACTIONS and lost[index][rows].any():
                 frame = session.stages.frame(index)
-                points = frame.points_level[np.searchsorted(frame.kept, things[thing])]
+                points = frame.points_level[np.searchsorted(frame.kept, rows)]
                 hand.add_at(*middle(points)[:2].tolist(), eye, session, lost)
 
 
@@ -229,12 +230,12 @@ def every(lost):
 
 
 def clickable(session, eye, lost, tried, index):
-    """Return by its id the rows of each missed thing in a scan that a person would click on there."""
-    found = {}
-    for thing, rows in eye.things(index, lost).items():
-        if len(rows) >= LEAST and (thing, index) not in tried and stands_apart(session, index, rows):
-            found[thing] = rows
-    return found
+    """Return by its id the rows of each missed thing in a scan that a person would click on, and how gladly."""
+    return {
+        thing: (rows, (1.0 if stands_apart(session, index, rows) else 0.5) * len(rows) / (len(rows) + 5.0))
+        for thing, rows in eye.things(index, lost).items()
+        if len(rows) >= LEAST and (thing, index) not in tried
+    }
 
 
 def follow_warnings(hand, eye, session, lost):
