@@ -23,7 +23,7 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.surfels import Surfels, few_surfels_of
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -42,6 +42,8 @@ CLEAR_STEP = 0.5
 """Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
 TRIED_STEPS = (1.0, 2.5)
 """Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+TRIAL_SURFELS = 3000
+"""Of a scan, with which starts are compared, at most."""
 SAME_START = 0.05
 """Metres from scan to scan between starts that registration has brought together: they are one."""
 TRIAL_SCANS = 10
@@ -131,7 +133,7 @@ def register_scans(
     """
     n = min(TRIAL_SCANS, len(sequence))
     scans = [sequence[i] for i in range(n)]
-    surfels = [few_surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
     start = _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
     odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
     for i, scan in enumerate(sequence):
@@ -165,6 +167,7 @@ def _find_start(
     twist = _from_rest(scans, settings, timing, gaps)
     if len(surfels) <= START_SCANS:
         return twist
+    surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
     settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
     gaps = gaps[: len(surfels) - 1]
     tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]
