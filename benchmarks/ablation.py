@@ -1,8 +1,9 @@
 """What each choice of the preset `default` is worth: labels with one of them taken back, on the same recordings.
 
-    python benchmarks/ablation.py RECORDING [RECORDING ...] [--choices NAME ...] [--json FILE]
+    python benchmarks/ablation.py RECORDING [RECORDING ...] [--choices NAME ...] [--scans N] [--json FILE]
 
-The poses are estimated once a recording; only `poses not refined` has others. The table gives the IoU of the moving
+A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"). The poses are estimated once
+a recording; only `poses not refined` has others. The table gives the IoU of the moving
 class, and in brackets the false points, with everything and with each choice taken back.
 """
 
@@ -10,11 +11,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
+from robustness import Altered
 
 from automos import Workspace, label, load_settings, open_sequence
 from automos.evaluation.moving import Counts, Scores, count
@@ -22,6 +29,7 @@ from automos.progress import StageProgress
 from automos.settings import PRESETS
 
 NEVER = 1e9
+JUDGE = "automos.tracking.judge"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
     "poses not refined": {"odometry.refine": False},
@@ -35,21 +43,56 @@ CHOICES: dict[str, dict[str, Any]] = {
     "curtains of points join what they touch": {"instances.components.segments.thin_share": 0.0},
     "torn segments stay whole": {"instances.components.torn_share": 0.5},
     "long things are seen whole": {"tracking.filter.measurement_share": 0.0},
-    "where it went does not count": {"tracking.judge.displacement": 0.0},
-    "unsteady things move, too": {"tracking.judge.unsteady": 0.0},
-    "hovering things move, too": {"tracking.judge.hover": 0.0},
-    "pieces are as good as wholes": {"tracking.judge.pieces": 0.0},
+    "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},
+    "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},
+    "hovering things move, too": {f"{JUDGE}:WEIGHTS.hover": 0.0},
+    "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
+    "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
     "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},
     "the paper's tracker and verdict": {f"tracking.{k}": v for k, v in PRESETS["paper"]["tracking"].items()},
 }  # fmt: skip
 
 
-def scores(path: Path, overrides: dict[str, Any], cache: Path, progress: StageProgress) -> Scores:
-    sequence = open_sequence(path)
-    workspace = Workspace(cache / path.name) if "odometry.refine" not in overrides else Workspace()
-    result = label(sequence, load_settings("default", None, overrides), workspace=workspace, progress=progress)
-    return sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts()).scores
+@contextmanager
+def changed(constants: dict[str, Any]) -> Iterator[None]:
+    """Give constants, by "module:NAME" or "module:NAME.key", other values for a while."""
+    before = []
+    for place, value in constants.items():
+        module, _, name = place.partition(":")
+        name, _, key = name.partition(".")
+        owner: Any = import_module(module)
+        holder, at = (getattr(owner, name), key) if key else (vars(owner), name)
+        before.append((holder, at, holder[at]))
+        holder[at] = value
+    try:
+        yield
+    finally:
+        for holder, at, value in before:
+            holder[at] = value
+
+
+def scores(path: Path, n_scans: int | None, choice: dict[str, Any], cache: Path, progress: StageProgress) -> Scores:
+    sequence, folder = open_sequence(path), cache / path.name
+    sequence = Altered(sequence, np.arange(len(sequence))[:n_scans])
+    constants = {place: value for place, value in choice.items() if ":" in place}
+    overrides = {key: value for key, value in choice.items() if key not in constants}
+    workspace = Workspace(folder) if "odometry.refine" not in overrides else Workspace()
+    _forget(folder, constants)
+    with changed(constants):
+        result = label(sequence, load_settings("default", None, overrides), workspace=workspace, progress=progress)
+        counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
+    _forget(folder, constants)
+    return counts.scores
+
+
+def _forget(folder: Path, constants: dict[str, Any]) -> None:
+    """Remove the stages that `constants` shape: stages are found again by their settings, which do not know of them."""
+    stages = ("candidates", "instances", "tracking", "labels")
+    for place in constants:
+        for name in stages[stages.index(place.split(".")[1]) :]:
+            for stage in folder.glob(f"stages/{name}-*"):
+                shutil.rmtree(stage)
 
 
 def main() -> None:
@@ -58,6 +101,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", type=Path, nargs="+")
     parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
+    parser.add_argument("--scans", type=int, help="the first so many of each recording")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     table, rows = Table("", *(path.name for path in arguments.recordings), title="IoU % (false points)"), []
@@ -66,7 +110,7 @@ def main() -> None:
             cells = []
             for path in arguments.recordings:
                 with StageProgress(Console(stderr=True), f"{path.name}, {choice}") as progress:
-                    found = scores(path, CHOICES[choice], Path(cache), progress)
+                    found = scores(path, arguments.scans, CHOICES[choice], Path(cache), progress)
                 cells.append(f"{100 * found.iou:.1f} ({found.false_dynamic:,})")
                 rows.append({"choice": choice, "recording": path.name, "iou": found.iou, "false": found.false_dynamic})
             table.add_row(choice, *cells)

@@ -25,7 +25,7 @@ from automos.array_sequence import ArraySequence
 from automos.errors import MissingExtraError
 from automos.export import load_export
 from automos.export.point_columns import packed_rows, scan_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.simulation import simulate
 
 TARGET_MS = 10.0

@@ -54,7 +54,7 @@ def measure(scans: list[Scan], network: Deployed, settings: Settings) -> dict:
     }
 
 
-def untrained(size: tuple[int, int, int], settings: Settings) -> Deployed:
+def untrained(size: tuple[int, int, int], engine: str, device: str, threads: int) -> Deployed:
     """Return a network of random weights: height, width of its image, channels of its first layer."""
     from automos.network.checkpoint import Checkpoint, save_checkpoint
     from automos.network.export import export_onnx
@@ -65,10 +65,10 @@ def untrained(size: tuple[int, int, int], settings: Settings) -> Deployed:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "untrained.pt"
         save_checkpoint(path, checkpoint)
-        if settings.network.online.engine not in ("auto", "torch"):
+        if engine not in ("auto", "torch"):
             path = path.with_suffix(".onnx")
             export_onnx(checkpoint, path)
-        return load_network(path, settings.network.online)
+        return load_network(path, engine, device, threads)
 
 
 def main() -> None:
@@ -82,14 +82,14 @@ def main() -> None:
     parser.add_argument("--scans", type=int, default=100)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    online = {"engine": arguments.engine, "device": arguments.device, "threads": arguments.threads}
-    settings = load_settings("default", overrides={f"network.online.{key}": value for key, value in online.items()})
+    online = (arguments.engine, arguments.device, arguments.threads)
+    settings = load_settings("default")
     sequence = open_sequence(arguments.recording)
     scans = [sequence[i] for i in range(min(arguments.scans + WARM_UP, len(sequence)))]
     if arguments.size:
-        networks = [untrained(tuple(arguments.size), settings)]
+        networks = [untrained(tuple(arguments.size), *online)]
     else:
-        networks = [open_network(weights, settings) for weights in arguments.weights or [None]]
+        networks = [open_network(weights, *online) for weights in arguments.weights or [None]]
     rows = [measure(scans, network, settings) for network in networks]
     table = Table("network", "points", "scans/s", "CPU ms", *STAGES, "all", title="ms a scan, median / p99")
     for row in rows:

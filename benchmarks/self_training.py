@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    network = open_network(arguments.weights, load_settings("default"))
+    network = open_network(arguments.weights)
     console, table = Console(width=120), Table("recording", *ROUNDS, title="IoU / precision / recall, %")
     rows: dict[str, Any] = {}
     together = dict.fromkeys(ROUNDS, Counts())

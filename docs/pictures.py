@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 
 from automos import simulation
 from automos.datasets import open_sequence
-from automos.export.open_run import open_run
 from automos.labeling import label_recording
 from automos.labels import to_mos
+from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
@@ -120,7 +120,7 @@ def draw_pages(run: Path) -> None:
     shot.take("report", 1280, 960)
 
     session = Session(open_run(run))
-    moving = [track for track in session.overview()["tracks"] if track["verdict"] == "moving"]
+    moving = [track for track in session.overview()["items"] if track.get("verdict") == "moving"]
     telling = max(moving, key=lambda track: track["seen"] * track["size"][0])["id"]
     server = ReviewServer(session)
     threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -13,8 +13,8 @@ from automos.atomic import held
 from automos.datasets import find_recordings, open_sequence
 from automos.errors import InputError, SettingsError
 from automos.evaluation.report import find_predictions
-from automos.export.run_files import RunFiles
 from automos.pose_files import read_poses
+from automos.results.run_files import RunFiles
 from automos.scale import work_folder
 from automos.settings import load_settings, read_overrides
 
@@ -136,7 +136,11 @@ def test_a_run_that_did_not_end_is_no_result(tmp_path):
     for read in (lambda: find_predictions(run, "log", is_only=True), lambda: RunFiles(run, open_sequence(recording))):
         with pytest.raises(InputError, match=r"was not labelled to its end \(it holds no run.json\)"):
             read()
-    (run / "run.json").write_text("{}")
+    for damaged in ("", "{", "[]", "{}", '{"stages": []}', '{"stages": {"labels": "../.."}}', "[" * 100_000):
+        (run / "run.json").write_text(damaged)
+        with pytest.raises(InputError, match=r"run\.json is missing or damaged"):
+            find_predictions(run, "log", is_only=True)
+    (run / "run.json").write_text('{"fingerprint": "key"}')
     assert find_predictions(run, "log", is_only=True) == run / "predictions"
     (tmp_path / "ledger").mkdir()  # the books of several: each is complete by a marker of its own
     with pytest.raises(InputError, match=r"it holds no complete.json"):

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from automos.errors import AutomosError as AutomosError
     from automos.errors import InputError as InputError
     from automos.export import export_run as export_run
-    from automos.export.open_run import open_run as open_run
     from automos.labels import Label as Label
     from automos.pipeline import Result as Result
     from automos.pipeline import label as label
+    from automos.results.open_run import open_run as open_run
     from automos.scan import Scan as Scan
     from automos.scan import Sequence as Sequence
     from automos.settings import load_settings as load_settings
@@ -41,7 +41,7 @@ _HOME = {
     "Scan": "scan",
     "load_settings": "settings",
     "Workspace": "workspace",
-    "open_run": "export.open_run",
+    "open_run": "results.open_run",
     "export_run": "export",
     "write_report": "visualization.report",
     "AutomosError": "errors",

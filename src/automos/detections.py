@@ -23,6 +23,7 @@ class Detections:
     has_stayed : (M,) bool, whether the evidence alone would call it static; tracks that move may still end in it.
     part_of : (M,) int32, the segment that has stayed which it was cut out of, -1 for none.
     lift : (M,) metres from the ground up to its lowest point.
+    solidity : (M,) in [0, 1], mean over its points of the share of rays beside each that ended beside it.
     """
 
     boxes: Boxes
@@ -32,6 +33,7 @@ class Detections:
     has_stayed: npt.NDArray[np.bool_]
     part_of: npt.NDArray[np.int32]
     lift: npt.NDArray[np.float64]
+    solidity: npt.NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -51,11 +53,14 @@ class Detections:
         n_moving: npt.NDArray[np.float64],
         n_static: npt.NDArray[np.float64],
         lift: npt.NDArray[np.float64] | None = None,
+        solidity: npt.NDArray[np.float64] | None = None,
     ) -> Detections:
-        """Return segments all of which may be objects, none a part of another; on the ground unless a lift is given."""
+        """Return segments all of which may be objects, none a part of another; solid, on the ground if not given."""
         n = len(boxes)
         lift = np.zeros(n) if lift is None else lift
-        return Detections(boxes, n_points, n_moving, n_static, np.zeros(n, np.bool_), np.full(n, -1, np.int32), lift)
+        solidity = np.ones(n) if solidity is None else solidity
+        nothing_stayed, whole = np.zeros(n, np.bool_), np.full(n, -1, np.int32)
+        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity)
 
     @staticmethod
     def columns() -> tuple[str, ...]:

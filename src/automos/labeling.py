@@ -9,10 +9,10 @@ from rich.console import Console
 
 from automos.atomic import held
 from automos.errors import InputError
-from automos.export.results import write_results
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
+from automos.results.writing import write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
 from automos.review.run_stages import RunStages

@@ -19,6 +19,8 @@ class Label(IntEnum):
 _MOS_OF_ID = np.zeros(1 << 16, np.uint8)
 _MOS_OF_ID[9:100] = Label.STATIC
 _MOS_OF_ID[251:260] = Label.MOVING
+_IS_CLASS = np.zeros(1 << 16, np.bool_)
+_IS_CLASS[:100] = _IS_CLASS[251:260] = True
 
 
 def to_mos(semantic: npt.ArrayLike) -> npt.NDArray[np.uint8]:
@@ -33,6 +35,13 @@ def to_mos(semantic: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     (N,) uint8 with the values of `Label`: 9..99 are STATIC, 251..259 MOVING, everything else UNLABELED.
     """
     return _MOS_OF_ID[np.asarray(semantic).astype(np.uint32) & 0xFFFF]
+
+
+def find_unknown(semantic: npt.NDArray[np.uint32]) -> int | None:
+    """Return a class among `semantic` (N,) that SemanticKITTI does not have (0 to 99, 251 to 259); None if all are."""
+    classes = semantic & 0xFFFF
+    is_known = _IS_CLASS[classes]
+    return None if is_known.all() else int(classes[is_known.argmin()])
 
 
 def pack(labels: npt.NDArray, instances: npt.NDArray | None = None) -> npt.NDArray[np.uint32]:

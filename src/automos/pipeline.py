@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from automos import __version__
 from automos.array_sequence import as_sequence
+from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
@@ -137,7 +138,7 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))
         if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):
-            key = fingerprint(key, chosen["baselines"])
+            key = fingerprint(key, repr(published(settings.candidates.method)))
         if stage == "candidates" and settings.self_training.folder:
             key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key

@@ -8,6 +8,7 @@ of the file.
 from __future__ import annotations
 
 import json
+import math
 import os
 import stat
 import struct
@@ -15,10 +16,16 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+from pydantic import TypeAdapter, ValidationError
 
 from automos.errors import AutomosError, InputError
 
+T = TypeVar("T")
 DAMAGE = (
     ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError, EOFError, RuntimeError,
     MemoryError, NotImplementedError, struct.error, zipfile.BadZipFile,
@@ -93,3 +100,53 @@ def parse_json(text: str | bytes) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases: what we read needs none, and a few of them stand for more than any memory holds."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("it has aliases; write values out")
+        return super().compose_node(parent, index)
+
+
+def checked(kind: TypeAdapter[T], value: Any) -> T:
+    """Return `value`, of JSON, as `kind`; ValueError that says where it is none."""
+    try:
+        return kind.validate_python(value)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = " > ".join(str(part) for part in first["loc"])[:80]
+        raise ValueError(f"{where or 'it'}: {first['msg'].lower()}") from None
+
+
+def parse_yaml(text: str) -> Any:
+    """Return what YAML `text` holds; ValueError where it is none: aliases and nesting without end included."""
+    try:
+        return yaml.load(text, _Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ValueError(" ".join(str(error).split())) from None  # its messages draw the place on lines of their own
+
+
+def read_array(path: Path) -> npt.NDArray[Any]:
+    """Return the array in a NumPy file; ValueError where it is none or not whole, InputError if it is no plain file."""
+    require_regular(path)
+    try:
+        _require_whole(path)
+        return np.load(path, allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # damaged headers, which are Python, break their parser in many ways
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+def _require_whole(path: Path) -> None:
+    """Raise ValueError where the file is no array, or does not hold what its header promises."""
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+        promised, got = math.prod(shape) * dtype.itemsize, path.stat().st_size - file.tell()
+    if min(shape, default=1) < 0 or promised != got:
+        raise ValueError(f"its header promises {promised} bytes of shape {shape}, but it holds {got}")

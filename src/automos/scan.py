@@ -21,8 +21,8 @@ Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-OBJECT, GROUND, EGO_BODY = 0, 1, 2
-"""Kinds of points of a frame: what may be an object, and what is none."""
+OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
+"""Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
 
 MIN_RANGE = 0.1
 """Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""

@@ -2,7 +2,8 @@
 
 Every method of a stage leaves the same arrays, so that methods can be combined freely:
 
-    candidates   log_odds (M,) float16: has moved, against has stayed;  kind (M,) uint8;  height (M,) metres
+    candidates   log_odds (M,) float16: has moved, against has stayed;  kind (M,) uint8;  height (M,) metres;
+                 solidity (M,) uint8, 255 where all rays beside a point have met the same thing
     instances    ids (M,) int32, -1 for none;  boxes and counts of every segment (`Detections`)
     tracking     tracks and verdicts
     labels       label (N,), track (N,) and confidence (N,) uint8, one per point of the user's scan;  n_body, how many
@@ -20,6 +21,7 @@ import numpy.typing as npt
 
 from automos.baselines.methods import BASELINES
 from automos.candidates.cue import add_cue, read_cue
+from automos.candidates.erasor import PUBLISHED
 from automos.candidates.free_space import FreeSpace
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -82,9 +84,10 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
         points, ground = frame.points_level, settings.candidates.ground
         surface = fit_ground(points, frame.origin_level, ground)
         kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
-        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < settings.candidates.erasor.ego_radius] = EGO_BODY
+        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
         height = points[:, 2] - surface.height_at(points)
-        yield i, _candidates(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, ray_steps)
+        solidity = np.full(len(kind), 255, np.uint8)
+        yield i, _candidates(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)
 
 
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
@@ -92,12 +95,15 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
     space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
     ray_steps = space.ray_steps
     for i, evidence in space.collect(scans.start, scans.stop):
-        yield i, _candidates(evidence.net, evidence.kind, evidence.height, ray_steps)
+        yield i, _candidates(evidence.net, evidence.kind, evidence.height, evidence.solidity, ray_steps)
 
 
-def _candidates(log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, ray_steps: npt.NDArray) -> Arrays:
+def _candidates(
+    log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, solidity: npt.NDArray, ray_steps: npt.NDArray
+) -> Arrays:
     half = np.float16
-    return {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "ray_steps": ray_steps}
+    per_point = {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "solidity": solidity}
+    return {**per_point, "ray_steps": ray_steps}
 
 
 # ----------------------------------------------------------------------------------------------------- instances
@@ -136,6 +142,7 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
         frame.origin_level,
         about["log_odds"][objects].astype(np.float32),
         about["height"][objects].astype(np.float32),
+        about["solidity"][objects],
         tuple(about["ray_steps"]),
         settings.components,
     )

@@ -17,6 +17,9 @@ from typing import Any
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """Environment under which a Python process does not look for modules in its working folder."""
 
+OURS = {"AUTOMOS_COMMAND": "1"}
+"""Environment of processes that the command line runs in: they are ours to end."""
+
 _SETTINGS = {".numba_config.yaml": "numba", "matplotlibrc": "matplotlib"}
 
 

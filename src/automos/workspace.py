@@ -12,20 +12,63 @@ import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Annotated, Any
+from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
 
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
-from automos.reading import read_json
+from automos.reading import DAMAGE, read_json, require_regular
 
 Arrays = Mapping[str, npt.NDArray]
 RUN_FILE = "run.json"
 RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Recording(_Strict):
+    name: str = ""
+    scans: int = 0
+    source: str | None = None
+    warnings: list[str] = []
+
+
+class _Told(_Strict):
+    warnings: list[str] = []
+    lost: list[str] = []
+
+
+class _Warning(_Strict):
+    kind: str = ""
+    sentence: str = ""
+    scan: str = ""
+    track: int = 0
+    segment: int = 0
+    points: int = 0
+    at: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 0.0]
+
+
+class _Run(_Strict):
+    """What run.json says, as far as it is read again; all of it may be absent."""
+
+    fingerprint: str = ""
+    recording: _Recording = _Recording()
+    points: dict[str, int] = {}
+    tracks: dict[str, int] = {}
+    seconds: dict[str, float] = {}
+    odometry: _Told = _Told()
+    stages: dict[str, Annotated[str, Field(pattern=r"^\w+$")]] = {}  # they are parts of folders' names
+    versions: dict[str, str] = {}
+    warnings: list[_Warning] = []
+    review: _Told = _Told()
+    quality: dict[str, Any] = {}
 
 
 def fingerprint(*parts: object) -> str:
@@ -87,9 +130,10 @@ class _FolderStage(Stage):
     def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
         path = self._folder / f"{name}.npz"
         try:
+            require_regular(path)
             with np.load(path, allow_pickle=False) as archive:
                 return {key: archive[key] for key in keys or archive.files}
-        except (OSError, ValueError, EOFError, BadZipFile) as error:
+        except (OSError, ZlibError, *DAMAGE) as error:
             raise InputError(
                 f"{path} is damaged ({error}): delete {self._folder} and run the same command again"
             ) from error
@@ -124,11 +168,12 @@ class Workspace:
                 remove_parts(folder)
 
     def read_run(self) -> dict[str, Any]:
-        """Return what run.json says of the run in this folder, {} where there is none."""
+        """Return what run.json says of the run in this folder, {} where there is none or it is damaged."""
         if self.root is None or not (self.root / RUN_FILE).exists():
             return {}
         try:
-            run = read_json(self.root / RUN_FILE)
-        except (ValueError, OSError):  # InputError is a ValueError
-            run = None
-        return run if isinstance(run, dict) else {}  # damaged from outside: the run is made again
+            run: dict[str, Any] = read_json(self.root / RUN_FILE)
+            _Run.model_validate(run)
+        except (ValueError, OSError):  # InputError and pydantic's errors are ValueErrors
+            return {}  # the run is made again
+        return run

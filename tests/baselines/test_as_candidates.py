@@ -3,7 +3,8 @@
 import pytest
 from worlds import iou_of_moving, lane
 
-from automos import label
+from automos import label, pipeline
+from automos.baselines import yoon
 from automos.pipeline import stage_keys
 from automos.settings import load_settings
 
@@ -16,12 +17,13 @@ def test_the_pipeline_finds_movers_from_another_methods_candidates(method):
     assert iou_of_moving([result.labels(i) for i in range(14)], world.truth) > 0.3
 
 
-def test_settings_of_baselines_matter_to_a_run_that_uses_them_and_to_no_other():
+def test_parameters_of_a_rival_matter_to_a_run_that_uses_it_and_to_no_other(monkeypatch):
     def keys(**values):
         return stage_keys(lane(2).sequence, load_settings("default", None, values))
 
-    change = {"baselines.yoon.margin": 0.7}
-    assert keys() == keys(**change)
     used = {"candidates.method": "yoon"}
-    assert keys(**used)["odometry"] == keys(**used, **change)["odometry"]
-    assert keys(**used)["candidates"] != keys(**used, **change)["candidates"]
+    plain, with_yoon = keys(), keys(**used)
+    monkeypatch.setattr(pipeline, "published", lambda name: yoon.Parameters(margin=0.7))
+    assert keys() == plain
+    assert keys(**used)["odometry"] == with_yoon["odometry"]
+    assert keys(**used)["candidates"] != with_yoon["candidates"]

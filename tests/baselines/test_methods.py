@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from rival_worlds import GROUND, HIDDEN, MOVER, PARKED, WALLS, Yard
 
-from automos.baselines.methods import BASELINES
+from automos.baselines import methods, octomap, pfreundschuh
+from automos.baselines.height_images import HeightImages
+from automos.baselines.methods import BASELINES, published
 from automos.settings import load_settings
 
 SCANS = range(12, 36)
@@ -34,9 +36,13 @@ def found(request, yard):
     """Return a method's name and what it calls moving in each scan."""
     if request.param == "dufomap":
         pytest.importorskip("dufomap")
-    quicker = {"baselines.octomap.image_cells": [0.1, 0.15, 0.2], "baselines.pfreundschuh.voxel": 0.4}
-    settings = load_settings("default", None, quicker)
-    found = list(BASELINES[request.param].find_moving(yard, yard.stamps, settings, 0))
+    quicker = {
+        "octomap": octomap.Parameters(ground=HeightImages(cells=(0.1, 0.15, 0.2))),
+        "pfreundschuh": pfreundschuh.Parameters(voxel=0.4),
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(methods, "published", lambda name: quicker.get(name) or published(name))
+        found = list(BASELINES[request.param].find_moving(yard, yard.stamps, load_settings(), 0))
     assert [i for i, _ in found] == list(range(len(yard)))
     return request.param, [mask for _, mask in found]
 

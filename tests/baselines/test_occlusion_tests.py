@@ -6,12 +6,11 @@ import pytest
 from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, lies_on_surface, stack
 from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector import _Tests
+from automos.baselines.m_detector_parameters import KITTI
 from automos.baselines.range_image import image_shape
 from automos.scan import Frame
-from automos.settings import MDetectorSettings
 
-SETTINGS = MDetectorSettings()
-SHAPE = image_shape(float(np.degrees(SETTINGS.row)), float(np.degrees(SETTINGS.column)), -30.0, 30.0)
+SHAPE = image_shape(float(np.degrees(KITTI.row)), float(np.degrees(KITTI.column)), -30.0, 30.0)
 HERE = np.eye(4)
 
 
@@ -32,7 +31,7 @@ def events(points, past):
     """Return which of `points`, seen now, are events against the scans `past`, each 0.1 s older than the one before."""
     images = [image(was, -0.1 * i) for i, was in enumerate(past, start=1)]
     frame = Frame(points, np.arange(len(points)), len(points), HERE, 0.0)
-    return _Tests(SETTINGS, SHAPE).find_events(frame, 0.0, images)
+    return _Tests(KITTI, SHAPE).find_events(frame, 0.0, images)
 
 
 def test_what_lies_around_a_direction_is_found_across_the_seam():
@@ -99,6 +98,6 @@ def test_clusters_are_completed_and_scattered_events_dropped():
     is_event = np.zeros(len(points), bool)
     is_event[: len(car)] = np.random.default_rng(0).random(len(car)) < 0.5
     is_event[len(car) :: 40] = True  # every fortieth of the bush
-    found = complete_clusters(points, is_event, np.ones(len(points), bool), SETTINGS)
+    found = complete_clusters(points, is_event, np.ones(len(points), bool), KITTI)
     assert found[: len(car)].mean() > 0.9
     assert not found[len(car) :].any()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rival_worlds import Yard
 
-from automos.baselines.batches import add_points, cut_batches, labels_of_voxels
-from automos.baselines.height_images import find_edges, find_ground
+from automos.baselines.batches import BatchSize, add_points, cut_batches, labels_of_voxels
+from automos.baselines.height_images import HeightImages, find_edges, find_ground
 from automos.baselines.hmm_mos import otsu_threshold
 from automos.baselines.methods import BASELINES
 from automos.baselines.neighbours_in_time import scans_at
@@ -16,7 +16,7 @@ from automos.baselines.regions import drop_small_regions, grow_regions
 from automos.candidates.voxel_map import VoxelMap
 from automos.errors import MissingExtraError
 from automos.scan import Frame
-from automos.settings import BatchSettings, OctomapSettings, load_settings
+from automos.settings import load_settings
 
 
 # -------------------------------------------------------------------------------------------------------- batches
@@ -37,11 +37,11 @@ def test_points_out_of_range_are_in_no_voxel():
 
 def test_batches_answer_for_every_scan_once_and_see_beyond():
     yard = Yard(n_scans=36, n_beams=2, n_columns=4)
-    batches = list(cut_batches(yard, BatchSettings(scans=12)))
+    batches = list(cut_batches(yard, BatchSize(scans=12)))
     assert [k for batch in batches for k in batch.own] == list(range(36))
     assert all(set(batch.own) <= set(batch.frames) for batch in batches)
     assert max(len(batch.frames) for batch in batches) < 36
-    assert [k for batch in cut_batches(yard, BatchSettings(scans=12), 20) for k in batch.own] == list(range(20, 36))
+    assert [k for batch in cut_batches(yard, BatchSize(scans=12), 20) for k in batch.own] == list(range(20, 36))
 
 
 # --------------------------------------------------------------------------------------------------- range images
@@ -81,7 +81,7 @@ def test_edges_are_where_grey_steps_and_weak_ones_only_beside_strong_ones():
 def test_a_plane_is_ground_and_a_box_on_it_is_not():
     x, y = (grid.ravel() for grid in np.meshgrid(np.arange(-10, 10, 0.1), np.arange(-10, 10, 0.1)))
     z = np.where((np.abs(x - 5) < 1) & (np.abs(y) < 1), 1.5, 0.0)
-    is_ground = find_ground(np.column_stack([x, y, z]), OctomapSettings(image_range=12.0, image_cells=(0.1, 0.2, 0.3)))
+    is_ground = find_ground(np.column_stack([x, y, z]), HeightImages(reach=12.0, cells=(0.1, 0.2, 0.3)))
     is_box, is_far = z > 1.0, np.hypot(x - 5, y) > 3.0
     assert not is_ground[is_box].any()
     assert is_ground[is_far].mean() > 0.95

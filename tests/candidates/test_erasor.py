@@ -6,12 +6,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from automos.candidates.erasor import cut_submaps, find_candidates, polar_bins
+from automos.candidates.erasor import PUBLISHED, find_candidates
+from automos.candidates.erasor_bins import Volume, polar_bins
+from automos.candidates.submaps import cut_submaps
 from automos.geometry import inverse, make_transform, transform
 from automos.scan import Frame
 from automos.settings import ErasorSettings
 
 ONE_BIN = {"max_range": 20.0, "rings": 1, "sectors": 1, "every": 1}
+
+
+def parameters(**values):
+    """Return settings and published values, those named changed."""
+    published = {name: value for name, value in values.items() if name in PUBLISHED._fields}
+    settings = {name: value for name, value in values.items() if name not in published}
+    return ErasorSettings(**settings), PUBLISHED._replace(**published)
 
 
 class ListFrames(list):
@@ -45,7 +54,8 @@ def post(top: float, x: float = 9.65, y: float = 0.15) -> np.ndarray:
 
 def candidates(clouds, poses=None, **settings) -> list[np.ndarray]:
     """Return which points of every cloud are candidates."""
-    found = dict(find_candidates(make_frames(clouds, poses), ErasorSettings(**ONE_BIN | settings)))
+    chosen, published = parameters(**ONE_BIN | settings)
+    found = dict(find_candidates(make_frames(clouds, poses), chosen, published=published))
     assert list(found) == list(range(len(clouds)))
     assert all(set(np.unique(score)) <= {0.0, 1.0} for score in found.values())
     return [found[i] > 0.5 for i in range(len(clouds))]
@@ -74,7 +84,7 @@ def candidates(clouds, poses=None, **settings) -> list[np.ndarray]:
 )
 def test_bins_by_hand(point, expected):
     # 4 rings of 2 m, 4 quadrants, heights from -1 to 2 m
-    assert polar_bins(np.array([point], float), 8.0, 4, 4, -1.0, 2.0)[0] == expected
+    assert polar_bins(np.array([point], float), Volume(8.0, 4, 4, -1.0, 2.0))[0] == expected
 
 
 # ------------------------------------------------------------------------------------------------------ decisions
@@ -216,7 +226,7 @@ def test_a_scan_without_points_has_no_candidates_and_disturbs_no_other():
 def test_submaps_tile_the_recording_and_are_bounded(steps, max_scans, max_length):
     travelled = np.cumsum([0.0, *steps])
     origins = np.column_stack([travelled, np.zeros((len(travelled), 2))])
-    submaps = cut_submaps(origins, ErasorSettings(submap_scans=max_scans, submap_length=max_length))
+    submaps = cut_submaps(origins, max_scans, max_length)
     own = [k for _, _, own_first, own_last in submaps for k in range(own_first, own_last)]
     assert own == list(range(len(origins)))
     for first, last, own_first, own_last in submaps:
@@ -227,21 +237,21 @@ def test_submaps_tile_the_recording_and_are_bounded(steps, max_scans, max_length
 
 def test_a_submap_reaches_on_past_its_own_scans_on_both_sides():
     origins = np.column_stack([np.arange(400.0), np.zeros((400, 2))])  # a metre a scan
-    submaps = cut_submaps(origins, ErasorSettings(submap_scans=1000, submap_length=80.0))
+    submaps = cut_submaps(origins, 1000, 80.0)
     # own ranges of 40 m hold 41 posts of the fence, and 20 m more on either side
     assert submaps[1] == (41 - 20, 41 + 41 + 20, 41, 82)
 
 
 def test_a_recording_of_one_scan_is_one_submap():
-    assert cut_submaps(np.zeros((1, 3)), ErasorSettings()) == [(0, 1, 0, 1)]
+    assert cut_submaps(np.zeros((1, 3)), 200, 160.0) == [(0, 1, 0, 1)]
 
 
 @pytest.mark.parametrize("start", [0, 3, 7, 11])
 def test_candidates_can_be_found_from_any_scan_on(start):
     clouds = [np.concatenate([ground(), post(2.01, x=8.65 + 0.2 * i)]) for i in range(12)]
-    settings = ErasorSettings(**ONE_BIN, submap_scans=6)
-    whole = dict(find_candidates(make_frames(clouds), settings))
-    rest = dict(find_candidates(make_frames(clouds), settings, start))
+    settings, published = parameters(**ONE_BIN, submap_scans=6)
+    whole = dict(find_candidates(make_frames(clouds), settings, published=published))
+    rest = dict(find_candidates(make_frames(clouds), settings, start, published))
     assert list(rest) == list(range(start, 12))
     for i, score in rest.items():
         np.testing.assert_array_equal(score, whole[i])
@@ -263,5 +273,5 @@ def test_a_frame_is_read_once_a_submap():
             return super().__getitem__(index)
 
     frames = Counting(make_frames([ground()] * 8))
-    list(find_candidates(frames, ErasorSettings(**ONE_BIN | {"every": 4})))
+    list(find_candidates(frames, ErasorSettings(every=4)))
     assert Counting.read <= 8 + 2  # the two that are compared are read again

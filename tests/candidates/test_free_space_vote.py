@@ -3,7 +3,7 @@ import pytest
 from free_space_worlds import HEIGHT, spin
 from worlds import Block
 
-from automos.candidates.free_space_image import make_image, pyramid_shape
+from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.free_space_vote import (
     BLOCKED,
@@ -12,13 +12,16 @@ from automos.candidates.free_space_vote import (
     THROUGH,
     UNSEEN,
     WEAK,
-    find_supported,
     look_through,
 )
 from automos.scan import GROUND, OBJECT
 
 TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.005, 0.2))
 NO_MOTION = np.zeros(6, np.float32)
+
+
+def image_of(points, kind, pattern, pyramid):
+    return make_image(project(points, np.ones(len(points), bool), pattern), kind, pyramid)
 
 
 def scan_of(*blocks):
@@ -28,7 +31,7 @@ def scan_of(*blocks):
     pattern = learn_pattern([frame])
     pyramid = pyramid_shape(pattern)
     kind = np.where(frame.points_level[:, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
-    return frame, pattern, pyramid, make_image(frame.points, kind, pattern, pyramid)
+    return frame, pattern, pyramid, image_of(frame.points, kind, pattern, pyramid)
 
 
 def looks(scan, *places, motion=NO_MOTION):
@@ -73,7 +76,7 @@ def test_a_thing_that_returns_nothing_is_not_seen_through_by_rays_over_its_roof(
     is_swallowed = (np.abs(black[:, 1]) < 0.09 * black[:, 0]) & (black[:, 2] < 1.4)  # a black car 10 m ahead
     points = frame.points[~is_swallowed]
     kind = np.where(black[~is_swallowed, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
-    scan = (frame, pattern, pyramid, make_image(points, kind, pattern, pyramid))
+    scan = (frame, pattern, pyramid, image_of(points, kind, pattern, pyramid))
     assert THROUGH not in looks(scan, (10.0, 0.0, 0.6), (10.0, 0.3, 0.9))
 
 
@@ -95,7 +98,7 @@ def test_the_sensors_own_motion_is_taken_into_account():
     pattern = learn_pattern([timed])
     pyramid = pyramid_shape(pattern)
     # The image is as the moving sensor measured it; the place asked about is in the frame at mid-sweep.
-    image = make_image(frame.points, np.full(len(azimuth), OBJECT, np.uint8), pattern, pyramid)
+    image = image_of(frame.points, np.full(len(azimuth), OBJECT, np.uint8), pattern, pyramid)
     at = np.radians(40.0)
     seen = np.array([19.5, 19.5 * np.tan(at), 1.0])  # where the ray at 40 degrees ended
     shift = -at / (2.0 * np.pi) * motion[0]
@@ -106,15 +109,28 @@ def test_the_sensors_own_motion_is_taken_into_account():
 
 def test_walls_are_supported_and_wires_are_not():
     wire = Block((10.0, 0.0, 2.5), (0.02, 20.0, 0.16))
-    frame, pattern, _, image = scan_of(wire, Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)))
+    frame, pattern, _, _ = scan_of(wire, Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)))
     level = frame.points_level
     on_wire = np.abs(level[:, 0] - 10.0) < 0.1
     on_wall = (
         (np.abs(level[:, 0] - 19.5) < 0.1) & (np.abs(level[:, 1]) < 10.0) & (level[:, 2] > 0.5) & (level[:, 2] < 3)
     )
-    supported = find_supported(
-        np.ascontiguousarray(frame.points.T), NO_MOTION, pattern, image, np.float32(0.3), np.float32(0.02)
-    )
+    kind = np.full(len(level), OBJECT, np.uint8)
+    supported = find_neighbours(project(frame.points, kind == OBJECT, pattern), kind)[0] == 2
     assert on_wire.sum() > 50
     assert supported[on_wall].mean() > 0.99
     assert supported[on_wire & (level[:, 2] > 1.0)].mean() < 0.2
+
+
+def test_a_drop_in_the_air_is_met_by_one_ray_only_and_a_post_by_several():
+    frame, pattern, _, _ = scan_of(Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)), Block((10.0, 5.0, 2.0), (0.3, 0.3, 4.0)))
+    points = frame.points.copy()
+    drops = np.flatnonzero(np.abs(frame.points_level[:, 0] - 19.5) < 0.1)[::200]
+    points[drops] *= 0.3
+    kind = np.full(len(points), OBJECT, np.uint8)
+    ways, solidity = find_neighbours(project(points, kind == OBJECT, pattern), kind)
+    assert len(drops) > 10
+    assert (ways[drops] == 0).all()
+    assert (solidity[drops] == 0).all()
+    assert np.median(solidity[np.abs(frame.points_level[:, 0] - 19.5) < 0.1]) == 255
+    assert (ways[np.linalg.norm(frame.points_level[:, :2] - (10.0, 5.0), axis=1) < 0.25] > 0).all()

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from worlds import lane
 
 from automos import open_sequence
+from automos.baselines import yoon
 from automos.cli import app
 from automos.comparison import runs as runs_module
 from automos.comparison.agreement import Agreement, measure_agreement
@@ -77,8 +78,11 @@ def test_what_was_run_is_not_run_again_unless_its_settings_change(
     assert asked == []
     make_runs(recording, tmp_path, world, **{"tracking.max_misses": 3}).cost("yoon")  # not a setting of its
     assert asked == []
-    make_runs(recording, tmp_path, world, **{"baselines.yoon.margin": 0.7}).cost("yoon")
+    make_runs(recording, tmp_path, world, **{"candidates.ground.tolerance": 0.1}).cost("yoon")
     assert asked == ["yoon"]
+    monkeypatch.setattr(runs_module, "published", lambda name: yoon.Parameters(margin=0.7))
+    make_runs(recording, tmp_path, world).cost("yoon")
+    assert asked == ["yoon", "yoon"]
 
 
 def test_a_missing_library_is_named_and_the_others_go_on(recording, world, tmp_path, in_this_process, monkeypatch):
@@ -213,7 +217,7 @@ def test_labels_that_do_not_fit_are_refused_before_anything_runs(recording, worl
 
     short = write_predictions(tmp_path / "short", world)
     np.zeros(3, np.uint32).tofile(short / "000005.label")
-    with pytest.raises(InputError, match=r"000005.label has 12 bytes"):
+    with pytest.raises(InputError, match=r"000005.label holds 3 labels"):
         runs(Short=short)
     (short / "000005.label").unlink()
     with pytest.raises(InputError, match=r"000005.label is missing"):

@@ -215,7 +215,7 @@ def test_bad_poses_are_told_when_they_are_asked_for_and_not_before(kitti):
 
 def test_labels_of_another_length_are_told(kitti):
     np.zeros(3, np.uint32).tofile(kitti / "labels" / "000001.label")
-    with pytest.raises(InputError, match=r"000001\.label holds 3 labels, but its scan 000001\.bin has 6 points"):
+    with pytest.raises(InputError, match=r"000001\.label holds 3 labels, but its scan has 6 points"):
         open_sequence(kitti).truth(1)
     (kitti / "labels" / "000001.label").write_bytes(bytes(23))
     with pytest.raises(InputError, match="23 bytes, no multiple of a label"):

@@ -110,11 +110,20 @@ def test_a_missing_prediction_is_an_error_and_shifts_nothing(drive, tmp_path):
         evaluate_folder(folder, open_sequence(drive))
 
 
-@pytest.mark.parametrize("n_bytes", [12, 20, 13, 0])
-def test_a_prediction_of_another_length_is_an_error(drive, tmp_path, n_bytes):
+@pytest.mark.parametrize(
+    ("n_bytes", "said"), [(12, "holds 3 labels"), (20, "holds 5 labels"), (13, "has 13 bytes"), (0, "holds 0 labels")]
+)
+def test_a_prediction_of_another_length_is_an_error(drive, tmp_path, n_bytes, said):
     folder = write_predictions(tmp_path / "out", TRUTH)
     (folder / "000001.label").write_bytes(bytes(n_bytes))
-    with pytest.raises(InputError, match=rf"000001\.label has {n_bytes} bytes, but its scan has 4 points"):
+    with pytest.raises(InputError, match=rf"000001\.label {said}"):
+        evaluate_folder(folder, open_sequence(drive))
+
+
+def test_a_prediction_of_a_class_that_there_is_not_is_an_error(drive, tmp_path):
+    folder = write_predictions(tmp_path / "out", TRUTH)
+    np.array([9, 251, 65536 * 7 + 9, 2304], np.uint32).tofile(folder / "000001.label")
+    with pytest.raises(InputError, match=r"000001\.label has a point of class 2304, which SemanticKITTI has not"):
         evaluate_folder(folder, open_sequence(drive))
 
 

@@ -90,3 +90,53 @@ def test_the_devkit_reads_nuscenes_results(run, tmp_path, monkeypatch):
         np.testing.assert_allclose(box.translation, center, atol=1e-3)
         np.testing.assert_allclose(box.size, [SIZE[1], SIZE[0], SIZE[2]])
         np.testing.assert_allclose(box.velocity, (inverse(T_LEVEL_WORLD)[:3, :3] @ VELOCITY)[:2], atol=1e-4)
+
+
+def test_trackeval_reads_kitti_tracking(run, tmp_path):
+    datasets = pytest.importorskip("trackeval.datasets", reason=HINT)
+    export(run, "kitti_tracking", tmp_path / "out")
+    reader = datasets.Kitti2DBox.__new__(datasets.Kitti2DBox)  # its own constructor wants the benchmark's folders
+    reader.class_list = ["moving", "static", "unknown"]  # and its names of classes are of things, not of motion
+    reader.class_name_to_class_id = {name: number for number, name in enumerate(reader.class_list)}
+    reader.data_is_zipped, reader.seq_lengths = False, {"street": 3}
+    reader.tracker_fol, reader.tracker_sub_fol = str(tmp_path), "label_02"
+    told = reader._load_raw_file("out", "street", is_gt=False)
+    assert [ids.tolist() for ids in told["tracker_ids"]] == [[1, 2], [2], [2]]
+    assert [classes.tolist() for classes in told["tracker_classes"]] == [[1, 0], [0], [0]]
+    assert all(((0.0 <= sure) & (sure <= 1.0)).all() for sure in told["tracker_confidences"])
+
+
+def test_the_devkit_reads_boxes_of_kitti_tracking(run, tmp_path):
+    kitti = pytest.importorskip("nuscenes.utils.kitti", reason=HINT)
+    out = export(run, "kitti_tracking", tmp_path / "out")
+    T_camera_sensor = np.array((out / "calib" / "street.txt").read_text().split()[-12:], float).reshape(3, 4)
+    T_camera_sensor = np.vstack([T_camera_sensor, [0.0, 0.0, 0.0, 1.0]])
+    seen = []
+    for line in (out / "label_02" / "street.txt").read_text().splitlines():
+        scan, track, told = line.split(" ", 2)  # what follows is a line of the benchmark for single frames
+        box = kitti.KittiDB.parse_label_line(told)
+        level = transform(inverse(run.T_level_sensor(int(scan))), np.array([CENTERS[int(track), int(scan)]]))
+        center = transform(T_camera_sensor, level)[0]
+        np.testing.assert_allclose(np.array(box["xyz_camera"]) - [0.0, 0.5 * SIZE[2], 0.0], center, atol=2e-3)
+        np.testing.assert_allclose(box["wlh"], [SIZE[1], SIZE[0], SIZE[2]])
+        assert box["name"] == ("Moving" if track == "2" else "Static")
+        seen.append((int(track), int(scan)))
+    assert sorted(seen) == sorted(CENTERS)
+
+
+def test_the_sdk_takes_cuboids_and_segmentation_of_segments(run, tmp_path):
+    typing = pytest.importorskip("segments.typing", reason=HINT)
+    out = export(run, "segments", tmp_path / "out")
+    cuboids = typing.PointcloudSequenceCuboidLabelAttributes(**json.loads((out / "cuboids.json").read_text()))
+    for scan, frame in enumerate(cuboids.frames):
+        for one in frame.annotations:
+            center = [one.position.x, one.position.y, one.position.z]
+            np.testing.assert_allclose(center, CENTERS[one.track_id, scan], atol=1e-5)
+            assert [one.dimensions.x, one.dimensions.y, one.dimensions.z] == SIZE
+    told = json.loads((out / "segmentation.json").read_text())
+    segmentation = typing.PointcloudSequenceSegmentationLabelAttributes(**told)
+    for scan, frame in enumerate(segmentation.frames):
+        is_moving = np.array(LABELS[scan]) == 251
+        assert (np.array(frame.point_annotations, int)[is_moving] > 1).all()
+    sample = typing.PointcloudSequenceSampleAttributes(**json.loads((out / "sample.json").read_text()))
+    assert [frame.name for frame in sample.frames] == run.names

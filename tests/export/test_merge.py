@@ -14,8 +14,8 @@ from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.export import export_run
 from automos.export.merge import merge
-from automos.export.run_files import RunFiles
 from automos.labels import Label
+from automos.results.run_files import RunFiles
 
 TOOLS = ("sustech", "cvat")
 

@@ -24,6 +24,8 @@ logging.disable(logging.CRITICAL)
 import numpy as np
 import yaml
 from bases import write_all
+from commands import COMMANDS, LAST, Requests, WrongError, fuzz_command, fuzz_values
+from commands import write_all as write_commands
 from damage import NUMBERS, change, damage
 
 from automos.datasets import open_recordings
@@ -35,11 +37,9 @@ from automos.settings import dump_yaml, load_settings, read_overrides
 _NO_SETTINGS = (
     "&a [*a]", "a: &a {b: *a}", "{" * 5000, "\x00", "2020-99-99: 1", "!!python/object:os.system {}",
 )  # fmt: skip
+MOST = {"ouster": 1024 * 128}
+"""Points that a scan may have, where it is more than usual."""
 POSES = "1 0 0 0 0 1 0 0 0 0 1 0\n" * 4
-
-
-class WrongError(Exception):
-    """Something was accepted that should not have been."""
 
 
 def read_recordings(folder: Path, most: int | None) -> None:
@@ -64,16 +64,12 @@ def read_recordings(folder: Path, most: int | None) -> None:
                 raise WrongError(f"{len(scan)} points where there are {most} at most")
 
 
-def fuzz_recording(kind: str, bases: dict[str, Path], rng: random.Random, work: Path) -> str:
+def fuzz_recording(kind: str, bases: dict[str, Path], rng: random.Random, work: Path) -> None:
     """Damage a recording in one or two places and read it."""
     folder = work / "case"
     shutil.copytree(bases[kind], folder)
-    done = [damage(folder, rng) for _ in range(rng.choice((1, 1, 2)))]
-    try:
-        read_recordings(folder, 70_000)
-    finally:
-        fuzz_recording.last = done
-    return str(done)
+    LAST.extend(damage(folder, rng) for _ in range(rng.choice((1, 1, 2))))
+    read_recordings(folder, MOST.get(kind, 70_000))
 
 
 def fuzz_settings(rng: random.Random, work: Path) -> None:
@@ -122,7 +118,7 @@ def fuzz_edits(rng: random.Random, work: Path, run: object) -> None:
                 raise WrongError("a box that is nowhere")
 
 
-def fuzz_label(kind: str, rng: random.Random, work: Path) -> None:
+def fuzz_label(rng: random.Random, work: Path) -> None:
     """Label a recording of hostile points to its end; every point has one label."""
     from automos.labeling import label_recording
 
@@ -143,42 +139,73 @@ def fuzz_label(kind: str, rng: random.Random, work: Path) -> None:
             raise WrongError("labels of another number than points")
 
 
+class Kinds:
+    """What reads damaged inputs of each kind; what they need beside is written when first asked for."""
+
+    def __init__(self, root: Path):
+        self._root, self._requests = root, None
+        self._bases = write_all(root / "bases")
+        self._own = {
+            "settings": fuzz_settings, "poses": fuzz_poses, "edits": self._edits, "label": fuzz_label,
+            "values": self._values, "requests": self._ask, **dict.fromkeys(COMMANDS, self._command),
+        }  # fmt: skip
+        self.names = [*sorted(self._bases), *self._own]
+
+    def read(self, kind: str, rng: random.Random, work: Path) -> None:
+        """Make an input of `kind` and have it read."""
+        LAST.clear()
+        if kind in self._bases:
+            fuzz_recording(kind, self._bases, rng, work)
+        elif kind in COMMANDS:
+            self._command(kind, rng, work)
+        else:
+            self._own[kind](rng, work)
+
+    def _commands(self) -> Path:
+        if not (self._root / "commands").exists():
+            write_commands(self._root / "commands")
+        return self._root / "commands"
+
+    def _command(self, kind: str, rng: random.Random, work: Path) -> None:
+        fuzz_command(kind, self._commands(), rng, work)
+
+    def _values(self, rng: random.Random, work: Path) -> None:
+        fuzz_values(self._commands(), rng, work)
+
+    def _ask(self, rng: random.Random, work: Path) -> None:
+        self._requests = self._requests or Requests(self._commands(), self._root)
+        self._requests.ask(rng)
+
+    def _edits(self, rng: random.Random, work: Path) -> None:
+        sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
+        from made_run import make_run
+
+        fuzz_edits(rng, work, make_run(work / "run"))
+
+
 def main() -> None:
     """Do as the lines of standard input say until they end."""
+    said = sys.stdout
     root = Path(tempfile.mkdtemp(prefix="automos-fuzz-"))
-    bases = write_all(root / "bases")
-    run = None
-    print(json.dumps(sorted(bases)), flush=True)
+    os.chdir(root)  # what is written where one stands is removed with it
+    kinds = Kinds(root)
+    print(json.dumps(kinds.names), file=said, flush=True)
     for line in sys.stdin:
         kind, seed = line.rstrip("\n").rsplit(" ", 1)
         rng, work = random.Random(f"{kind} {seed}"), Path(tempfile.mkdtemp(dir=root))
         outcome, why = "accepted", ""
         try:
-            if kind == "settings":
-                fuzz_settings(rng, work)
-            elif kind == "poses":
-                fuzz_poses(rng, work)
-            elif kind == "edits":
-                if run is None:
-                    sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
-                    from made_run import make_run
-
-                    run = make_run(root / "run")
-                fuzz_edits(rng, work, run)
-            elif kind == "label":
-                fuzz_label(kind, rng, work)
-            else:
-                fuzz_recording(kind, bases, rng, work)
+            kinds.read(kind, rng, work)
         except AutomosError as error:
             outcome, why = "refused", str(error)
             if len(why.split()) < 4:  # not a sentence; a name may hold a newline, which the command line replaces
                 outcome = "wrong"
         except WrongError as error:
-            outcome, why = "wrong", f"{error} {getattr(fuzz_recording, 'last', '')}"
+            outcome, why = "wrong", f"{error} {LAST}"
         except BaseException:
-            outcome, why = "traceback", f"{traceback.format_exc(limit=-3)} {getattr(fuzz_recording, 'last', '')}"
+            outcome, why = "traceback", f"{traceback.format_exc(limit=-3)} {LAST}"
         shutil.rmtree(work, ignore_errors=True)
-        print(json.dumps([outcome, why], default=str), flush=True)
+        print(json.dumps([outcome, why], default=str), file=said, flush=True)
     shutil.rmtree(root, ignore_errors=True)
 
 

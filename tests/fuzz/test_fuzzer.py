@@ -30,3 +30,18 @@ def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
     outcomes = [line.split('"')[1] for line in run.stdout.splitlines()[1:]]
     assert outcomes[0] == "traceback"
     assert outcomes[1] in ("refused", "accepted")
+
+
+def test_what_is_damaged_is_read_whole_before(tmp_path):
+    code = (
+        "import child, sys\n"
+        "from pathlib import Path\n"
+        "kinds = child.Kinds(Path(sys.argv[1]))\n"
+        "for kind, folder in kinds._bases.items():\n"
+        "    child.read_recordings(folder, child.MOST.get(kind, 70_000))\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "fuzz")], cwd=Path(__file__).parent, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr[-2000:]

@@ -19,7 +19,8 @@ def detect(*things):
     """Detect objects among (points, log-odds) pairs."""
     points = np.concatenate([p for p, _ in things]).astype(np.float32)
     log_odds = np.concatenate([np.broadcast_to(s, len(p)) for p, s in things])
-    return detect_objects(points, np.zeros(3), log_odds, points[:, 2], STEPS, DetectSettings())
+    solid = np.full(len(points), 255, np.uint8)
+    return detect_objects(points, np.zeros(3), log_odds, points[:, 2], solid, STEPS, DetectSettings())
 
 
 def test_a_thing_of_which_the_evidence_speaks_with_one_voice_is_one_object():

@@ -8,7 +8,6 @@ import pytest
 from automos.errors import InputError, MissingExtraError
 from automos.learning.train import require_training
 from automos.network.deployed import load_network
-from automos.settings import OnlineSettings
 
 
 @pytest.mark.parametrize("package", ["torch", "pytorch_lightning", "torchmetrics"])
@@ -26,9 +25,9 @@ def test_a_network_that_nothing_here_runs_is_told(monkeypatch, tmp_path, suffix,
     weights = tmp_path / f"net{suffix}"
     weights.touch()
     with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{extra}\]'"):
-        load_network(weights, OnlineSettings())
+        load_network(weights)
 
 
 def test_weights_that_are_not_there_are_told():
     with pytest.raises(InputError, match=r"nowhere\.pt does not exist"):
-        load_network(Path("nowhere.pt"), OnlineSettings())
+        load_network(Path("nowhere.pt"))

@@ -8,7 +8,7 @@ from automos.errors import InputError  # noqa: E402
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.model import LMNet  # noqa: E402
-from automos.settings import ImageSettings, ModelSettings, OnlineSettings  # noqa: E402
+from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)
 
@@ -72,13 +72,13 @@ def test_training_does_not_start_from_another_network(path, image, model, said):
 
 def test_an_engine_that_cannot_run_a_file_is_told(path):
     with pytest.raises(InputError, match="openvino runs exported networks only"):
-        load_network(path, OnlineSettings(engine="openvino"))
+        load_network(path, "openvino")
     path.with_suffix(".onnx").write_bytes(b"no network")
     with pytest.raises(InputError, match="is an exported network, which torch does not run"):
-        load_network(path.with_suffix(".onnx"), OnlineSettings(engine="torch"))
+        load_network(path.with_suffix(".onnx"), "torch")
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
 def test_a_gpu_that_is_not_there_is_told(path):
     with pytest.raises(InputError, match="no GPU was found, but one was asked for"):
-        load_network(path, OnlineSettings(device="gpu"))
+        load_network(path, device="gpu")

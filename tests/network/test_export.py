@@ -14,7 +14,7 @@ from automos.network.checkpoint import Checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.export import export_onnx  # noqa: E402
 from automos.network.model import LMNet, MovingProbability  # noqa: E402
-from automos.settings import ImageSettings, ModelSettings, OnlineSettings  # noqa: E402
+from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)
 HAS_OPENVINO = importlib.util.find_spec("openvino") is not None
@@ -39,7 +39,7 @@ def exported(tmp_path_factory):
 )
 def test_engines_answer_as_the_checkpoint_does(exported, engine):
     checkpoint, path = exported
-    deployed = load_network(path, OnlineSettings(engine=engine, device="cpu"))
+    deployed = load_network(path, engine, "cpu")
     assert deployed.image == IMAGE
     assert deployed.card == {"validation_iou": 0.5}
     pixels = np.random.default_rng(1).normal(0, 5, (7, 16, 64)).astype(np.float32)
@@ -56,10 +56,10 @@ def test_a_foreign_onnx_file_is_told(exported, tmp_path):
     del model.metadata_props[:]
     onnx.save(model, tmp_path / "foreign.onnx")
     with pytest.raises(InputError, match="was not exported by automos"):
-        load_network(tmp_path / "foreign.onnx", OnlineSettings(engine="onnxruntime"))
+        load_network(tmp_path / "foreign.onnx", "onnxruntime")
     (tmp_path / "text.onnx").write_text("network")
     with pytest.raises(InputError, match="cannot be read as an ONNX network"):
-        load_network(tmp_path / "text.onnx", OnlineSettings(engine="onnxruntime"))
+        load_network(tmp_path / "text.onnx", "onnxruntime")
 
 
 def test_an_export_that_differs_is_not_kept(exported, tmp_path):

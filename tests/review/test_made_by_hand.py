@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from automos.cli import app
 from automos.errors import InputError
-from automos.export.open_run import open_run
 from automos.labels import Label
+from automos.results.open_run import open_run
 from automos.review.amendments import Part, read_amendments
 from automos.review.log import LOG_FILE
 from automos.review.session import Session

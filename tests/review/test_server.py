@@ -1,48 +1,17 @@
 """The page of the review: for this machine's own browser alone, and what it decides is written."""
 
-import http.client
 import json
-import shutil
 import threading
 import time
 
 import numpy as np
 import pytest
+from asking import ask
 
-from automos.export.open_run import open_run
 from automos.labels import Label
 from automos.review import session as session_module
 from automos.review import writer as writer_module
 from automos.review.decisions import read_decisions
-from automos.review.server import ReviewServer
-from automos.review.session import Session
-
-
-@pytest.fixture
-def server(lane_run, tmp_path):
-    """Return a server that runs on a copy of a run."""
-    run = shutil.copytree(lane_run, tmp_path / "run")
-    server = ReviewServer(Session(open_run(run)))
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    yield server
-    server.shutdown()
-    server.server_close()
-    thread.join()
-
-
-def ask(server, path, body=None, **headers):
-    """Return the status and the answer of a request; a header set to None is not sent, Host included."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    content = None if body is None else json.dumps(body)
-    sent = {"Host": f"127.0.0.1:{server.server_port}", "Content-Type": "application/json", "Cookie": server.cookie}
-    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
-    connection.request("GET" if body is None else "POST", path, content, sent)
-    answer = connection.getresponse()
-    text = answer.read().decode()
-    connection.close()
-    return answer.status, text
-
 
 DECIDE = {"track": 1, "verdict": "static"}
 

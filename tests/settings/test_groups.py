@@ -17,7 +17,7 @@ def test_every_group_is_had_from_the_package_itself():
 
 
 def test_keys_name_groups_and_what_is_in_them_at_any_depth():
-    assert keys_of(settings.InstancesSettings)[:3] == ["method", "max_range", "ego_radius"]
+    assert keys_of(settings.InstancesSettings)[:3] == ["method", "max_range", "hdbscan"]
     keys = keys_of(Settings)
     assert {"instances", "instances.components.segments", "instances.components.segments.cell"} <= set(keys)
 

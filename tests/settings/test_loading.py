@@ -65,13 +65,27 @@ def test_a_file_that_says_nothing_changes_nothing(tmp_path, text):
         ("max_misses", "tracking.max_misses"),
         ("tracking.association.max_distence", "tracking.association.max_distance"),
         ("tracking.max_distance", "tracking.association.max_distance"),
-        ("candidates.erasor.ring", "candidates.erasor.rings"),
+        ("candidates.erasor.voxels", "candidates.erasor.voxel"),
     ],
 )
 def test_an_unknown_key_names_the_nearest(key, near):
     with pytest.raises(SettingsError, match=f"no setting '{key}': did you mean '{near}'") as error:
         load_settings("paper", overrides={key: 1})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "instead"),
+    [
+        ("baselines.yoon.margin", "automos.baselines"),
+        ("baselines", "automos.baselines"),
+        ("network.online.engine", "--engine"),
+        ("network.training.optimizer", "network.training.recipe"),
+    ],
+)
+def test_what_is_a_setting_no_more_says_what_to_do_instead(key, instead):
+    with pytest.raises(SettingsError, match=f"' is no setting any more: .*{instead}"):
+        load_settings("paper", overrides={key: 1})
 
 
 def test_an_unknown_group_names_the_nearest_group():

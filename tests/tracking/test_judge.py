@@ -10,9 +10,10 @@ from automos.tracking.judge import (
     LOOKS,
     MISJUDGED,
     MOVED,
+    PRIOR,
     STAYED,
-    TERMS,
     UNDER_WAY,
+    WEIGHTS,
     judge_by_evidence,
     track_terms,
     without_scenery,
@@ -47,7 +48,7 @@ def verdict_on(**track):
 
 
 def terms_of(**track):
-    return dict(zip(TERMS, track_terms(*one_track(**track))[0], strict=True))
+    return dict(zip(WEIGHTS, track_terms(*one_track(**track))[0], strict=True))
 
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
@@ -94,8 +95,7 @@ def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
 
 def test_the_log_odds_are_the_sum_of_weighted_terms_and_the_confidence_their_probability():
     track = {"center": 0.02 * STRAIGHT, "moved": 0.1, "stayed": 0.5}
-    weights = JudgeSettings()
-    log_odds = weights.prior + sum(getattr(weights, name, 1.0) * value for name, value in terms_of(**track).items())
+    log_odds = PRIOR + sum(WEIGHTS[name] * value for name, value in terms_of(**track).items())
     moves = 1.0 / (1.0 + np.exp(-log_odds))
     for threshold, verdict, confidence in ((0.9 * moves, Verdict.MOVING, moves), (0.99, Verdict.STATIC, 1.0 - moves)):
         found = judge_by_evidence(*one_track(**track), JudgeSettings(min_probability=threshold))
@@ -145,8 +145,17 @@ def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
     for i, one in enumerate(seen):
         one.boxes.size[:, 2] = 1.0 + i % 2
         one.boxes.center[:, 2] = 0.5 * one.boxes.size[:, 2]
-    assert track_terms(table, seen)[0, TERMS.index("unsteady")] == 0.0
+    assert track_terms(table, seen)[0, list(WEIGHTS).index("unsteady")] == 0.0
     assert terms_of(center=STRAIGHT, z=CLIMBING)["unsteady"] > 1.0
+
+
+def test_what_lets_through_the_rays_that_meet_it_is_porous():
+    table, seen = one_track(STRAIGHT, n_points=100)
+    share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
+    for solidity, porosity in ((1.0, 0.0), (share_of_a_face, 0.0), (0.5 * share_of_a_face, 0.5), (0.0, 1.0)):
+        for one in seen:
+            one.solidity[:] = solidity
+        assert track_terms(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(porosity)
 
 
 def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from automos.export.open_run import open_run
+from automos.results.open_run import open_run
 from automos.visualization.report import write_report
 
 pytestmark = pytest.mark.browser

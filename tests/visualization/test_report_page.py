@@ -11,8 +11,8 @@ from worlds import Block, drive, record, write_bins
 
 from automos.cli import app
 from automos.datasets import open_sequence
-from automos.export.open_run import open_run
 from automos.labeling import label_recording
+from automos.results.open_run import open_run
 from automos.settings import load_settings
 from automos.visualization.page_files import script_json
 from automos.visualization.report import write_report

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from automos.cli import app
 from automos.errors import InputError, MissingExtraError
-from automos.export.open_run import open_run
+from automos.results.open_run import open_run
 from automos.visualization.rerun_log import FALSE, MISSED, MOVING, STATIC, UNLABELED, point_kinds
 from automos.visualization.viewer import Viewer, save_recording
 

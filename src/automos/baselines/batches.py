@@ -7,16 +7,35 @@ own frames is still seen to leave.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates.erasor import cut_submaps
+from automos.candidates.submaps import cut_submaps
 from automos.candidates.voxel_map import VoxelMap
 from automos.scan import Frame, Frames, Mask
-from automos.settings import BatchSettings, ErasorSettings
+
+
+@dataclass(frozen=True)
+class BatchSize:
+    """How long batches are: they overlap, so what stands at the end of one is seen to leave.
+
+    Neither is published: the authors map whole sequences. Both bound memory, and are longer than a car stays in sight.
+
+    Attributes
+    ----------
+    scans : at most.
+    length : metres driven, at most.
+    """
+
+    scans: int = 200
+    length: float = 160.0
+
+
+BATCH = BatchSize()
 
 
 class Batch(NamedTuple):
@@ -26,10 +45,9 @@ class Batch(NamedTuple):
     own: range
 
 
-def cut_batches(frames: Frames, settings: BatchSettings, start: int = 0) -> Iterator[Batch]:
+def cut_batches(frames: Frames, size: BatchSize, start: int = 0) -> Iterator[Batch]:
     """Yield batches whose own frames tile the recording from `start` on, in order; cut as ERASOR's submaps are."""
-    limits = ErasorSettings(submap_scans=settings.scans, submap_length=settings.length)
-    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], limits):
+    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], size.scans, size.length):
         if own_last > start:
             yield Batch(range(first, last), range(max(own_first, start), own_last))
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
 from automos.candidates.free_space_pattern import turn_of
+from automos.cells import whole_below
 from automos.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
@@ -122,10 +123,10 @@ def seen_from(T, x, y, z):  # type: ignore[no-untyped-def]
 def pixels_around(azimuth, elevation, width, height, shape):  # type: ignore[no-untyped-def]
     """Return first and last row, first and last column (which may be out of the image: modulo) around a direction."""
     per_column = shape.columns / _FULL_TURN
-    first = int(np.floor((elevation - height - shape.lowest) / shape.row_height))
-    last = int(np.floor((elevation + height - shape.lowest) / shape.row_height))
-    left = int(np.floor((azimuth - width) * per_column + 0.5 * shape.columns))
-    right = int(np.floor((azimuth + width) * per_column + 0.5 * shape.columns))
+    first = whole_below((elevation - height - shape.lowest) / shape.row_height)
+    last = whole_below((elevation + height - shape.lowest) / shape.row_height)
+    left = whole_below((azimuth - width) * per_column + 0.5 * shape.columns)
+    right = whole_below((azimuth + width) * per_column + 0.5 * shape.columns)
     return max(first, 0), min(last, shape.rows - 1), left, right
 
 

@@ -9,17 +9,37 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from automos.baselines.batches import cut_batches, is_within
+from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within
 from automos.errors import MissingExtraError
 from automos.extras import pip_install
 from automos.scan import Frames, Mask
-from automos.settings import DufomapSettings
 
 
-def find_moving(frames: Frames, settings: DufomapSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
+@dataclass(frozen=True)
+class Parameters:
+    """The authors' example (main.py), for all sensors; names are the library's. The paper's text has `d_p` 1.
+
+    Attributes
+    ----------
+    resolution : metres, voxel.
+    d_s : metres that hits are inflated by.
+    d_p : voxels that the unknown is inflated by.
+    min_range, max_range : metres, points used; points at the sensor itself poison its map.
+    """
+
+    batch: BatchSize = BATCH
+    resolution: float = 0.1
+    d_s: float = 0.2
+    d_p: int = 2
+    min_range: float = 0.2
+    max_range: float = 50.0
+
+
+def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order.
 
     Raises
@@ -32,16 +52,16 @@ def find_moving(frames: Frames, settings: DufomapSettings, start: int = 0) -> It
         dufomap = importlib.import_module("dufomap").dufomap
     except ImportError:
         raise MissingExtraError(f"dufomap is not installed; run: {pip_install('dufomap')}") from None
-    for batch in cut_batches(frames, settings.batch, start):
-        space = dufomap(settings.resolution, settings.d_s, settings.d_p)
+    for batch in cut_batches(frames, parameters.batch, start):
+        space = dufomap(parameters.resolution, parameters.d_s, parameters.d_p)
         for k in batch.frames:
             frame = frames[k]
-            used = is_within(frame, settings.max_range, settings.min_range)
+            used = is_within(frame, parameters.max_range, parameters.min_range)
             space.run(frame.points_level[used], _pose(frame.origin_level), cloud_transform=False)
         space.oncePropagateCluster(if_propagate=True, if_cluster=False)
         for k in batch.own:
             frame = frames[k]
-            is_moving = is_within(frame, settings.max_range, settings.min_range)
+            is_moving = is_within(frame, parameters.max_range, parameters.min_range)
             said = space.segment(frame.points_level[is_moving], _pose(frame.origin_level), cloud_transform=False)
             is_moving[is_moving] = np.asarray(said) > 0
             yield k, is_moving

@@ -6,33 +6,61 @@ which are widened by a pixel; low points off the edges are ground. Images of sev
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.scan import Mask
-from automos.settings import OctomapSettings
 
 
-def find_ground(points: npt.NDArray, settings: OctomapSettings) -> Mask:
+@dataclass(frozen=True)
+class HeightImages:
+    """The values of Arora et al., section III-A and their public code; heights are above the ground under the sensor.
+
+    Attributes
+    ----------
+    reach : metres around the sensor.
+    cells : metres, pixels of the images.
+    low, high : metres, black and white.
+    weak_edge, strong_edge : grey values, Canny's thresholds.
+    max_ground : metres, what is higher is no ground.
+    share : of the images that must call a point ground.
+    """
+
+    reach: float = 50.0
+    cells: tuple[float, ...] = (0.05, 0.07, 0.09, 0.11, 0.13)
+    low: float = -0.27
+    high: float = 3.23
+    weak_edge: float = 15.0
+    strong_edge: float = 300.0
+    max_ground: float = 0.63
+    share: float = 0.5
+
+
+HEIGHT_IMAGES = HeightImages()
+
+
+def find_ground(points: npt.NDArray, images: HeightImages) -> Mask:
     """Return (M,) bool: which of `points` (M, 3) are ground.
 
     points : metres, z up, the sensor above the origin and the ground under it at z = 0.
     """
     votes = np.zeros(len(points), np.int64)
-    is_low = points[:, 2] < settings.max_ground
-    for cell in settings.image_cells:
-        side = int(np.ceil(2.0 * settings.image_range / cell))
-        rows = ((points[:, 1] + settings.image_range) / cell).astype(np.int64)
-        columns = ((points[:, 0] + settings.image_range) / cell).astype(np.int64)
-        inside = np.flatnonzero((np.abs(points[:, :2]) < settings.image_range).all(axis=1))
+    is_low = points[:, 2] < images.max_ground
+    for cell in images.cells:
+        side = int(np.ceil(2.0 * images.reach / cell))
+        rows = ((points[:, 1] + images.reach) / cell).astype(np.int64)
+        columns = ((points[:, 0] + images.reach) / cell).astype(np.int64)
+        inside = np.flatnonzero((np.abs(points[:, :2]) < images.reach).all(axis=1))
         rows, columns = np.minimum(rows[inside], side - 1), np.minimum(columns[inside], side - 1)
-        grey = (points[inside, 2] - settings.image_low) * (255.0 / (settings.image_high - settings.image_low))
+        grey = (points[inside, 2] - images.low) * (255.0 / (images.high - images.low))
         image = np.zeros((side, side), np.uint8)
         _draw(rows, columns, np.clip(grey, 0.0, 255.0).astype(np.uint8), image)
-        is_edge = find_edges(image, settings.weak_edge, settings.strong_edge)
+        is_edge = find_edges(image, images.weak_edge, images.strong_edge)
         _add_votes(rows, columns, inside, is_edge, votes)
-    return is_low & (votes >= settings.ground_share * len(settings.image_cells)) & (votes > 0)
+    return is_low & (votes >= images.share * len(images.cells)) & (votes > 0)
 
 
 @numba.njit(cache=True, nogil=True)

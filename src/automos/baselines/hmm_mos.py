@@ -11,35 +11,64 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within, labels_of_voxels
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates.ground import segment_ground
 from automos.scan import Frames, Mask
-from automos.settings import GroundSettings, HmmMosSettings
+from automos.settings import GroundSettings
 
 _UNOBSERVED, _OCCUPIED, _FREE = range(3)
 _FAR = 5.0
 """Voxels from the nearest hit, from which on a surface is out of the question."""
 
 
+@dataclass(frozen=True)
+class Parameters:
+    """The authors' values for Apollo, which they use for vehicles.
+
+    Attributes
+    ----------
+    voxel : metres.
+    min_range, max_range : metres, points used.
+    deviation : metres, of a hit around the surface that caused it.
+    change : probability per scan that a voxel's state changes.
+    sure : probability from which on a state is believed.
+    reach : voxels around (2: 5 x 5 x 5) over which changes are summed.
+    window : scans, likewise.
+    min_sum : changes a scan that make motion, at least; Otsu's threshold may ask for more.
+    """
+
+    batch: BatchSize = BATCH
+    voxel: float = 0.25
+    min_range: float = 0.5
+    max_range: float = 120.0
+    deviation: float = 0.25
+    change: float = 0.005
+    sure: float = 0.99
+    reach: int = 2
+    window: int = 5
+    min_sum: float = 3.0
+
+
 def find_moving(
-    frames: Frames, settings: HmmMosSettings, ground: GroundSettings, start: int = 0
+    frames: Frames, parameters: Parameters, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points in voxels of movers."""
-    for batch in cut_batches(frames, settings.batch, start):
+    for batch in cut_batches(frames, parameters.batch, start):
         first, seen = batch.frames[0], range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
-        grid = BrickGrid(settings.voxel, frames.T_level_sensor[first : seen[-1] + 1, :3, 3], settings.max_range)
+        grid = BrickGrid(parameters.voxel, frames.T_level_sensor[first : seen[-1] + 1, :3, 3], parameters.max_range)
         ids_of = []
         for k in seen:
-            used = is_within(frames[k], settings.max_range, settings.min_range)
+            used = is_within(frames[k], parameters.max_range, parameters.min_range)
             ids_of.append(np.full(len(used), -1, np.int32))
             ids_of[-1][used] = grid.add(frames[k].points_level[used])
-        voxels = _Voxels(grid, settings)
+        voxels = _Voxels(grid, parameters)
         for k, ids in zip(seen, ids_of, strict=True):
             frame = frames[k]
             used, is_ground = ids >= 0, segment_ground(frame.points_level, frame.origin_level, ground)
@@ -52,22 +81,22 @@ def find_moving(
 class _Voxels:
     """What is believed of every voxel, and where changes were of late."""
 
-    def __init__(self, grid: BrickGrid, settings: HmmMosSettings):
+    def __init__(self, grid: BrickGrid, parameters: Parameters):
         n = len(grid)
-        self._grid, self._settings, self._indices = grid, settings, grid.indices()
+        self._grid, self._parameters, self._indices = grid, parameters, grid.indices()
         self._belief = np.zeros((n, 3), np.float32)
         self._belief[:, _UNOBSERVED] = 1.0
         self._state = np.full(n, _UNOBSERVED, np.int8)
         self._passed, self._hit = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
         self._last_hit = np.zeros(0, np.int32)
-        self._recent: deque[npt.NDArray[np.int32]] = deque(maxlen=settings.window)
+        self._recent: deque[npt.NDArray[np.int32]] = deque(maxlen=parameters.window)
 
     def observe(self, k: int, origin: npt.NDArray, ends: npt.NDArray, hit: npt.NDArray, standing: npt.NDArray) -> Mask:
         """Return (V,) bool moving, after what scan `k` saw: its rays from `origin` (3,) to `ends` (M, 3).
 
         hit : voxels in which rays ended.   standing : those in which something that is not ground was hit.
         """
-        about, n = self._settings, len(self._state)
+        about, n = self._parameters, len(self._state)
         self._grid.pass_rays(origin, ends, k, self._passed)
         self._hit[hit] = k
         seen = np.flatnonzero((self._passed == k) | (self._hit == k))
@@ -98,8 +127,8 @@ class _Voxels:
         if not len(hits):
             return np.zeros(len(seen), np.float32)
         away, _ = cKDTree(self._indices[hits]).query(self._indices[seen], distance_upper_bound=_FAR)
-        surface = np.exp(-0.5 * (away * self._settings.voxel / self._settings.deviation) ** 2)
-        return np.clip(surface, self._settings.change, 1.0 - self._settings.change).astype(np.float32)
+        surface = np.exp(-0.5 * (away * self._parameters.voxel / self._parameters.deviation) ** 2)
+        return np.clip(surface, self._parameters.change, 1.0 - self._parameters.change).astype(np.float32)
 
     def _median_around(self, voxels: npt.NDArray, scores: npt.NDArray, k: int) -> npt.NDArray[np.int32]:
         """Return (K,) int32: the median score of the voxels of 3 x 3 x 3 around each of `voxels` that scan `k` hit."""
@@ -111,7 +140,7 @@ class _Voxels:
         return np.nanmedian(values, axis=1).astype(np.int32)  # never empty: each was hit itself
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _filter(seen, likelihood, belief, state, change, sure):  # type: ignore[no-untyped-def]
     """One step of the hidden Markov model for the voxels `seen` (K,); a belief past `sure` becomes the state."""
     stay = 1.0 - 3.0 * change

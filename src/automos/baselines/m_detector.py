@@ -16,25 +16,26 @@ import numpy.typing as npt
 
 from automos.baselines.depth_images import DepthImage, Stack, Window, draw, stack
 from automos.baselines.event_clusters import complete_clusters
+from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
-from automos.baselines.occlusion_tests import AlongRay, Crossing, find_along_ray, find_crossing, leave_out_standing
+from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, shape_for
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask
-from automos.settings import AlongRaySettings, GroundSettings, MDetectorSettings
+from automos.settings import GroundSettings
 
 _PREFILTER = 2
 """Images in which most of what stands is found, before the tests are asked."""
 
 
 def find_moving(
-    frames: Frames, stamps: npt.NDArray, settings: MDetectorSettings, ground: GroundSettings, start: int = 0
+    frames: Frames, parameters: Parameters, stamps: npt.NDArray, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    shape = shape_for(frames, float(np.degrees(settings.row)), float(np.degrees(settings.column)))
-    tests = _Tests(settings, shape)
-    lags = settings.gap * np.arange(1, settings.images + 1)
+    shape = shape_for(frames, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
+    tests = _Tests(parameters, shape)
+    lags = parameters.gap * np.arange(1, parameters.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
     past: deque[tuple[int, DepthImage]] = deque()
     for k in range(warm_up, len(frames)):
@@ -44,7 +45,7 @@ def find_moving(
         images = [image for j in asked for i, image in past if i == j]
         is_event = tests.find_events(frame, float(stamps[k]), images)
         is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
-        is_moving = complete_clusters(frame.points_level, is_event, is_object, settings)
+        is_moving = complete_clusters(frame.points_level, is_event, is_object, parameters)
         past.append((k, draw(frame.points, is_moving, frame.T_level_sensor, float(stamps[k]), shape)))
         if k >= start:
             yield k, is_moving
@@ -53,49 +54,25 @@ def find_moving(
 class _Tests:
     """The three tests with their windows, made as wide as the sensor asks for."""
 
-    def __init__(self, settings: MDetectorSettings, shape: ImageShape):
-        self._shape, self._min_range = shape, settings.min_range
-        self._wider = 2.0 * np.pi / shape.columns / settings.column
-        self._higher = shape.row_height / settings.row
-        away, nearer = settings.away, settings.nearer
-        self._crossing = Crossing(
-            settings.depth,
-            settings.hidden_images,
-            self._window(settings.stands_width, settings.stands_height, settings.stands_metres),
-            settings.tolerance,
-            self._window(settings.surface_width, settings.surface_height),
-            settings.surface_near,
-            settings.surface_from,
-            settings.surface_far,
-            settings.surface_per_metre,
-            settings.surface_reach,
+    def __init__(self, parameters: Parameters, shape: ImageShape):
+        self._shape, self._min_range = shape, parameters.min_range
+        self._wider = float(2.0 * np.pi / shape.columns / parameters.column)
+        self._higher = float(shape.row_height / parameters.row)
+        tests = (parameters.crossing, parameters.away, parameters.nearer)
+        self._crossing = parameters.crossing._replace(
+            stands=self._scaled(parameters.crossing.stands), surface=self._scaled(parameters.crossing.surface)
         )
-        self._along = (self._along_ray(1.0, away), self._along_ray(-1.0, nearer))
+        self._along = tuple(
+            case._replace(same=self._scaled(case.same), stands=self._scaled(case.stands), even=self._scaled(case.even))
+            for case in (parameters.away, parameters.nearer)
+        )
         # what agrees within the smallest of the tests' windows stands for all of them
-        self._prefilter = self._window(
-            min(settings.stands_width, away.stands_width, nearer.stands_width),
-            min(settings.stands_height, away.stands_height, nearer.stands_height),
-        )
-        self._plainly = min(settings.tolerance, away.tolerance, nearer.tolerance)
+        width, height = (min(test.stands[i] for test in tests) for i in (0, 1))
+        self._prefilter = self._scaled(Window(width, height))
+        self._plainly = min(test.tolerance for test in tests)
 
-    def _window(self, width: float, height: float, metres: float = 0.0) -> Window:
-        return Window(float(width * self._wider), float(height * self._higher), float(metres))
-
-    def _along_ray(self, sign: float, about: AlongRaySettings) -> AlongRay:
-        return AlongRay(
-            sign,
-            self._window(about.width, about.height),
-            about.depth,
-            about.share,
-            about.reach,
-            about.min_speed,
-            about.max_acceleration,
-            self._window(about.stands_width, about.stands_height),
-            about.tolerance,
-            self._window(about.even_window, about.even_window),
-            about.even_depth,
-            about.even_reach,
-        )
+    def _scaled(self, window: Window) -> Window:
+        return Window(window.width * self._wider, window.height * self._higher, window.metres)
 
     def find_events(self, frame: Frame, stamp: float, images: list[DepthImage]) -> Mask:
         """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 import numpy.typing as npt
 
@@ -36,20 +37,25 @@ class Method:
     needs_future: bool = True
 
 
-def _find_with(module: str, *more: str) -> Labeler:
-    """Return the labeler in `module`; `more` names what it takes besides frames and its own settings, in order."""
+def _find_with(name: str, *more: str) -> Labeler:
+    """Return the labeler of method `name` with its published parameters; `more` names what else it takes."""
 
     def find(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
-        given = {
-            "stamps": stamps,
-            "ground": settings.candidates.ground,
-            "visibility": settings.baselines.removert,
-        }
-        labeler = import_module(f"automos.baselines.{module}").find_moving
-        own = getattr(settings.baselines, module)
-        return labeler(frames, settings=own, start=start, **{name: given[name] for name in more})
+        given = {"stamps": stamps, "ground": settings.candidates.ground}
+        labeler = import_module(f"automos.baselines.{name}").find_moving
+        return labeler(frames, published(name), start=start, **{key: given[key] for key in more})
 
     return find
+
+
+def published(name: str) -> Any:
+    """Return the parameters of method `name` as its authors give them, a frozen dataclass; None of ERASOR.
+
+    They are no settings: one compares with what was published. `find_moving` in the method's own module takes others.
+    """
+    if name == "m_detector":
+        return import_module("automos.baselines.m_detector_parameters").KITTI
+    return None if name == "erasor" else import_module(f"automos.baselines.{name}").Parameters()
 
 
 def _erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
@@ -61,13 +67,10 @@ BASELINES = {
     "octomap": Method("Octomap", _find_with("octomap")),
     "removert": Method("Removert", _find_with("removert")),
     "erasor": Method("ERASOR", _erasor),
-    "pfreundschuh": Method("Pfreundschuh's", _find_with("pfreundschuh", "visibility", "ground")),
+    "pfreundschuh": Method("Pfreundschuh's", _find_with("pfreundschuh", "ground")),
     "yoon": Method("Yoon's", _find_with("yoon", "stamps", "ground")),
     "dufomap": Method("DUFOMap", _find_with("dufomap")),
     "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
     "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground"), needs_future=False),
 }
 """In the order of the paper's Table I, then the newer ones."""
-
-BUILDS_ON = {"pfreundschuh": ("removert",)}
-"""Methods whose settings are not all their own."""

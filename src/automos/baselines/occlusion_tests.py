@@ -171,7 +171,7 @@ def _has_one_as_fast(azimuth, elevation, r, speed, gap, past, case, shape):  # t
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # two scans may be of one time
 def _speed(ray, azimuth, elevation, r, gap, case):  # type: ignore[no-untyped-def]
     """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 where it is none of the case."""
     way = case.sign * (r - ray[2])

@@ -9,37 +9,72 @@ where its voxel is unknown its nearest neighbours decide.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, KeptMap, add_points, cut_batches, labels_of_voxels, spare_near_kept
+from automos.baselines.batches import (
+    BATCH,
+    Batch,
+    BatchSize,
+    KeptMap,
+    add_points,
+    cut_batches,
+    labels_of_voxels,
+    spare_near_kept,
+)
 from automos.baselines.brick_grid import BrickGrid
-from automos.baselines.height_images import find_ground
+from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
 from automos.geometry import transform
 from automos.scan import Frame, Frames, Mask
-from automos.settings import OctomapSettings
 
 
-def find_moving(frames: Frames, settings: OctomapSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
+@dataclass(frozen=True)
+class Parameters:
+    """OctoMap's own sensor model (Hornung et al., Autonomous Robots 2013), voxels and ground of Arora et al.
+
+    Attributes
+    ----------
+    voxel : metres.
+    max_range : metres; longer rays are not cast, their ends are unknown.
+    hit, miss : probability of occupied given a hit, given a ray through.
+    lowest, highest : probabilities that no voxel goes beyond.
+    neighbours : nearest known points that decide on an unknown one.
+    kept_within : metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
+    """
+
+    batch: BatchSize = BATCH
+    voxel: float = 0.1
+    max_range: float = 60.0
+    hit: float = 0.7
+    miss: float = 0.4
+    lowest: float = 0.12
+    highest: float = 0.97
+    ground: HeightImages = HEIGHT_IMAGES
+    neighbours: int = 5
+    kept_within: float = 0.1
+
+
+def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel is free."""
-    for batch in cut_batches(frames, settings.batch, start):
-        ids_of, is_free, centres = _map_batch(frames, batch, settings)
+    for batch in cut_batches(frames, parameters.batch, start):
+        ids_of, is_free, centres = _map_batch(frames, batch, parameters)
         is_kept = ~is_free
-        kept = KeptMap(centres[is_kept], settings.kept_within) if settings.kept_within and is_kept.any() else None
+        kept = KeptMap(centres[is_kept], parameters.kept_within) if parameters.kept_within and is_kept.any() else None
         for k in batch.own:
             ids = ids_of[k - batch.frames[0]]
             is_moving = spare_near_kept(frames[k].points_level, labels_of_voxels(ids, is_free), kept)
-            yield k, _ask_neighbours(frames[k], ids, is_moving, settings.neighbours)
+            yield k, _ask_neighbours(frames[k], ids, is_moving, parameters.neighbours)
 
 
 def _map_batch(
-    frames: Frames, batch: Batch, settings: OctomapSettings
+    frames: Frames, batch: Batch, parameters: Parameters
 ) -> tuple[list[npt.NDArray[np.int32]], npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
     """Return each frame's points' voxels, -1 for none, (V,) which voxels are free, and their centres (V, 3)."""
     grid = BrickGrid(
-        settings.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], settings.max_range
+        parameters.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], parameters.max_range
     )
     # z up at the sensor's mount, ground under the vehicle at z = 0: what it stands on may rise and fall.
     T_body_sensor = frames.T_level_sensor[0].copy()
@@ -47,23 +82,24 @@ def _map_batch(
     ids_of, ground_ids = [], []
     for k in batch.frames:
         frame = frames[k]
-        ids = add_points(grid, frame, settings.max_range)
+        ids = add_points(grid, frame, parameters.max_range)
         ids_of.append(ids)
-        ground_ids.append(ids[find_ground(transform(T_body_sensor, frame.points), settings) & (ids >= 0)])
+        ground_ids.append(ids[find_ground(transform(T_body_sensor, frame.points), parameters.ground) & (ids >= 0)])
     is_pinned = np.zeros(len(grid), bool)
     is_pinned[np.concatenate(ground_ids)] = True
 
     log_odds, passed = np.zeros(len(grid), np.float32), np.full(len(grid), -1, np.int32)
     hit = np.full(len(grid), -1, np.int32)
     model = tuple(
-        np.float32(np.log(p / (1.0 - p))) for p in (settings.hit, settings.miss, settings.lowest, settings.highest)
+        np.float32(np.log(p / (1.0 - p)))
+        for p in (parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
     )
     for k, ids in zip(batch.frames, ids_of, strict=True):
         frame = frames[k]
-        grid.pass_rays(frame.origin_level, _shortened(frame, settings.max_range), k, passed)
+        grid.pass_rays(frame.origin_level, _shortened(frame, parameters.max_range), k, passed)
         hit[ids[ids >= 0]] = k
         _update(log_odds, passed, hit, k, *model)
-    centres = grid.low + (grid.indices() + 0.5) * settings.voxel
+    centres = grid.low + (grid.indices() + 0.5) * parameters.voxel
     return ids_of, (log_odds < 0.0) & ~is_pinned, centres
 
 

@@ -8,6 +8,7 @@ not ground, one vote per cluster.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -19,15 +20,33 @@ from automos.candidates.ground import segment_ground
 from automos.instances.voxels import group_by_voxel
 from automos.parallel import map_in_order
 from automos.scan import Frames, Mask
-from automos.settings import GroundSettings, PfreundschuhSettings, RemovertSettings
+from automos.settings import GroundSettings
 
 _Task = tuple[npt.NDArray[np.float32], Mask]
 
 
+@dataclass(frozen=True)
+class Parameters:
+    """HDBSCAN and the vote of the paper's section III; Removert's parameters for what was seen through.
+
+    Attributes
+    ----------
+    min_cluster_size : voxels.
+    voxel : metres, points are clustered as voxels of this size (0: as they are).
+    max_range : metres, points used.
+    share : of a cluster's points that must have been seen through.
+    """
+
+    visibility: removert.Parameters = removert.PUBLISHED
+    min_cluster_size: int = 10
+    voxel: float = 0.15
+    max_range: float = 60.0
+    share: float = 0.3
+
+
 def find_moving(
     frames: Frames,
-    settings: PfreundschuhSettings,
-    visibility: RemovertSettings,
+    parameters: Parameters,
     ground: GroundSettings,
     start: int = 0,
     workers: int = 0,
@@ -36,29 +55,29 @@ def find_moving(
     eligible: dict[int, npt.NDArray[np.int64]] = {}
 
     def tasks() -> Iterator[_Task]:
-        for k, is_seen_through in removert.find_moving(frames, visibility, start):
+        for k, is_seen_through in removert.find_moving(frames, parameters.visibility, start):
             frame = frames[k]
             is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
-            eligible[k] = np.flatnonzero(is_object & is_within(frame, settings.max_range))
+            eligible[k] = np.flatnonzero(is_object & is_within(frame, parameters.max_range))
             yield frame.points_level[eligible[k]], is_seen_through[eligible[k]]
 
     # Processes: HDBSCAN holds the interpreter's lock.
-    for k, voted in enumerate(map_in_order(partial(_vote, settings), tasks(), workers), start):
+    for k, voted in enumerate(map_in_order(partial(_vote, parameters), tasks(), workers), start):
         is_moving = np.zeros(len(frames[k].points), bool)
         is_moving[eligible.pop(k)] = voted
         yield k, is_moving
 
 
-def _vote(settings: PfreundschuhSettings, task: _Task) -> Mask:
+def _vote(parameters: Parameters, task: _Task) -> Mask:
     """Return (K,) bool: the points of clusters of which enough points were seen through."""
     points, is_seen_through = task
-    group, mean = group_by_voxel(points, settings.voxel)
-    cluster = cluster_points(mean, settings.min_cluster_size)[group]
+    group, mean = group_by_voxel(points, parameters.voxel)
+    cluster = cluster_points(mean, parameters.min_cluster_size)[group]
     inside = cluster >= 0
     n = int(cluster.max(initial=-1)) + 1
     size = np.bincount(cluster[inside], minlength=n)
     through = np.bincount(cluster[inside], is_seen_through[inside], n)
-    return inside & np.append(through >= settings.share * size, False)[cluster]
+    return inside & np.append(through >= parameters.share * size, False)[cluster]
 
 
 def cluster_points(points: npt.NDArray, min_cluster_size: int) -> npt.NDArray[np.int64]:

@@ -10,6 +10,7 @@ what no scan removes there comes back. Grazing ground and edges come back, what 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from automos.baselines.batches import (
     Batch,
+    BatchSize,
     KeptMap,
     add_points,
     cut_batches,
@@ -29,17 +31,47 @@ from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse
 from automos.parallel import available_cores, map_in_order
 from automos.scan import Frames, Mask
-from automos.settings import RemovertSettings
+
+_BATCH = BatchSize(scans=150)
+"""As the authors advise."""
 
 
-def find_moving(frames: Frames, settings: RemovertSettings, start: int = 0) -> Iterator[tuple[int, Mask]]:
+@dataclass(frozen=True)
+class Parameters:
+    """As the DynamicMap benchmark runs it on KITTI; `revert` is the authors' list, which their code never uses.
+
+    Attributes
+    ----------
+    voxel : metres, of the map.
+    max_range : metres, points used.
+    remove, revert : pixels per degree, one pass each; no `revert`: nothing comes back.
+    every : every how many scans the map is compared with.
+    max_elevation_deg : degrees above and below the sensor that are looked at.
+    difference : of the range, by which the map must be nearer than the scan.
+    kept_within : metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
+    """
+
+    batch: BatchSize = _BATCH
+    voxel: float = 0.05
+    max_range: float = 80.0
+    remove: tuple[float, ...] = (2.5, 2.2, 2.0)
+    revert: tuple[float, ...] = (1.0, 0.9, 0.8, 0.7)
+    every: int = 1
+    max_elevation_deg: float = 25.0
+    difference: float = 0.05
+    kept_within: float = 0.1
+
+
+PUBLISHED = Parameters()
+
+
+def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel left the map."""
-    for batch in cut_batches(frames, settings.batch, start):
-        mean, ids_of = _aggregate(frames, batch, settings)
-        is_removed = clean_map(mean, frames, batch.frames[:: settings.every], settings)
-        kept = (
-            KeptMap(mean[~is_removed], settings.kept_within) if settings.kept_within and not is_removed.all() else None
-        )
+    for batch in cut_batches(frames, parameters.batch, start):
+        mean, ids_of = _aggregate(frames, batch, parameters)
+        is_removed = clean_map(mean, frames, batch.frames[:: parameters.every], parameters)
+        within = parameters.kept_within
+        kept = KeptMap(mean[~is_removed], within) if within and not is_removed.all() else None
         for k in batch.own:
             yield (
                 k,
@@ -50,23 +82,23 @@ def find_moving(frames: Frames, settings: RemovertSettings, start: int = 0) -> I
 
 
 def _aggregate(
-    frames: Frames, batch: Batch, settings: RemovertSettings
+    frames: Frames, batch: Batch, parameters: Parameters
 ) -> tuple[npt.NDArray[np.float32], list[npt.NDArray[np.int32]]]:
     """Return the mean of every voxel (V, 3), level frame, and of each frame which voxel each point fell into."""
-    voxels = VoxelMap(settings.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
-    ids_of = [add_points(voxels, frames[k], settings.max_range) for k in batch.frames]
+    voxels = VoxelMap(parameters.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
+    ids_of = [add_points(voxels, frames[k], parameters.max_range) for k in batch.frames]
     return voxels.mean, ids_of
 
 
-def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, settings: RemovertSettings) -> Mask:
+def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, parameters: Parameters) -> Mask:
     """Return (V,) bool: the voxels of the map `mean` (V, 3), level frame, that `scans` remove and do not give back."""
     is_removed = np.zeros(len(mean), bool)
-    for per_degree in settings.remove:
+    for per_degree in parameters.remove:
         static = np.flatnonzero(~is_removed)
-        is_removed[static[_condemn(mean[static], frames, scans, per_degree, settings, only_nearest=True)]] = True
-    for per_degree in settings.revert:
+        is_removed[static[_condemn(mean[static], frames, scans, per_degree, parameters, only_nearest=True)]] = True
+    for per_degree in parameters.revert:
         removed = np.flatnonzero(is_removed)
-        is_removed[removed] = _condemn(mean[removed], frames, scans, per_degree, settings, only_nearest=False)
+        is_removed[removed] = _condemn(mean[removed], frames, scans, per_degree, parameters, only_nearest=False)
     return is_removed
 
 
@@ -75,20 +107,20 @@ def _condemn(
     frames: Frames,
     scans: range,
     per_degree: float,
-    settings: RemovertSettings,
+    parameters: Parameters,
     only_nearest: bool,
 ) -> Mask:
     """Return (V,) bool: the points that any of the scans sees through, of those nearest in their pixel or of all."""
-    edge = settings.max_elevation_deg
+    edge = parameters.max_elevation_deg
     shape = image_shape(1.0 / per_degree, 1.0 / per_degree, -edge, edge)
     condemned = np.zeros(len(points), bool)
 
     def compare(k: int) -> None:
         # Threads only ever write True here: their order does not matter.
         frame = frames[k]
-        seen = nearest_ranges(frame.points[is_within(frame, settings.max_range)], shape)
+        seen = nearest_ranges(frame.points[is_within(frame, parameters.max_range)], shape)
         T = inverse(frame.T_level_sensor)[:3].astype(np.float32)
-        _mark_seen_through(points, T, seen, shape, settings.max_range, settings.difference, only_nearest, condemned)
+        _mark_seen_through(points, T, seen, shape, parameters.max_range, parameters.difference, only_nearest, condemned)
 
     for _ in map_in_order(compare, scans, available_cores(), threads=True):
         pass

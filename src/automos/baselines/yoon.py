@@ -23,7 +23,33 @@ from automos.baselines.regions import grow_regions
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse, transform
 from automos.scan import Frame, Frames, Mask
-from automos.settings import GroundSettings, YoonSettings
+from automos.settings import GroundSettings
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The paper gives no numbers for 64 beams; these are ours, from the sensor's rays (docs/baselines/yoon.md).
+
+    Attributes
+    ----------
+    gap : seconds between a scan and those before and after that it is compared with.
+    residual : metres to the nearest point of the other scan, from which on a point is a candidate.
+    window_deg : degrees, rays of the other scan that speak of a candidate.
+    margin : metres, how far behind a candidate these rays must all end.
+    box_deg, box_points : half the side of the box filter in the range image, degrees; candidates in it that keep one.
+    grow_gap, grow_steps : metres that regions do not cross; such steps, at most, from a seed.
+    max_range : metres, points used.
+    """
+
+    gap: float = 0.5
+    residual: float = 0.3
+    window_deg: float = 0.5
+    margin: float = 0.5
+    box_deg: float = 1.0
+    box_points: int = 4
+    grow_gap: float = 0.4
+    grow_steps: int = 5
+    max_range: float = 80.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,40 +62,40 @@ class _Seen:
 
 
 def find_moving(
-    frames: Frames, stamps: npt.NDArray, settings: YoonSettings, ground: GroundSettings, start: int = 0
+    frames: Frames, parameters: Parameters, stamps: npt.NDArray, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    shape = shape_for(frames, settings.window_deg, settings.window_deg)
+    shape = shape_for(frames, parameters.window_deg, parameters.window_deg)
     seen: dict[int, _Seen] = {}
     for k in range(start, len(frames)):
-        others = scans_at(stamps, k, (-settings.gap, settings.gap))
+        others = scans_at(stamps, k, (-parameters.gap, parameters.gap))
         for j in sorted({k, *others} - set(seen)):
             seen[j] = _look(frames[j], shape)
         seen = {j: scan for j, scan in seen.items() if j >= min([k, *others])}
         frame = seen[k].frame
         is_seed = np.zeros(len(frame.points), bool)
         for j in others:
-            is_seed |= _find_changed(frame, seen[j], shape, settings)
+            is_seed |= _find_changed(frame, seen[j], shape, parameters)
         is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
-        is_object &= is_within(frame, settings.max_range)
+        is_object &= is_within(frame, parameters.max_range)
         is_seed &= is_object
         is_seed &= _has_company(
-            frame.points, is_seed, shape, round(settings.box_deg / settings.window_deg), settings.box_points
+            frame.points, is_seed, shape, round(parameters.box_deg / parameters.window_deg), parameters.box_points
         )
-        yield k, grow_regions(frame.points_level, is_seed, is_object, settings.grow_gap, settings.grow_steps)
+        yield k, grow_regions(frame.points_level, is_seed, is_object, parameters.grow_gap, parameters.grow_steps)
 
 
 def _look(frame: Frame, shape: ImageShape) -> _Seen:
     return _Seen(frame, cKDTree(frame.points_level), shortest_around(nearest_ranges(frame.points, shape), 1, 1))
 
 
-def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, settings: YoonSettings) -> Mask:
+def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, parameters: Parameters) -> Mask:
     """Return (M,) bool: the frame's points where the other scan saw nothing near, but rays that went on behind."""
     there = transform(inverse(other.frame.T_level_sensor) @ frame.T_level_sensor, frame.points)
     is_changed = np.zeros(len(there), bool)
-    _find_free(there, other.shortest, shape, settings.margin, settings.max_range, is_changed)
+    _find_free(there, other.shortest, shape, parameters.margin, parameters.max_range, is_changed)
     rows = np.flatnonzero(is_changed)  # free space first: it is quicker to tell
-    residual, _ = other.tree.query(frame.points_level[rows], distance_upper_bound=settings.residual)
+    residual, _ = other.tree.query(frame.points_level[rows], distance_upper_bound=parameters.residual)
     is_changed[rows] = np.isinf(residual)
     return is_changed
 

@@ -12,7 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.reading import read_array
 from automos.settings import SelfTrainingSettings
+
+_MOST = 0.98
+"""Probability that a network is trusted with at most: a few in a hundred labels that it has learnt from are wrong."""
 
 
 def add_cue(
@@ -22,7 +26,7 @@ def add_cue(
 
     `probability` (M,) is that of moving, in [0, 1].
     """
-    heard = np.clip(probability.astype(np.float64), 1.0 - settings.most, settings.most)
+    heard = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
     return (log_odds + settings.weight * np.log(heard / (1.0 - heard))).astype(np.float16)
 
 
@@ -35,12 +39,14 @@ def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.ND
     """
     path = Path(settings.folder) / f"{name}.npy"
     try:
-        probability = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        probability = read_array(path)
+    except (OSError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read ({error}): self_training.folder must hold what automos segment --probabilities "
             "writes for this recording"
         ) from None
+    if probability.dtype.kind != "f" or not ((probability >= 0.0) & (probability <= 1.0)).all():
+        raise InputError(f"{path} holds something else than probabilities, from 0 to 1: segment it again")
     if probability.shape != (n_points,):
         raise InputError(f"{path} has shape {probability.shape}, but the scan has {n_points} points: segment it again")
     return probability

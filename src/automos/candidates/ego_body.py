@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from automos.candidates.free_space_image import make_image, pyramid_shape
+from automos.candidates.free_space_image import make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points, turn_of
 from automos.candidates.free_space_vote import EDGE, HIT, look_through
 from automos.cells import sine_bin
 from automos.geometry import inverse
-from automos.scan import Frame, Frames, Mask, Points
+from automos.scan import OBJECT, Frame, Frames, Mask, Points
 from automos.settings import EgoBodySettings
 
 _LOOKS = 16
@@ -33,6 +33,10 @@ _ASKED = 20_000
 """Points of a scan, at most, about which they are asked."""
 _VOXEL = 0.3
 """Metres: points in neighbouring voxels hang together."""
+STEADIEST = 25
+"""Percentile of a part's drift that counts: what hangs on a hinge is steady beside it, traffic is so nowhere."""
+GRAZING = 0.15
+"""Of a range, by which the next ray's may differ on the same face, met at a grazing angle; more is an edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +80,15 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
         return nobody
     with ThreadPoolExecutor(threads) as pool:
         ranges = np.stack(list(pool.map(lambda i: _look(frames[i], pattern, max_range), sample)))
-    ends, near = np.zeros((2, 2, *shape), np.float32)
+    ends, slack, near = np.zeros((3, 2, *shape), np.float32)
     for k, part in enumerate(np.array_split(ranges, 3)[::2]):
-        _find_constant(part, settings.tolerance, settings.min_share, ends[k])
+        ends[k], slack[k] = _find_constant(part, settings)
         _find_near(part, settings.near_reach, settings.min_share, near[k])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     asked = [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
     is_world = _is_in_world([frames[i] for i in asked], pattern, np.maximum(ends.max(axis=0), near), settings)
     ends[:, is_world], near[is_world] = 0.0, 0.0
-    reach = np.maximum(np.where(_stays_put(ends, pattern, settings), ends.max(axis=0), 0.0), near)
+    reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     reach = np.where(is_world, 0.0, _grow(reach)).astype(np.float32)
     return EgoBody(reach, pattern, settings.attached_share)
 
@@ -106,8 +110,13 @@ def _scans_apart(frames: Frames, settings: EgoBodySettings) -> list[int]:
     return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, settings.max_scans).astype(int))]
 
 
-def _stays_put(ends: npt.NDArray[np.float32], pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
-    """Return (H, W) bool: connected parts that are in the same place in both `ends` (2, H, W; 0 where not there)."""
+def _stays_put(
+    ends: npt.NDArray[np.float32], slack: npt.NDArray[np.float32], pattern: BeamPattern, settings: EgoBodySettings
+) -> Mask:
+    """Return (H, W) bool: connected parts that are in the same place in both `ends` (2, H, W; 0 where not there).
+
+    How far the parts have drifted is measured by `slack` (H, W), metres, the exactness of each ray's range.
+    """
     is_there = ends > 0.0
     v, u = np.nonzero(is_there.any(axis=0))
     is_part = np.zeros(is_there.shape[1:], np.bool_)
@@ -119,11 +128,12 @@ def _stays_put(ends: npt.NDArray[np.float32], pattern: BeamPattern, settings: Eg
     size = np.bincount(part, minlength=n_parts)
     overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)
     drift = np.where(is_there[:, v, u].all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
+    drift *= settings.tolerance / np.maximum(slack[v, u], settings.tolerance)
     is_body = (overlap >= settings.min_overlap) & (size >= settings.min_cells)
     for k in np.flatnonzero(is_body):
         of_part = drift[part == k]
         of_part = of_part[np.isfinite(of_part)]
-        is_body[k] = len(of_part) > 0 and np.median(of_part) <= settings.max_drift
+        is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= settings.max_drift
     is_part[v, u] = is_body[part]
     return is_part
 
@@ -144,7 +154,10 @@ def _is_in_world(
     """Return (H, W) bool: cells at whose points other `frames`, from elsewhere, hit something again."""
     pyramid, n_cells = pyramid_shape(pattern), reach.size
     raws = [raw_points(frame) for frame in frames]
-    images = [make_image(raw, np.zeros(len(raw), np.uint8), pattern, pyramid) for raw in raws]
+    images = [
+        make_image(project(raw, np.ones(len(raw), np.bool_), pattern), np.full(len(raw), OBJECT, np.uint8), pyramid)
+        for raw in raws
+    ]
     tolerances = tuple(np.float32(x) for x in (0.2, 0.005, settings.world_distance, 0.01, 0.2))
     hits, told = np.zeros((2, n_cells))
     for frame, raw in zip(frames, raws, strict=True):
@@ -203,9 +216,28 @@ def _nearest_ranges(points, max_range, row_of_sine, image):  # type: ignore[no-u
                 image[v, u] = r
 
 
+def _find_constant(ranges: npt.NDArray[np.float32], settings: EgoBodySettings) -> npt.NDArray[np.float32]:
+    """Return (2, H, W): how far a body reaches where most of `ranges` (K, H, W) are the same, and how exactly.
+
+    A face that is met at a grazing angle (a trailer's long side) changes its range by much when it swings by little:
+    ranges are the same where they differ by less than half of what lies between neighbouring rays, too.
+    """
+    median = np.empty(ranges.shape[1:], np.float32)
+    _median_range(ranges, settings.min_share, median)
+    slope = np.zeros_like(median)
+    with np.errstate(invalid="ignore"):
+        for shift in (-1, 1):
+            step = np.abs(np.roll(median, shift, axis=1) - median)
+            slope = np.maximum(slope, np.where(step < GRAZING * median, step, 0.0))
+    tolerance = np.float32(settings.tolerance) + 0.5 * slope
+    is_same = np.zeros(median.shape, np.bool_)
+    _is_constant(ranges, median, tolerance, settings.min_share, is_same)
+    return np.where(is_same, np.stack([median + tolerance, tolerance]), np.float32(0.0))
+
+
 @numba.njit(cache=True, nogil=True)
-def _find_constant(ranges, tolerance, min_share, reach):  # type: ignore[no-untyped-def]
-    """Set `reach` where most scans' ranges are the same."""
+def _median_range(ranges, min_share, median):  # type: ignore[no-untyped-def]
+    """Write each cell's median range, infinite where less than `min_share` of the scans returned."""
     n, h, w = ranges.shape
     values = np.empty(n, np.float32)
     for v in range(h):
@@ -219,16 +251,23 @@ def _find_constant(ranges, tolerance, min_share, reach):  # type: ignore[no-unty
                         at -= 1
                     values[at] = ranges[k, v, u]
                     m += 1
-            if m == 0 or m < min_share * n:
+            is_there = m > 0 and m >= min_share * n
+            median[v, u] = 0.5 * (values[(m - 1) // 2] + values[m // 2]) if is_there else np.inf
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_constant(ranges, median, tolerance, min_share, is_same):  # type: ignore[no-untyped-def]
+    """Mark the cells where at least `min_share` of the returns are within `tolerance` of the median."""
+    n, h, w = ranges.shape
+    for v in range(h):
+        for u in range(w):
+            if not np.isfinite(median[v, u]):
                 continue
-            median = 0.5 * (values[(m - 1) // 2] + values[m // 2])
-            if not np.isfinite(median):
-                continue
-            same = 0
-            for k in range(m):
-                same += abs(values[k] - median) < tolerance
-            if same >= min_share * m:
-                reach[v, u] = median + tolerance
+            m, same = 0, 0
+            for k in range(n):
+                m += ranges[k, v, u] > 0.0
+                same += ranges[k, v, u] > 0.0 and abs(ranges[k, v, u] - median[v, u]) < tolerance[v, u]
+            is_same[v, u] = same >= min_share * m
 
 
 def _find_near(

@@ -10,22 +10,50 @@ a candidate if its voxel left the map. The map is edited in place: later scans m
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.region_ground import fit_region_ground
+from automos.candidates.erasor_bins import Rules, Volume, compare_bins
+from automos.candidates.submaps import cut_submaps
 from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse, transform
 from automos.scan import Frames
 from automos.settings import ErasorSettings
 
-_KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
+
+class Published(NamedTuple):
+    """What no setting changes: as in the authors' large_scale_05.yaml, their preset for whole sequences.
+
+    Attributes
+    ----------
+    rings, sectors : bins of the volume of interest.
+    min_points : voxels of a scan that a bin needs to be compared.
+    bin_max_height : metres, version 2: a removed bin must reach higher than this.
+    min_removed_span : metres, version 3: a removed bin must span more than this.
+    plane : R-GPF's arguments, see `fit_region_ground`.
+    ego_radius : metres; nearer points are the vehicle itself.
+    submap_scans, submap_length : scans, metres driven; ours: they bound memory, and are longer than a car is in sight.
+    """
+
+    rings: int = 20
+    sectors: int = 108
+    min_points: int = 6
+    bin_max_height: float = 0.2
+    min_removed_span: float = 0.5
+    plane: tuple[float, int, int, int, float] = (0.5, 5, 20, 3, 0.25)
+    ego_radius: float = 2.7
+    submap_scans: int = 200
+    submap_length: float = 160.0
+
+
+PUBLISHED = Published()
 
 
 def find_candidates(
-    frames: Frames, settings: ErasorSettings, start: int = 0
+    frames: Frames, settings: ErasorSettings, start: int = 0, published: Published = PUBLISHED
 ) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
     """Yield (index, score) of every frame from `start` on, in order.
 
@@ -38,42 +66,15 @@ def find_candidates(
     ------
     index and (M,) float32 score of each of the frame's points: 1 where ERASOR removed its voxel, else 0.
     """
-    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], settings):
+    origins = frames.T_level_sensor[:, :3, 3]
+    for first, last, own_first, own_last in cut_submaps(origins, published.submap_scans, published.submap_length):
         if own_last > start:
             own = range(max(own_first, start), own_last)
-            yield from zip(own, clean_submap(frames, range(first, last), own, settings), strict=True)
-
-
-def cut_submaps(origins: npt.NDArray, settings: ErasorSettings) -> list[tuple[int, int, int, int]]:
-    """Return submaps as rows (first, last, own_first, own_last), half-open scan ranges.
-
-    The own ranges tile the recording; a submap reaches further on both sides, so that something standing at the end
-    of an own range is still seen to leave. Both scans and metres are bounded: a parked car records thousands of scans
-    in one place, a motorway drive leaves a place within seconds.
-
-    origins : (N, 3) metres, sensor positions.
-    """
-    n = len(origins)
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(origins, axis=0), axis=1))])[:n]
-    submaps = []
-    own_first = 0
-    half_scans, half_length = settings.submap_scans // 2, settings.submap_length / 2
-    while own_first < n:
-        own_last = int(np.searchsorted(travelled, travelled[own_first] + half_length, side="right"))
-        own_last = min(own_last, own_first + half_scans, n)
-        if n - own_last < half_scans // 2 and travelled[-1] - travelled[own_last - 1] < half_length / 2:
-            own_last = n  # no sliver at the end
-        reach_back = int(np.searchsorted(travelled, travelled[own_first] - half_length / 2))
-        reach_on = int(np.searchsorted(travelled, travelled[own_last - 1] + half_length / 2, side="right"))
-        first = max(reach_back, own_first - half_scans // 2, 0)
-        last = min(reach_on, own_last + half_scans // 2, n)
-        submaps.append((first, last, own_first, own_last))
-        own_first = own_last
-    return submaps
+            yield from zip(own, clean_submap(frames, range(first, last), own, settings, published), strict=True)
 
 
 def clean_submap(
-    frames: Frames, submap: range, own: range, settings: ErasorSettings
+    frames: Frames, submap: range, own: range, settings: ErasorSettings, published: Published = PUBLISHED
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Yield for each frame in `own` the (M,) float32 score of its points: 1 where the cleaned map lost their voxel.
 
@@ -87,7 +88,7 @@ def clean_submap(
     for k in submap:
         frame = frames[k]
         ids = np.full(len(frame.points), -1, np.int32)
-        is_outside = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) > settings.ego_radius**2
+        is_outside = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) > published.ego_radius**2
         ids[is_outside] = voxels.add(frame.points_level[is_outside])
         ids_of.append(ids)
 
@@ -98,7 +99,7 @@ def clean_submap(
     for k in submap[:: settings.every]:
         frame, ids = frames[k], ids_of[k - submap[0]]
         near = _voxels_near(mean, frame.origin_level.astype(np.float32), np.float32(settings.max_range))
-        rejected[k] = _compare(
+        rejected[k] = compare_bins(
             near,
             transform(T_body_sensor @ inverse(frame.T_level_sensor), mean[near]),
             is_alive,
@@ -106,7 +107,7 @@ def clean_submap(
             np.int32(k),
             transform(T_body_sensor, frame.points),
             ids,
-            **_kernel_arguments(settings),
+            *_for_kernel(settings, published),
         )
     for k in own:
         ids = ids_of[k - submap[0]]
@@ -116,12 +117,11 @@ def clean_submap(
         yield is_candidate.astype(np.float32)
 
 
-def _kernel_arguments(settings: ErasorSettings) -> dict[str, object]:
-    names = (
-        "version max_range rings sectors min_height max_height scan_ratio min_points bin_max_height min_removed_span "
-        "ground_seed_height ground_lowest_skipped ground_lowest ground_iterations ground_distance"
+def _for_kernel(settings: ErasorSettings, published: Published) -> tuple[Volume, Rules]:
+    return (
+        Volume(settings.max_range, published.rings, published.sectors, settings.min_height, settings.max_height),
+        Rules(settings.version, settings.scan_ratio, *published[2:6]),
     )
-    return {name: getattr(settings, name) for name in names.split()}
 
 
 @numba.njit(cache=True, nogil=True)
@@ -134,163 +134,3 @@ def _voxels_near(mean, origin, max_range):  # type: ignore[no-untyped-def]
             near[n] = v
             n += 1
     return near[:n]
-
-
-@numba.njit(cache=True, nogil=True)
-def polar_bins(points, max_range, rings, sectors, min_height, max_height):  # type: ignore[no-untyped-def]
-    """Return (N,) int32 bin = ring * sectors + sector of `points` (N, 3, body frame), -1 outside the volume."""
-    bins = np.full(len(points), -1, np.int32)
-    for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        r = np.sqrt(x * x + y * y)
-        if not (min_height < z < max_height and r <= max_range):  # what is no number is outside
-            continue
-        ring = min(int(r / max_range * rings), rings - 1)
-        angle = np.arctan2(y, x)
-        if angle < 0.0:
-            angle += 2.0 * np.pi
-        sector = min(int(angle / (2.0 * np.pi) * sectors), sectors - 1)
-        bins[i] = ring * sectors + sector
-    return bins
-
-
-@numba.njit(cache=True, nogil=True)
-def _compare(  # type: ignore[no-untyped-def]
-    near,
-    map_points,
-    is_alive,
-    was_scanned,
-    stamp,
-    scan_points,
-    scan_ids,
-    version,
-    max_range,
-    rings,
-    sectors,
-    min_height,
-    max_height,
-    scan_ratio,
-    min_points,
-    bin_max_height,
-    min_removed_span,
-    ground_seed_height,
-    ground_lowest_skipped,
-    ground_lowest,
-    ground_iterations,
-    ground_distance,
-):
-    """Compare one scan with the map, bin by bin; edit `is_alive` (V,) in place, return (M,) the scan's own dynamics."""
-    n_bins = rings * sectors
-    map_bins = polar_bins(map_points, max_range, rings, sectors, min_height, max_height)
-    scan_bins = polar_bins(scan_points, max_range, rings, sectors, min_height, max_height)
-
-    map_low, map_high, map_count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
-    for i in range(len(near)):
-        b = map_bins[i]
-        if b >= 0 and is_alive[near[i]]:
-            map_low[b] = min(map_low[b], map_points[i, 2])
-            map_high[b] = max(map_high[b], map_points[i, 2])
-            map_count[b] += 1
-    scan_low, scan_high, scan_count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
-    for i in range(len(scan_points)):
-        b = scan_bins[i]
-        if b >= 0 and scan_ids[i] >= 0:
-            scan_low[b] = min(scan_low[b], scan_points[i, 2])
-            scan_high[b] = max(scan_high[b], scan_points[i, 2])
-            if was_scanned[scan_ids[i]] != stamp:  # the scan is counted in voxels, as the map is
-                was_scanned[scan_ids[i]] = stamp
-                scan_count[b] += 1
-
-    decision = np.full(n_bins, _KEEP, np.int8)
-    for b in range(n_bins):
-        if scan_count[b] < min_points:
-            continue
-        if map_count[b] == 0:
-            decision[b] = _SCAN_ONLY
-            continue
-        map_span, scan_span = map_high[b] - map_low[b], scan_high[b] - scan_low[b]
-        longer = max(map_span, scan_span)
-        if longer <= 0.0 or min(map_span, scan_span) / longer >= scan_ratio:
-            decision[b] = _SIMILAR
-        elif map_span < scan_span:
-            decision[b] = _SCAN_HIGHER
-        elif (version == 2 and map_high[b] > bin_max_height) or (version == 3 and map_span > min_removed_span):
-            decision[b] = _MAP_HIGHER
-
-    _remove_above_ground(
-        near,
-        map_points,
-        map_bins,
-        decision,
-        is_alive,
-        was_scanned,
-        stamp,
-        min_height,
-        ground_seed_height,
-        ground_lowest_skipped,
-        ground_lowest,
-        ground_iterations,
-        ground_distance,
-    )
-    rejected = np.zeros(len(scan_points), np.bool_)
-    if version == 2:
-        for i in range(len(scan_points)):
-            b = scan_bins[i]
-            if b < 0 or scan_ids[i] < 0:
-                continue
-            if decision[b] == _SCAN_HIGHER:
-                rejected[i] = scan_high[b] > bin_max_height
-            elif decision[b] == _SIMILAR or decision[b] == _SCAN_ONLY:
-                is_alive[scan_ids[i]] = True
-    return rejected
-
-
-@numba.njit(cache=True, nogil=True)
-def _remove_above_ground(  # type: ignore[no-untyped-def]
-    near,
-    map_points,
-    map_bins,
-    decision,
-    is_alive,
-    was_scanned,
-    stamp,
-    min_height,
-    ground_seed_height,
-    ground_lowest_skipped,
-    ground_lowest,
-    ground_iterations,
-    ground_distance,
-):
-    """Take the voxels above the ground plane of every bin decided _MAP_HIGHER out of the map.
-
-    The bin becomes the scan's points and the ground part of the map's: voxels that the scan hits stay.
-    """
-    start = np.zeros(len(decision) + 1, np.int64)
-    for i in range(len(near)):
-        b = map_bins[i]
-        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
-            start[b + 1] += 1
-    start = np.cumsum(start)
-    rows = np.empty(start[-1], np.int64)
-    fill = start.copy()
-    for i in range(len(near)):
-        b = map_bins[i]
-        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
-            rows[fill[b]] = i
-            fill[b] += 1
-    for b in range(len(decision)):
-        if start[b + 1] == start[b]:
-            continue
-        members = rows[start[b] : start[b + 1]]
-        is_ground = fit_region_ground(
-            map_points[members],
-            ground_seed_height,
-            ground_lowest_skipped,
-            ground_lowest,
-            ground_iterations,
-            ground_distance,
-        )
-        for j in range(len(members)):
-            v = near[members[j]]
-            if not is_ground[j] and was_scanned[v] != stamp:
-                is_alive[v] = False

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_view import Lidar, Seen, View, learn_lidars, look
-from automos.candidates.free_space_vote import find_supported, look_through
+from automos.candidates.free_space_vote import look_through
 from automos.candidates.free_space_weigh import (
     find_open,
     find_seen_through,
@@ -42,11 +42,12 @@ class Evidence:
 
     Attributes
     ----------
-    kind : (M,) uint8, OBJECT, GROUND or EGO_BODY.
-    net : (M,) float32, see-throughs minus hits, weighted; above 0 the point has moved, 0 is unknown. 0 for ground and
-        ego body.
+    kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.
+    net : (M,) float32, see-throughs minus hits, weighted; above 0 the point has moved, 0 is unknown. 0 for what is no
+        object.
     through, hits : (M,) uint8, how many scans saw through the point and how many hit it again.
     height : (M,) float32, metres above the ground.
+    solidity : (M,) uint8, share of the rays beside an object that ended beside it, 255 for all.
     """
 
     kind: npt.NDArray[np.uint8]
@@ -54,6 +55,7 @@ class Evidence:
     through: npt.NDArray[np.uint8]
     hits: npt.NDArray[np.uint8]
     height: npt.NDArray[np.float32]
+    solidity: npt.NDArray[np.uint8]
 
 
 class FreeSpace:
@@ -145,7 +147,7 @@ class FreeSpace:
             heights = mine.height[view.rows][view.is_object]
             told = self._ask_about(index, view, lidar, heights, others)
             net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
-        return Evidence(mine.kind, net, through, hits, mine.height)
+        return Evidence(mine.kind, net, through, hits, mine.height, mine.solidity)
 
     def _ask_about(
         self,
@@ -170,11 +172,7 @@ class FreeSpace:
             self._add_votes(mine, ids, own_ranges, heights, others[order[k]], votes[k])
 
         ids = find_seen_through(votes)
-        support = (np.float32(self.settings.support), np.float32(self.settings.support_per_metre))
-        is_supported = find_supported(
-            np.take(mine.objects, ids, axis=1), mine.motion, mine.pattern, mine.image, *support
-        )
-        weaken_lone(votes, ids, is_supported, self.settings.lone_weight)
+        weaken_lone(votes, ids, mine.is_supported[ids], self.settings.lone_weight)
 
         net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
         sum_votes(votes, int(np.searchsorted(order, index)), self.settings.stay_weight, net, through, hits)

@@ -15,13 +15,15 @@ import numpy.typing as npt
 
 from automos.candidates.free_space_pattern import BeamPattern, turn_of
 from automos.cells import sine_bin
-from automos.scan import EGO_BODY, OBJECT, Points
+from automos.scan import OBJECT, Mask, Points
 
 UNIT = 0.01
 """Metres per step of the stored ranges."""
 _NONE = 65535
 """Shortest range stored where no ray went."""
 _N_LEVELS = 5
+SUPPORT, SUPPORT_PER_METRE = 0.3, 0.02
+"""Metres, and metres per metre of range: neighbouring rays that differ by less have met the same thing."""
 
 _Image = npt.NDArray[np.uint16]
 
@@ -68,16 +70,54 @@ def pyramid_shape(pattern: BeamPattern) -> PyramidShape:
     return PyramidShape(shifts, shapes, offsets, widths.astype(np.float32))
 
 
-def make_image(points: Points, kind: npt.NDArray[np.uint8], pattern: BeamPattern, pyramid: PyramidShape) -> RangeImage:
-    """Return the range image of `points` (M, 3), sensor frame of the raw sweep, of `kind` (M,).
+class Projection(NamedTuple):
+    """Where the points of one scan fall on its sensor's grid of rays.
 
-    Ground is transparent to `clear`; the ego body is not seen at all.
+    Attributes
+    ----------
+    cell : (M,) int32, row times columns plus column of each point; -1 for what is not seen.
+    steps : (M,) uint16, range in units of `UNIT`.
+    rays : (H, W, 2) uint16, nearest and farthest range in each cell; 65535 and 0 where there is none.
     """
+
+    cell: npt.NDArray[np.int32]
+    steps: npt.NDArray[np.uint16]
+    rays: _Image
+
+
+def project(points: Points, is_seen: Mask, pattern: BeamPattern) -> Projection:
+    """Return where `points` (M, 3), sensor frame of the raw sweep, fall on the grid; only what `is_seen` (M,) does."""
     h, w = pattern.n_rows, pattern.n_columns
     rays = np.empty((h, w, 2), np.uint16)
     rays[..., 0], rays[..., 1] = _NONE, 0
-    solid = np.full((h, w), _NONE, np.uint16)
-    _project(points, kind, pattern.row_of_sine, rays, solid)
+    projection = Projection(np.empty(len(points), np.int32), np.empty(len(points), np.uint16), rays)
+    _project(points, is_seen, pattern.row_of_sine, *projection)
+    return projection
+
+
+def find_neighbours(
+    projection: Projection, kind: npt.NDArray[np.uint8]
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """Return for each object (`kind` (M,)) in how many directions it goes on, and how solid it is.
+
+    Returns
+    -------
+    ways : (M,) uint8, up or down and sideways. A drop of rain, dust or an insect is met by one ray only: 0. A twig, a
+        wire or the edge of a slab fits between the rays of other scans: 1. What other rays of the same scan have met
+        both ways is a thing that those would meet: 2.
+    solidity : (M,) uint8, 255 where the rays right beside it that returned all ended beside it, 0 where none did: faces
+        of solid things return the rays that meet them, dust and leaves let most of them through.
+    """
+    ways, solidity = np.zeros((2, len(kind)), np.uint8)
+    _count_neighbours(*projection, kind, ways, solidity)
+    return ways, solidity
+
+
+def make_image(projection: Projection, kind: npt.NDArray[np.uint8], pyramid: PyramidShape) -> RangeImage:
+    """Return the range image of projected points of `kind` (M,): what is no object is transparent to `clear`."""
+    rays = projection.rays
+    solid = np.full(rays.shape[:2], _NONE, np.uint16)
+    _keep_nearest(projection.cell, projection.steps, kind, solid.reshape(-1))
     around = np.empty_like(rays)
     _window(rays, around)
     clear = np.empty(pyramid.offsets[-1], np.uint16)
@@ -92,23 +132,54 @@ def make_image(points: Points, kind: npt.NDArray[np.uint8], pattern: BeamPattern
 
 
 @numba.njit(cache=True, nogil=True)
-def _project(points, kind, row_of_sine, rays, solid):  # type: ignore[no-untyped-def]
-    h, w = solid.shape
+def _project(points, is_seen, row_of_sine, cell, steps, rays):  # type: ignore[no-untyped-def]
+    h, w, _ = rays.shape
     for i in range(len(points)):
-        if kind[i] == EGO_BODY:
-            continue
+        cell[i] = -1
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y + z * z)
         row = row_of_sine[sine_bin(z, r, len(row_of_sine))]
-        if not 0.0 <= row < h:
+        if not (is_seen[i] and 0.0 <= row < h):
             continue
         v, u = int(row), int(turn_of(x, y) * np.float32(w))
-        steps = r * np.float32(1.0 / UNIT)
-        q = np.uint16(steps) if steps < np.float32(_NONE - 1) else np.uint16(_NONE - 1)
+        far = r * np.float32(1.0 / UNIT)
+        q = np.uint16(far) if far < np.float32(_NONE - 1) else np.uint16(_NONE - 1)
+        cell[i], steps[i] = v * w + u, q
         rays[v, u, 0] = min(rays[v, u, 0], q)
         rays[v, u, 1] = max(rays[v, u, 1], q)
-        if kind[i] == OBJECT:
-            solid[v, u] = min(solid[v, u], q)
+
+
+@numba.njit(cache=True, nogil=True)
+def _keep_nearest(cell, steps, kind, solid):  # type: ignore[no-untyped-def]
+    for i in range(len(cell)):
+        if cell[i] >= 0 and kind[i] == OBJECT:
+            solid[cell[i]] = min(solid[cell[i]], steps[i])
+
+
+@numba.njit(cache=True, nogil=True)
+def _count_neighbours(cell, steps, rays, kind, ways, solidity):  # type: ignore[no-untyped-def]
+    h, w, _ = rays.shape
+    for i in range(len(cell)):
+        if cell[i] < 0 or kind[i] != OBJECT:
+            continue
+        v, u, q = cell[i] // w, cell[i] % w, np.float32(steps[i])
+        near = np.float32(SUPPORT / UNIT) + np.float32(SUPPORT_PER_METRE) * q
+        has_neighbour, goes_up, goes_sideways, n_near, n_beside = False, False, False, 0, 0
+        for b in range(max(v - 2, 0), min(v + 3, h)):
+            for a in range(u - 2, u + 3):
+                first, last = rays[b, a - w if a >= w else a]
+                if last == 0 or (b == v and a == u and first == last):  # no ray, or the point itself
+                    continue
+                is_near = abs(np.float32(first) - q) < near or abs(np.float32(last) - q) < near
+                if is_near:
+                    has_neighbour = True
+                    goes_up |= b != v and abs(a - u) < 2
+                    goes_sideways |= a != u and abs(b - v) < 2
+                if abs(a - u) < 2 and abs(b - v) < 2:
+                    n_near += is_near
+                    n_beside += 1
+        ways[i] = 2 if goes_up and goes_sideways else (1 if has_neighbour else 0)
+        solidity[i] = 255 * n_near // max(n_beside, 1)
 
 
 @numba.njit(cache=True, nogil=True)

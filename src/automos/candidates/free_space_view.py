@@ -12,10 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.ego_body import EgoBody, find_ego_body
-from automos.candidates.free_space_image import PyramidShape, RangeImage, make_image, pyramid_shape
+from automos.candidates.free_space_image import (
+    PyramidShape,
+    RangeImage,
+    find_neighbours,
+    make_image,
+    project,
+    pyramid_shape,
+)
 from automos.candidates.free_space_pattern import BeamPattern, learn_pattern, raw_points, seen_in
 from automos.candidates.ground import fit_ground, is_on_ground
-from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames, Mask, Pose
+from automos.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
 from automos.settings import EgoBodySettings, GroundSettings
 
 
@@ -36,6 +43,7 @@ class View:
     ----------
     rows : which of the frame's points it measured.   is_object : (R,) which of these may be objects.
     objects : (3, K) float32, metres, these points in the LiDAR's frame at mid-sweep.
+    is_supported : (K,) which of these other rays of the scan have met as well, above or below and beside.
     image : of all its points.   motion : (6,) float32, twist of the LiDAR over the sweep, zeros where unknown.
     pattern : the LiDAR's, with the times of this scan.
     """
@@ -43,6 +51,7 @@ class View:
     rows: npt.NDArray[np.int64] | slice
     is_object: Mask
     objects: npt.NDArray[np.float32]
+    is_supported: Mask
     image: RangeImage
     motion: npt.NDArray[np.float32]
     pattern: BeamPattern
@@ -51,10 +60,17 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is kept of a frame of M points while others may ask about it: kinds, heights above ground (M,), views."""
+    """What is kept of a frame of M points while others may ask about it.
+
+    Attributes
+    ----------
+    kind : (M,) uint8.   height : (M,) metres above the ground.
+    solidity : (M,) uint8, share of the rays beside an object that ended beside it, 255 for all.
+    """
 
     kind: npt.NDArray[np.uint8]
     height: npt.NDArray[np.float32]
+    solidity: npt.NDArray[np.uint8]
     views: list[View]
 
 
@@ -94,18 +110,35 @@ def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
     is_ground = is_on_ground(points, frame.origin_level, surface, ground)
     kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
     height = points[:, 2] - surface.height_at(points)
-    return Seen(kind, height, [_view(*frame.of_sensor(k), kind, lidar) for k, lidar in enumerate(lidars)])
+    solidity = np.zeros(len(points), np.uint8)
+    views = [_view(*frame.of_sensor(k), kind, solidity, lidar) for k, lidar in enumerate(lidars)]
+    return Seen(kind, height, solidity, views)
 
 
-def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, kind: npt.NDArray[np.uint8], lidar: Lidar) -> View:
-    """Return what one LiDAR saw: the points `rows` of a frame; the body it finds is written into `kind` (M,)."""
+def _view(
+    rows: npt.NDArray[np.int64] | slice,
+    part: Frame,
+    kind: npt.NDArray[np.uint8],
+    solidity: npt.NDArray[np.uint8],
+    lidar: Lidar,
+) -> View:
+    """Return what one LiDAR saw: the points `rows` of a frame of M.
+
+    The body and the specks that it finds are written into `kind` (M,), how solid things are into `solidity` (M,).
+    """
     raw = raw_points(part)
-    kind_here = np.where(lidar.body.covers(raw, kind[rows] == GROUND), np.uint8(EGO_BODY), kind[rows])
-    kind[rows] = kind_here
+    of_here = np.where(lidar.body.covers(raw, kind[rows] == GROUND), np.uint8(EGO_BODY), kind[rows])
     pattern, is_last = seen_in(part, raw, lidar.pattern)
-    image = make_image(raw, np.where(is_last, kind_here, np.uint8(EGO_BODY)), pattern, lidar.pyramid)
+    projection = project(raw, is_last & (of_here != EGO_BODY), pattern)
+    ways, solidity[rows] = find_neighbours(projection, of_here)
+    of_here[(ways == 0) & (of_here == OBJECT) & (projection.cell >= 0)] = SPECK
+    kind[rows] = of_here
+    image = make_image(projection, of_here, lidar.pyramid)
     knows_motion = part.sweep_motion is not None and part.sweep_time is not None
     motion = np.asarray(part.sweep_motion if knows_motion else np.zeros(6), np.float32)
-    is_object = kind_here == OBJECT
+    is_object = of_here == OBJECT
     objects = np.take(part.points, np.flatnonzero(is_object), axis=0)
-    return View(rows, is_object, np.ascontiguousarray(objects.T), image, motion, pattern, part.T_level_sensor)
+    return View(
+        rows, is_object, np.ascontiguousarray(objects.T), ways[is_object] == 2, image, motion, pattern,
+        part.T_level_sensor,
+    )  # fmt: skip

@@ -91,39 +91,6 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
 
 
 @numba.njit(cache=True, nogil=True)
-def find_supported(points, motion, pattern, image, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
-    """Return (K,) bool: which of a scan's own `points` (3, K) float32 go on to the rows above or below and sideways.
-
-    A twig, a wire or the edge of a slab fits between the rays of other scans; what other rays of the same scan met as
-    well does not. `points` are contiguous; `motion`, `pattern` and `image` are the scan's.
-    """
-    h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
-    buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
-    T = np.zeros((3, 4), np.float32)
-    T[0, 0] = T[1, 1] = T[2, 2] = 1.0
-    n_points = points.shape[1]
-    is_supported = np.zeros(n_points, np.bool_)
-    for start in range(0, n_points, _BLOCK):
-        stop = min(start + _BLOCK, n_points)
-        _aim(points, start, stop - start, T, motion, pattern, buffers, bins, columns)
-        for i in range(start, stop):
-            r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
-            if not np.float32(0.0) <= row < h:
-                continue
-            v, q = int(row), r * per_unit
-            near = (tolerance + tolerance_per_metre * r) * per_unit
-            goes_up, goes_sideways = False, False
-            for b in range(max(v - 2, 0), min(v + 3, h)):
-                for a in range(u - 2, u + 3):
-                    ray = image.rays[b, a - w if a >= w else a]
-                    if abs(np.float32(ray[0]) - q) < near or abs(np.float32(ray[1]) - q) < near:
-                        goes_up |= b != v and abs(a - u) < 2
-                        goes_sideways |= a != u and abs(b - v) < 2
-            is_supported[i] = goes_up and goes_sideways
-    return is_supported
-
-
-@numba.njit(cache=True, nogil=True)
 def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges, misses):  # type: ignore[no-untyped-def]
     """Write for each of `points` what the scan of `image` says, and its range from there.
 

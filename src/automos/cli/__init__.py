@@ -14,12 +14,13 @@ from automos.cli.compare import compare_app
 from automos.cli.consoles import console, output
 from automos.cli.formats import formats_app
 from automos.cli.label import label_app
+from automos.cli.live import live_app
 from automos.cli.look import look_app
 from automos.cli.network import network_app
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.errors import AutomosError
-from automos.working_folder import SAFE_PATH
+from automos.working_folder import OURS, SAFE_PATH
 
 app = typer.Typer(
     add_completion=False,
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, worlds_app):
+for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
     app.add_typer(group)
 
 
@@ -74,7 +75,7 @@ def _refused(error: Exception) -> str:
 
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
-    os.environ.update(SAFE_PATH)  # for every process that is started from here, by whatever library
+    os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")
     except AutomosError as error:

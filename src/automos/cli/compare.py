@@ -14,7 +14,7 @@ from automos.cli.options import Calib, Format, Poses, Recording, Workers
 compare_app = typer.Typer()
 
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run goes on there")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, baselines.removert.voxel=0.1, ...")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, candidates.erasor.voxel=0.3, ...")]
 
 
 @compare_app.command()
@@ -52,7 +52,11 @@ def compare(
     from automos.comparison.compare import compare as compare_methods
     from automos.comparison.compare import write_comparison
     from automos.comparison.labelers import choose_methods
+    from automos.errors import InputError
+    from automos.scan import MAX_RANGE
 
+    if not 0.0 < radius < MAX_RANGE:
+        raise InputError(f"--radius {radius:g} is not possible: give metres around the sensor, up to {MAX_RANGE:g}")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
     runs = _runs(

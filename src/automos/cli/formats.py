@@ -70,8 +70,8 @@ def merge(
     """Take boxes or labels that were corrected in another tool into the labels, and count what changed."""
     from automos.datasets import open_sequence
     from automos.export.merge import merge as merge_corrections
-    from automos.export.run_files import RunFiles
     from automos.progress import StageProgress
+    from automos.results.run_files import RunFiles
 
     with StageProgress(console, "merge") as progress:
         run = RunFiles(results, open_sequence(recording, format), progress)

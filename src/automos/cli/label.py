@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+
+if TYPE_CHECKING:
+    from automos.scale.label import Means
+    from automos.scale.sources import Recording
+    from automos.settings import Settings
 
 label_app = typer.Typer()
 
@@ -55,48 +60,63 @@ def label(
 
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
-    from automos.compiling import compiling_beside
-    from automos.datasets import open_sequence
     from automos.errors import InputError
-    from automos.labeling import label_recording, summary
-    from automos.progress import StageProgress
-    from automos.scale.label import Means, closing_lines, has_one_process_enough, label_fleet
+    from automos.scale.label import Means, has_one_process_enough
     from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
     from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
-    from automos.workspace import Workspace
 
     given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
     values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
     chosen = load_settings(preset, settings, values)
     part = parse_shard(shard)
     found = alone(find_all(recording, format), part)
-    if poses is not None and len(found) > 1:
-        raise InputError(f"{shown(recording)} holds {len(found)} recordings, but --poses is of one: give that one")
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else Path(shown(recording)).stem}"
     means = Means(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
     mine = take_shard(found, part)
+    if poses is not None and len(found) > 1:
+        raise InputError(f"{shown(recording)} holds {len(found)} recordings, but --poses is of one: give that one")
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
-        return
-    if part is None and has_one_process_enough(found, target, means):
-        sequence = open_sequence(found[0].source, found[0].format)
-        folder = Path(target)
-        began, before = time.perf_counter(), Workspace(folder).read_run()
-        with compiling_beside(console.print, knows_poses=True):
-            run = label_recording(sequence, folder, chosen, poses, calib, workers, console)
-        output.print(summary(run, folder, time.perf_counter() - began, run == before))
-        return
-    with StageProgress(console, shown(recording), "recordings") as progress:
+    elif part is None and has_one_process_enough(found, target, means):
+        _label_here(found[0], Path(target), chosen, (poses, calib), workers)
+    else:
+        _label_all(mine, shown(recording), target, chosen, means, part, (poses, calib))
+
+
+def _label_here(
+    found: Recording, folder: Path, settings: Settings, poses: tuple[Path | None, Path | None], workers: int
+) -> None:
+    """Label one recording in this process and say what was found."""
+    from automos.compiling import compiling_beside
+    from automos.datasets import open_sequence
+    from automos.labeling import label_recording, summary
+    from automos.workspace import Workspace
+
+    sequence = open_sequence(found.source, found.format)
+    began, before = time.perf_counter(), Workspace(folder).read_run()
+    with compiling_beside(console.print, knows_poses=True):
+        run = label_recording(sequence, folder, settings, *poses, workers, console)
+    output.print(summary(run, folder, time.perf_counter() - began, run == before))
+
+
+def _label_all(
+    found: list[Recording],
+    name: str,
+    target: str,
+    settings: Settings,
+    means: Means,
+    part: tuple[int, int] | None,
+    poses: tuple[Path | None, Path | None],
+) -> None:
+    """Label many recordings, by processes or on a cluster; exit with `NOT_ALL` where some could not be."""
+    from automos.progress import StageProgress
+    from automos.scale.label import closing_lines, label_fleet
+
+    with StageProgress(console, name, "recordings") as progress:
         outcome = label_fleet(
-            mine,
-            target,
-            chosen,
-            means,
-            part,
-            (poses, calib),
-            lambda n, bad, total: progress("labelled", n + bad, total),
+            found, target, settings, means, part, poses, lambda n, bad, total: progress("labelled", n + bad, total)
         )
     for line in closing_lines(outcome, target):
         output.print(line)

@@ -26,8 +26,8 @@ def report(
     format: Format = None,
 ) -> None:
     """Write one HTML page about a run: what moved, where, how sure, how good. It opens without a network."""
-    from automos.export.open_run import open_run
     from automos.progress import StageProgress
+    from automos.results.open_run import open_run
     from automos.visualization.report import write_report
 
     path = out or results / "report.html"
@@ -52,8 +52,8 @@ def review(
     Labels, tracks.json and the report are rewritten. Every decision is kept in RUN/review.jsonl and holds when the
     recording is labelled again.
     """
-    from automos.export.open_run import open_run
     from automos.progress import StageProgress
+    from automos.results.open_run import open_run
     from automos.review.server import ReviewServer
     from automos.review.session import Session
 
@@ -84,8 +84,8 @@ def view(
     format: Format = None,
 ) -> None:
     """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors where there is truth."""
-    from automos.export.open_run import open_run
     from automos.progress import StageProgress
+    from automos.results.open_run import open_run
     from automos.visualization.viewer import Viewer, save_recording
 
     with StageProgress(console, results.name) as progress:

@@ -31,6 +31,7 @@ def train(
     init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one that came along")] = None,
     device: Device = "auto",
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
+    loaders: Annotated[int, typer.Option(min=0, help="processes that prepare scans; 0: the training itself")] = 0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -59,7 +60,7 @@ def train(
     init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
     with StageProgress(console, "train") as progress:
-        best = train_on(together, out, chosen, init, device, devices, progress=progress)
+        best = train_on(together, out, chosen, init, device, devices, progress, loaders=loaders)
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
 
 
@@ -73,6 +74,8 @@ def segment(
     format: Format = None,
     probabilities: Annotated[bool, typer.Option("--probabilities", help="write how likely each point moves")] = False,
     device: Device = "auto",
+    engine: Annotated[str, typer.Option(help="what runs the network: auto, torch, onnxruntime or openvino")] = "auto",
+    threads: Annotated[int, typer.Option(min=0, help="of the network on a CPU; 0: one per core")] = 0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -88,9 +91,9 @@ def segment(
     from automos.learning.segment import open_network, segment_recording, summary
     from automos.progress import StageProgress
 
-    chosen = _settings(settings, set_, {"network.online.device": device})
+    chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
-    network = open_network(weights, chosen)
+    network = open_network(weights, engine, device, threads)
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:

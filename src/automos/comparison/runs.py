@@ -21,15 +21,17 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import write_text
-from automos.baselines.methods import BUILDS_ON
+from automos.baselines.methods import published
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import stage_keys
+from automos.reading import read_json
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
@@ -96,7 +98,7 @@ class MethodRuns:
     ):
         """Take a recording and where results are kept.
 
-        `overrides` are settings that differ from the presets' ("baselines.removert.voxel": 0.1); `poses` (N, 4, 4)
+        `overrides` are settings that differ from the presets' ("candidates.ground.cell": 0.4); `poses` (N, 4, 4)
         T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is no preset is
         given the default's; `shared`: all are. Without `own_process` methods run in this one: short recordings take
         less time, but what they cost is not known. `repeats` is how often each is run. `predictions` are
@@ -167,10 +169,8 @@ class MethodRuns:
         if method in PRESETS:
             return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
         chosen = settings.model_dump(mode="json")
-        own = [chosen["baselines"].get(name) for name in (method, *BUILDS_ON.get(method, ()))]
-        return fingerprint(
-            self._pose_key(method), method, own, chosen["candidates"]["ground"], chosen["candidates"]["erasor"]
-        )
+        own = chosen["candidates"]["erasor"] if method == "erasor" else repr(published(method))
+        return fingerprint(self._pose_key(method), method, own, chosen["candidates"]["ground"])
 
     def cost(self, method: str) -> Cost | None:
         """Return what `method` took; it is run where its labels are not there yet. None of another program's labels.
@@ -203,15 +203,15 @@ class MethodRuns:
         """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
         name = self.sequence.names[index]
         if method in self._others:
-            return to_mos(read_prediction(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
-        return read_prediction(self.folder / method / "predictions" / f"{name}.label", n_points)
+            return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
+        return read_labels(self.folder / method / "predictions" / f"{name}.label", n_points)
 
 
 def _read_cost(file: Path, key: str) -> Cost | None:
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_json(file)
         return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):  # damaged from outside: it is run again
         return None
 
 
@@ -244,7 +244,7 @@ def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
     for i in range(len(sequence) if folders else 0):
         n_points = len(sequence[i])
         for folder in folders.values():
-            read_prediction(folder / f"{sequence.names[i]}.label", n_points)
+            read_labels(folder / f"{sequence.names[i]}.label", n_points)
 
 
 def is_moving(labels: npt.NDArray) -> npt.NDArray[np.bool_]:

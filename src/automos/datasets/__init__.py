@@ -10,11 +10,13 @@ from __future__ import annotations
 import difflib
 import importlib
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
 from automos.datasets.codecs import CODECS
 from automos.datasets.files import is_text
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format
 from automos.errors import InputError
 from automos.reading import damage_told
@@ -79,7 +81,7 @@ class _Found(NamedTuple):
     def open(self) -> Sequence:
         if not is_text(str(self.path)):
             raise InputError(f"{str(self.path)!a} is no UTF-8; rename what is not")
-        with damage_told(self.path):
+        with damage_told(self.path), limited(self.path) if self.reader.needs else nullcontext():
             return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from automos.datasets.box_truth import DrawnBoxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.datasets.columns import to_scan
+from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.mounts import checked_mount
@@ -23,7 +24,8 @@ from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_po
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label, pack
-from automos.scan import Pose, Scan
+from automos.reading import damage_told, require_regular
+from automos.scan import MAX_RANGE, Pose, Scan
 from automos.upright_boxes import Boxes, points_in_boxes
 
 _SCANS = Path("sensors") / "lidar"
@@ -35,7 +37,22 @@ _SENSORS = ("up_lidar", "down_lidar")
 _LASERS = 32
 """Of each of the two."""
 
-Table = dict[str, npt.NDArray]
+_WORDS = {"sensor_name", "track_uuid", "category"}
+"""Columns that hold no numbers."""
+
+
+class Table(dict[str, npt.NDArray]):
+    """The columns of a file; one that is absent or of another kind is told with the file."""
+
+    def __init__(self, path: Path, columns: dict[str, npt.NDArray]):
+        super().__init__({name: values.astype(str) if name in _WORDS else values for name, values in columns.items()})
+        self.path = path
+        for name in self.keys() - _WORDS:
+            if self[name].dtype.kind not in ("iu" if name == "timestamp_ns" else "fiub"):
+                raise InputError(f"{path}: column {name} holds something else than numbers; download it again")
+
+    def __missing__(self, name: str) -> npt.NDArray:
+        raise InputError(f"{self.path} has no column {name}; download it again")
 
 
 def find(path: Path) -> list[Path]:
@@ -179,6 +196,8 @@ class Argoverse2Sequence(ListedSequence):
         _, track = np.unique(table["track_uuid"], return_inverse=True)
         yaw = np.arctan2(T_ego_box[:, 1, 0], T_ego_box[:, 0, 0])
         size = np.column_stack([table[f"{side}_m"] for side in ("length", "width", "height")])
+        if not ((size >= 0.0) & (size < MAX_RANGE)).all():
+            raise InputError(f"{self.source / _BOXES} has a box without a size; download it again")
         return DrawnBoxes(
             table["timestamp_ns"],
             track.astype(np.int64) + 1,
@@ -191,18 +210,23 @@ def _read(path: Path) -> Table:
     """Return the columns of one feather file."""
     feather, arrow = import_extra("pyarrow.feather", "arrow"), import_extra("pyarrow", "arrow")
     try:
-        table = feather.read_table(path, memory_map=False)
+        require_regular(path)
+        with limited(path):
+            table = feather.read_table(path, memory_map=False)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; a log needs it: download the log again") from None
-    except (OSError, arrow.ArrowInvalid) as error:
+    except InputError:
+        raise
+    except (OSError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
-    return {name: table[name].to_numpy() for name in table.column_names}
+    return Table(path, {name: table[name].to_numpy() for name in table.column_names})
 
 
 def _transforms(table: Table) -> Pose:
     """Return the (R, 4, 4) transforms of a table's rows."""
     translation = np.column_stack([table[f"t{axis}_m"] for axis in "xyz"])
-    return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]))
+    with damage_told(table.path, "holds transforms that are none"):
+        return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]))
 
 
 FORMAT = Format(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from automos.datasets.box_truth import motion_with_boxes
 from automos.errors import InputError
 from automos.geometry import transform
 from automos.labels import Label
+from automos.reading import read_json
 from automos.scan import Pose, Scan
 from automos.upright_boxes import Boxes
 
@@ -42,7 +42,7 @@ def motion_beside(
 
 def _read(path: Path) -> tuple[npt.NDArray[np.int64], Boxes, Pose]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
         rows = document["boxes"]
         columns = [np.array([row[key] for row in rows], np.float64) for key in ("center", "size", "yaw")]
         ids = np.array([row["id"] for row in rows], np.int64)

@@ -23,8 +23,9 @@ from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
 from automos.datasets.time_order import put_in_order
 from automos.errors import InputError
 from automos.geometry import inverse
+from automos.label_files import read_labels
 from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.reading import read_bytes, read_text
+from automos.reading import read_text
 from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -133,15 +134,7 @@ class FolderSequence(Sequence):
         if not self._has_truth:
             return None
         index = range(len(self))[index]
-        path = self.source / "labels" / f"{self._names[index]}.label"
-        labels = read_labels(path)
-        n_points = self._n_points(index)
-        if len(labels) != n_points:
-            raise InputError(
-                f"{path} holds {len(labels)} labels, but its scan {self._files[index]} has {n_points} points; "
-                "labels and scans must be of the same recording"
-            )
-        return labels
+        return read_labels(self.source / "labels" / f"{self._names[index]}.label", self._n_points(index))
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
@@ -218,25 +211,6 @@ class FolderSequence(Sequence):
         columns = read_columns(fullest, self._codec)
         others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
         return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder)
-
-
-def read_labels(path: Path) -> npt.NDArray[np.uint32]:
-    """Return the (N,) uint32 labels of one SemanticKITTI .label file.
-
-    Raises
-    ------
-    InputError
-        A file that is absent or no whole number of labels.
-    """
-    try:
-        raw = read_bytes(path)
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; each scan needs a label file of the scan's name") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    if len(raw) % 4:
-        raise InputError(f"{path} has {len(raw)} bytes, no multiple of a label (uint32, 4 bytes); copy it again")
-    return np.frombuffer(raw, np.uint32)
 
 
 def _warn_of_viewpoint(path: Path) -> None:

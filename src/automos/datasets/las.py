@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets.columns import Columns
+from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
 from automos.datasets.las_header import require_whole
 from automos.errors import InputError
@@ -25,7 +26,8 @@ def read(path: Path) -> Columns:
         import_extra("lazrs", "las")
     try:
         n_points = require_whole(path)
-        las = laspy.read(path)
+        with limited(path):
+            las = laspy.read(path)
     except (OSError, InputError):
         raise
     except Exception as error:  # damaged files break the library in many ways

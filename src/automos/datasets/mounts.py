@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from automos.errors import InputError
 from automos.geometry import is_rigid
+from automos.reading import parse_yaml, read_text
 from automos.scan import Pose, Scan
 
 FILE = "mounts.yaml"
@@ -98,9 +98,11 @@ def read_mounts(folder: Path) -> Mounts | None:
     if not path.exists():
         return None
     try:
-        entries = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path} is not YAML ({' '.join(str(error).split())})") from None
+        entries = parse_yaml(read_text(path))
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is not YAML ({error})") from None
     if not isinstance(entries, list) or not 0 < len(entries) <= 255 or not all(isinstance(e, dict) for e in entries):
         raise InputError(f"{path} must be a list of LiDARs, each with a name and where it sits; see the documentation")
     names = [str(entry.get("name", k)) for k, entry in enumerate(entries)]
@@ -109,7 +111,7 @@ def read_mounts(folder: Path) -> Mounts | None:
     if all(ring is None for ring in rings):
         return Mounts(names, T)
     for ring, name in zip(rings, names, strict=True):
-        if not isinstance(ring, list) or len(ring) != 2 or not all(isinstance(r, int) for r in ring):
+        if not isinstance(ring, list) or len(ring) != 2 or not all(r in range(1 << 16) for r in ring):
             raise InputError(f"{path}: the rings of {name} must be its first and last, [0, 31], but are {ring}")
     return Mounts(names, T, np.array(rings, np.int64))
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
 from automos.errors import AutomosError, InputError
+from automos.reading import require_regular
 
 _BATCH = 5
 """Rows decoded at once."""
@@ -65,7 +67,9 @@ def _told(path: Path, columns: Sequence[str]) -> Iterator[Any]:
     """Give the library; turn what it stumbles over into one sentence."""
     parquet, arrow = import_extra("pyarrow.parquet", "arrow"), import_extra("pyarrow", "arrow")
     try:
-        yield parquet
+        require_regular(path)
+        with limited(path):
+            yield parquet
     except AutomosError:
         raise
     except FileNotFoundError:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from automos.datasets import livox_message
 from automos.datasets.columns import Columns, time_column, to_scan
+from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
 from automos.datasets.listed import digest_of_files
 from automos.datasets.point_cloud2 import read_columns
@@ -218,7 +219,8 @@ def _header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
 def _told(bag: Path) -> Iterator[None]:
     """Turn whatever the reader of bags stumbles over into one sentence: damaged files break it in many ways."""
     try:
-        yield
+        with limited(bag):
+            yield
     except AutomosError:
         raise
     except Exception as error:

@@ -50,10 +50,10 @@ def poses_at(
     InputError
         The poses do not reach a scan: they begin later or end earlier by more than half the time between scans.
     """
+    if len(pose_stamps) == 0:
+        raise InputError(f"{path} holds no poses")
     order = np.argsort(pose_stamps, kind="stable")
     order = order[np.r_[True, np.diff(pose_stamps[order]) > 0]]
-    if len(order) == 0:
-        raise InputError(f"{path} holds no poses")
     times, T = pose_stamps[order], T_map_body[order]
     slack = 0.5 * float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
     is_outside = (stamps < times[0] - slack) | (stamps > times[-1] + slack)

@@ -20,12 +20,15 @@ import numpy.typing as npt
 from automos.datasets.box_truth import DrawnBoxes, centers_in_world, judge_boxes, paint_boxes
 from automos.datasets.formats import Format
 from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.mounts import checked_mount
 from automos.datasets.parquet import RowReader, read_columns
 from automos.datasets.range_image import place_pixels
 from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, make_transform
 from automos.labels import Label
+from automos.pose_files import FARTHEST
+from automos.reading import damage_told
 from automos.scan import Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 
@@ -73,6 +76,8 @@ class WaymoSequence(Sequence):
         self.source, self.name = segment, segment.name
         self._threads = threading.local()
         keys = read_columns(_table(segment, "lidar"), [_TIME, _LASER])
+        if keys[_TIME].dtype.kind not in "iu":
+            raise InputError(f"{_table(segment, 'lidar')} has rows without a time; download it again")
         self._rows = np.flatnonzero(keys[_LASER] == _TOP)
         self._micros = keys[_TIME][self._rows].astype(np.int64)
         if len(self._rows) == 0:
@@ -143,6 +148,8 @@ class WaymoSequence(Sequence):
         """Return the row of each scan in a table, of the top LiDAR where it names LiDARs."""
         path = _table(self.source, component)
         keys = read_columns(path, [_TIME, *of_top])
+        if keys[_TIME].dtype.kind not in "iu":
+            raise InputError(f"{path} has rows without a time; download it again")
         rows = np.flatnonzero(keys[_LASER] == _TOP) if of_top else np.arange(len(keys[_TIME]))
         row_at = dict(zip(keys[_TIME][rows].tolist(), rows.tolist(), strict=True))
         absent = next((micros for micros in self._micros.tolist() if micros not in row_at), None)
@@ -151,8 +158,13 @@ class WaymoSequence(Sequence):
         return np.array([row_at[micros] for micros in self._micros.tolist()])
 
     def _read_poses(self) -> Pose:
-        columns = read_columns(_table(self.source, "vehicle_pose"), [_VEHICLE])
-        return np.stack(columns[_VEHICLE].tolist()).reshape(-1, 4, 4)[self._find_rows("vehicle_pose")]
+        path = _table(self.source, "vehicle_pose")
+        with damage_told(path):
+            T = np.stack(read_columns(path, [_VEHICLE])[_VEHICLE].tolist()).reshape(-1, 4, 4)
+            T = T[self._find_rows("vehicle_pose")].astype(np.float64)
+            if not (np.abs(T) < FARTHEST).all():
+                raise ValueError("a pose that is none")
+        return T
 
     def _reader(self, component: str, columns: Sequence_[str]) -> RowReader:
         """The opened table; one for each thread, as readers are not made to be shared."""
@@ -165,13 +177,20 @@ class WaymoSequence(Sequence):
     def _range_images(self, index: int) -> list[npt.NDArray[np.float32]]:
         """Return the (H, W, 4) images of both returns: metres, intensity, elongation, whether in a zone not labeled."""
         row = self._reader("lidar", _RETURNS)[int(self._rows[index])]
-        return [row[f"{name}.values"].reshape(row[f"{name}.shape"]) for name in _RETURNS]
+        with damage_told(_table(self.source, "lidar")):
+            images = [_image(row, name, 4) for name in _RETURNS]
+            if images[0].shape != images[1].shape:
+                raise ValueError("two returns of different sizes")
+        return images
 
     def _to_points(self, index: int, distance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Return the (H * W, 3) points of ranges (H, W), at the origin where there was no return."""
         row = self._reader("lidar_pose", [_PIXEL_POSE])[int(self._pose_rows[index])]
-        pixel_pose = row[f"{_PIXEL_POSE}.values"].reshape(row[f"{_PIXEL_POSE}.shape"])
         elevation, T_vehicle_laser = self._calibration
+        with damage_told(_table(self.source, "lidar_pose")):
+            pixel_pose = _image(row, _PIXEL_POSE, 6)
+            if pixel_pose.shape[:2] != distance.shape or len(elevation) != len(distance):
+                raise ValueError("poses of another number of pixels, or angles of another number of rows")
         T_sensor_world = inverse(self._T_world_vehicle[index] @ self._T_vehicle_sensor)
         return place_pixels(distance, pixel_pose, elevation, T_vehicle_laser, T_sensor_world)
 
@@ -184,8 +203,11 @@ class WaymoSequence(Sequence):
         rows = np.flatnonzero(columns[_LASER] == _TOP)
         if len(rows) != 1:
             raise InputError(f"{path} must have the top LiDAR once, but has it {len(rows)} times; download it again")
-        T, elevation = (np.asarray(columns[name][rows[0]], np.float64) for name in names)
-        return elevation[::-1].copy(), T.reshape(4, 4)
+        with damage_told(path):
+            T, elevation = (np.asarray(columns[name][rows[0]], np.float64) for name in names)
+            if elevation.ndim != 1 or not np.isfinite(elevation).all():
+                raise ValueError("angles of rows that are none")
+            return elevation[::-1].copy(), checked_mount(T.reshape(4, 4), "the top LiDAR", path)
 
     @property
     def _T_vehicle_sensor(self) -> Pose:
@@ -201,12 +223,23 @@ class WaymoSequence(Sequence):
             f"{_BOX}.{name}" for name in ("heading", *(f"{of}.{axis}" for of in ("center", "size") for axis in "xyz"))
         ]
         table = read_columns(path, [_TIME, _OBJECT, *parts])
-        yaw, *sides = (table[part].astype(np.float64) for part in parts)
+        with damage_told(path):
+            yaw, *sides = (table[part].astype(np.float64) for part in parts)
+            if table[_TIME].dtype.kind not in "iu" or not (np.abs([yaw, *sides]) < FARTHEST).all():
+                raise ValueError("a box that is nowhere")
         center, size = np.column_stack(sides[:3]), np.column_stack(sides[3:])
         _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
         scan = np.searchsorted(self._micros, table[_TIME]).clip(max=len(self) - 1)
         label = judge_boxes(track, 1e-6 * table[_TIME], centers_in_world(self._T_world_vehicle[scan], center))
         return DrawnBoxes(table[_TIME], track.astype(np.int64) + 1, Boxes(center, size, yaw, np.ones(len(yaw))), label)
+
+
+def _image(row: dict[str, npt.NDArray], name: str, n_channels: int) -> npt.NDArray[np.float32]:
+    """Return an image (H, W, n_channels) from its flat values and its shape."""
+    shape = row[f"{name}.shape"].tolist()
+    if len(shape) != 3 or min(shape) < 0 or shape[2] != n_channels:
+        raise ValueError(f"an image of shape {shape}")
+    return row[f"{name}.values"].astype(np.float32).reshape(shape)
 
 
 FORMAT = Format(

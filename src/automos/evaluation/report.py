@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.label_files import read_labels
 from automos.scan import Sequence
-from automos.workspace import RESULT_FILES, RUN_FILE
+from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -132,7 +132,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
     for i, name in enumerate(sequence.names):
         truth = sequence.truth(i)
         if truth is not None:
-            prediction = read_prediction(folder / f"{name}.label", len(truth))
+            prediction = read_labels(folder / f"{name}.label", len(truth))
             with np.errstate(invalid="ignore", over="ignore"):
                 ranges = np.linalg.norm(sequence[i].points, axis=1)
             counts += count(prediction, truth, ranges)
@@ -140,22 +140,6 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
         if progress is not None:
             progress(f"evaluating {sequence.name}", i + 1, len(sequence))
     return Result(counts, objects)
-
-
-def read_prediction(path: Path, n_points: int) -> npt.NDArray[np.uint32]:
-    """Return the (n_points,) uint32 labels in `path`."""
-    try:
-        size = path.stat().st_size
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing; each scan needs a prediction of its name: label the recording again"
-        ) from None
-    if size != 4 * n_points:
-        raise InputError(
-            f"{path} has {size} bytes, but its scan has {n_points} points ({4 * n_points} bytes as uint32); "
-            "it belongs to another scan or was cut short: label the recording again"
-        )
-    return np.fromfile(path, np.uint32)
 
 
 def find_predictions(root: Path, name: str, is_only: bool) -> Path:
@@ -178,6 +162,8 @@ def _require_finished(folder: Path) -> None:
     last = "complete.json" if in_fleet else RUN_FILE
     if (is_ours or in_fleet) and not (folder / last).exists():
         raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
+    if (is_ours or in_fleet) and not Workspace(folder).read_run():
+        raise InputError(f"{folder / RUN_FILE} is missing or damaged: run the same command again")
 
 
 def _has_truth(sequence: Sequence) -> bool:

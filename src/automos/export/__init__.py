@@ -61,7 +61,7 @@ def export_run(
     InputError
         Results that do not belong to the recordings, an unknown format, or a place that cannot be written.
     """
-    from automos.export.run_files import RunFiles
+    from automos.results.run_files import RunFiles
 
     export, folder = load_export(format), Path(folder)
     if deskewed and not export.is_of_points:

@@ -16,7 +16,8 @@ from automos.atomic import atomic_path, write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
 from automos.export.point_columns import scan_columns
-from automos.export.run_files import VERDICTS, RunFiles
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 
 ANNOTATIONS = "annotations/default.json"
 CLOUDS = "point_clouds/default"

@@ -17,8 +17,9 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.export.cvat import ANNOTATIONS
-from automos.export.run_files import MIN_SIDE, VERDICTS, RunFiles
 from automos.reading import DAMAGE, MAX_TEXT, parse_json, read_json, require_regular
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import MIN_SIDE, VERDICTS
 from automos.scan import MAX_RANGE
 from automos.upright_boxes import Boxes, iou_3d
 

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
-from automos.export.run_files import RunFiles
 from automos.geometry import inverse, transform
 from automos.labels import Label
+from automos.results.run_files import RunFiles
 from automos.scan import Pose, Sequence
 
 Motion = npt.NDArray[np.float32]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 @dataclass(frozen=True)

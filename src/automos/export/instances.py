@@ -8,7 +8,7 @@ import numpy as np
 
 from automos.atomic import atomic_path
 from automos.export.formats import Export
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

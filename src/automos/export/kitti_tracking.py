@@ -13,8 +13,9 @@ import numpy as np
 
 from automos.atomic import write_text
 from automos.export.formats import Export
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.geometry import inverse, make_transform, transform
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 
 R_CAMERA_UPRIGHT = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """From x forward, y left, z up to x right, y down, z forward."""

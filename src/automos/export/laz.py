@@ -14,7 +14,7 @@ from automos.atomic import atomic_path
 from automos.datasets.formats import import_extra
 from automos.export.formats import Export
 from automos.export.point_columns import point_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 STEP = 1e-4
 """Metres: the grid of the coordinates; 32 bits reach 214 km."""

@@ -16,7 +16,7 @@ from automos.atomic import atomic_path
 from automos.datasets.formats import import_extra
 from automos.export.formats import Export
 from automos.export.point_columns import packed_rows, point_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 TOPIC, FRAME = "/automos/points", "lidar"
 _DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}

@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import atomic_path, write_text
-from automos.datasets.folder import read_labels
 from automos.errors import InputError
 from automos.export.edits import EditedScan, read_edits
 from automos.export.relabel import Change, compare, relabel
-from automos.export.run_files import VERDICTS, RunFiles
+from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 from automos.workspace import RUN_FILE
 
 
@@ -94,9 +95,7 @@ def _from_file(
     """Return the labels in a corrected file, of any SemanticKITTI class; without ids, points that move keep theirs."""
     if not path.exists():
         return before
-    packed = read_labels(path)
-    if len(packed) != len(before[0]):
-        raise InputError(f"{path} holds {len(packed)} labels, but its scan has {len(before[0])} points")
+    packed = read_labels(path, len(before[0]))
     label = to_mos(packed).astype(np.uint16)
     own = (packed >> 16).astype(np.int64)
     return label, np.where(label == Label.MOVING, own if own.any() else before[1], 0)

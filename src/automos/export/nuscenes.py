@@ -12,8 +12,9 @@ import numpy as np
 
 from automos.atomic import write_text
 from automos.export.formats import Export
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.geometry import inverse, transform
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 
 
 def write(run: RunFiles, out: Path) -> None:

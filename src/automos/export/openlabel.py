@@ -10,7 +10,7 @@ import numpy as np
 
 from automos.atomic import write_text
 from automos.export.formats import Export
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 _WORLD, _SENSOR = "world", "lidar"
 

@@ -15,7 +15,7 @@ from automos.atomic import atomic_path
 from automos.datasets.formats import import_extra
 from automos.export.flow import scan_flow, timestamps
 from automos.export.formats import Export
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

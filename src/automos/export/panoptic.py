@@ -6,8 +6,8 @@ from pathlib import Path
 
 from automos.atomic import atomic_path
 from automos.export.formats import Export
-from automos.export.run_files import RunFiles
 from automos.labels import pack
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -10,7 +10,7 @@ from automos.atomic import atomic_path
 from automos.datasets.formats import import_extra
 from automos.export.formats import Export
 from automos.export.point_columns import point_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from automos.atomic import atomic_path
 from automos.export.formats import Export
 from automos.export.point_columns import packed_rows, point_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from automos.atomic import atomic_path
 from automos.export.formats import Export
 from automos.export.point_columns import packed_rows, point_columns
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 _TYPES = {"f4": "float", "u2": "ushort", "u4": "uint"}
 

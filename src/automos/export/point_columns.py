@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.scan import Points, Scan
 
 

@@ -16,9 +16,10 @@ from automos.atomic import write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
 from automos.export.point_columns import scan_columns
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.export.sustech import xyz
 from automos.labels import Label
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 from automos.scan import Pose
 
 CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}

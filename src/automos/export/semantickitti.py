@@ -12,7 +12,7 @@ from pathlib import Path
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.export.formats import Export
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -16,8 +16,8 @@ from automos.atomic import write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
 from automos.export.point_columns import scan_columns
-from automos.export.run_files import RunFiles
 from automos.export.sustech import xyz
+from automos.results.run_files import RunFiles
 
 _COLORS = {"moving": "#E5484D", "static": "#8B8D98", "unknown": "#F5D90A"}
 

@@ -14,7 +14,8 @@ from automos.atomic import write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
 from automos.export.point_columns import scan_columns
-from automos.export.run_files import VERDICTS, RunFiles
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -24,6 +24,7 @@ def detect_objects(
     origin: npt.NDArray,
     log_odds: npt.NDArray[np.floating],
     heights: npt.NDArray[np.float32],
+    solidity: npt.NDArray[np.uint8],
     ray_steps: tuple[float, float],
     settings: DetectSettings,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], Detections]:
@@ -33,6 +34,7 @@ def detect_objects(
     ----------
     points : (N, 3) float32 metres, level frame; neither ground nor ego body.   origin : (3,) the sensor's position.
     log_odds : (N,) has moved, against has stayed.   heights : (N,) metres above the ground.
+    solidity : (N,) uint8, share of the rays beside a point that ended beside it, 255 for all.
     ray_steps : radians between neighbouring rays, up and sideways.
 
     Returns
@@ -64,7 +66,7 @@ def detect_objects(
     n_objects = n_whole + int(is_piece.sum())
     silent = _renumbered(ids, is_compact & ~speaks_once, n_objects)
     both = (objects, np.maximum(silent - n_objects, -1))
-    parts = [_describe(part, points, heights, has_moved, has_stayed) for part in both]
+    parts = [_describe(part, points, heights, solidity, has_moved, has_stayed) for part in both]
     parts[1].has_stayed[:] = True
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
     found.part_of[objects[is_cut]] = silent[is_cut]
@@ -112,16 +114,18 @@ def _describe(
     ids: npt.NDArray[np.int32],
     points: npt.NDArray,
     heights: npt.NDArray[np.float32],
+    solidity: npt.NDArray[np.uint8],
     has_moved: npt.NDArray[np.bool_],
     has_stayed: npt.NDArray[np.bool_],
 ) -> Detections:
-    """Return the boxes, counts and lifts of segments 0, 1, ... of `ids`."""
+    """Return the boxes, counts, lifts and solidity of segments 0, 1, ... of `ids`."""
     n, inside = int(ids.max(initial=-1)) + 1, ids >= 0
-    kinds = (np.ones(len(points)), has_moved, has_stayed)
-    count, moved, stayed = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
+    kinds = (np.ones(len(points)), has_moved, has_stayed, solidity / 255.0)
+    count, moved, stayed, solid = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
     lift = np.full(n, np.inf)
     np.minimum.at(lift, ids[inside], heights[inside])
-    return Detections.of_objects(fit_boxes(points, ids, np.ones(n)), count, moved, stayed, lift)
+    boxes, share = fit_boxes(points, ids, np.ones(n)), solid / np.maximum(count, 1.0)
+    return Detections.of_objects(boxes, count, moved, stayed, lift, share)
 
 
 def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:

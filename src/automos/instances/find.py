@@ -13,6 +13,12 @@ from automos.instances.voxels import group_by_voxel
 from automos.settings import HdbscanSettings
 from automos.upright_boxes import Boxes
 
+_MIN_SAMPLES = 5
+"""Neighbours that make a point dense: as many as the smallest segment has points (N_min, III-F)."""
+
+_VOXEL = 0.1
+"""Metres: points are clustered as voxels. HDBSCAN's time goes with their number, and a wall nearby has hundreds."""
+
 
 @dataclass(frozen=True, eq=False)
 class Instances:
@@ -34,10 +40,10 @@ def find_instances(
     is_eligible : (M,) points that may belong to an instance: neither ground nor ego body nor out of range.
     """
     eligible = np.flatnonzero(is_eligible)
-    group, mean = group_by_voxel(points[eligible], settings.voxel)
+    group, mean = group_by_voxel(points[eligible], _VOXEL)
     weight = np.bincount(group, minlength=len(mean)).astype(np.float64)
     score = np.bincount(group, is_candidate[eligible], len(mean)) / weight
-    nested = cluster_nested(mean, settings.epsilons, settings.min_samples)
+    nested = cluster_nested(mean, settings.epsilons, _MIN_SAMPLES)
     chosen, segment_score = choose_segments(nested, weight, score, settings.min_points, settings.max_side, mean)
     is_instance = segment_score >= settings.min_score
     number = np.full(len(segment_score) + 1, -1, np.int32)  # the last entry is for segment -1

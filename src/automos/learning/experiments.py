@@ -42,7 +42,6 @@ SMALL: dict[str, Any] = {
     "network.training.samples": 200,
     "network.training.batch": 4,
     "network.training.learning_rate": 0.004,
-    "network.training.patience": 100,
     "network.training.validation_scans": 40,
 }
 """Settings with which every experiment fits into an hour of one CPU core each: the narrow network, small images."""
@@ -111,7 +110,7 @@ class Experiment:
 
     def score_network(self, method: str, name: str, weights: Path, test: Iterable[Path]) -> Row:
         """Return how a network does online on the test recordings, all points pooled."""
-        network = open_network(weights, self.settings)
+        network = open_network(weights)
         counts = Counts()
         for sequence in _sequences(test):
             folder = self.folder / "segmented" / name / sequence.name
@@ -152,7 +151,7 @@ def rivals(work: Experiment, data: Data, predictions: dict[str, Path]) -> list[R
 
     def flow(sequence: Sequence) -> Callable[[int], Any]:
         trajectory = estimate_trajectory(sequence, work.settings.odometry)
-        return FlowThreshold(sequence, trajectory, work.settings.network.scene_flow).labels
+        return FlowThreshold(sequence, trajectory).labels
 
     def movable(sequence: Sequence) -> Callable[[int], Any]:
         def labels(index: int) -> Any:

@@ -1,6 +1,6 @@
 """LMNet on the robot: a scan in, a label for each of its points out, from the present and the past alone.
 
-segmenter = OnlineSegmenter(load_network(weights, settings.network.online), settings)
+segmenter = OnlineSegmenter(load_network(weights), settings)
 for scan in robot:
     labels = segmenter.step(scan)      # (N,) uint8, 9 static, 251 moving, 0 for points that are none
 """
@@ -22,12 +22,17 @@ from automos.learning.recordings import measure_view
 from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
-from automos.network.residuals import pick_past
+from automos.network.residuals import SPACING, pick_past
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
 from automos.scan import Frame, Points, Pose, Scan
 from automos.settings import Settings
 
 STAGES = ("odometry", "image", "network", "clean-up")
+
+_TIMING_SCANS = 16
+"""Scans after which it is found out how sweeps are timed."""
+_PATTERN_POINTS = 1000
+"""Points a scan needs to show the sensor's beams."""
 
 
 class OnlineSegmenter:
@@ -47,8 +52,8 @@ class OnlineSegmenter:
         is_compensated: bool | None = None,
     ):
         """Take the network, and how the sensor's sweeps are timed where that is known (else it is found out)."""
-        self._network, self._settings = network, settings
-        self._odometry = CausalOdometry(settings.odometry, settings.network.online.timing_scans, timing, is_compensated)
+        self._network = network
+        self._odometry = CausalOdometry(settings.odometry, _TIMING_SCANS, timing, is_compensated)
         self._view: SensorView | None = None
         self._past: deque[tuple[Points, Pose, float]] = deque()  # thinned points, T_world_sensor, stamp
         self.T_world_sensor: Pose = np.eye(4)
@@ -70,11 +75,11 @@ class OnlineSegmenter:
             return labels, probability
         with self._timed("image"):
             intensity = None if scan.intensity is None else scan.intensity[frame.kept]
-            image = make_image(self._window(frame, intensity), view, self._network.image)
+            image = make_image(self._window(frame, intensity), view)
         with self._timed("network"):
             moving = self._network.run(image.channels)
         with self._timed("clean-up"):
-            share, mean = vote(image, moving, self._settings.network.cleanup)
+            share, mean = vote(image, moving)
             labels[frame.kept] = np.where(share > 0.5, Label.MOVING, Label.STATIC)
             probability[frame.kept] = mean
             self._remember(frame.points[image.shown], moved.stamp)
@@ -82,14 +87,14 @@ class OnlineSegmenter:
 
     def _view_of(self, scan: Scan, frame: Frame) -> SensorView | None:
         """Return how the sensor's scans become images, learnt from the first scan that shows its beams."""
-        if self._view is None and len(frame.points) >= self._settings.network.online.pattern_points:
+        if self._view is None and len(frame.points) >= _PATTERN_POINTS:
             self._view = measure_view([frame], [scan], self._network.image)
         return self._view
 
     def _window(self, frame: Frame, intensity: npt.NDArray[np.float32] | None) -> Window:
-        n, spacing = self._network.image.residuals, self._network.image.spacing
+        n = self._network.image.residuals
         past = list(self._past)[::-1]  # the latest first
-        chosen = pick_past(frame.stamp - np.array([stamp for _, _, stamp in past]), n, spacing)
+        chosen = pick_past(frame.stamp - np.array([stamp for _, _, stamp in past]), n)
         T_sensor_world = inverse(self.T_world_sensor)
         T_now_past = [np.eye(4) if k < 0 else T_sensor_world @ past[k][1] for k in chosen]
         clouds = tuple(None if k < 0 else past[k][0] for k in chosen)
@@ -97,7 +102,7 @@ class OnlineSegmenter:
 
     def _remember(self, points: Points, stamp: float) -> None:
         self._past.append((points, self.T_world_sensor, stamp))
-        reach = self._network.image.spacing * (self._network.image.residuals + 1)
+        reach = SPACING * (self._network.image.residuals + 1)
         while self._past and self._past[0][2] < stamp - 1.001 * reach:
             self._past.popleft()
 

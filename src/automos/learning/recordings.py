@@ -17,13 +17,15 @@ import numpy.typing as npt
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.datasets import open_recordings
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
+from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
-from automos.network.residuals import pick_past
+from automos.network.residuals import SPACING, pick_past
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import make_frame
+from automos.reading import damage_told, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
 from automos.settings import ImageSettings, Settings
@@ -101,10 +103,10 @@ class LabeledRecording:
         """Return scan `index` with the earlier scans that its residuals need, each from `read`."""
         now = read(index)
         stamps, poses = self.trajectory.stamps, self.trajectory.T_world_sensor
-        reach = self.settings.spacing * (self.settings.residuals + 1)
+        reach = SPACING * (self.settings.residuals + 1)
         first = int(np.searchsorted(stamps, stamps[index] - 1.001 * reach))
         ages = stamps[index] - stamps[first:index][::-1]
-        chosen = pick_past(ages, self.settings.residuals, self.settings.spacing)
+        chosen = pick_past(ages, self.settings.residuals)
         past = tuple(None if k < 0 else read(index - 1 - int(k)).points for k in chosen)
         T_now_past = np.linalg.inv(poses[index]) @ poses[[index if k < 0 else index - 1 - int(k) for k in chosen]]
         return Window(now.points, now.intensity, past, T_now_past), now
@@ -124,8 +126,16 @@ class LabeledRecording:
             return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
         path = self._predictions.parent / "confidences" / f"{name}.npy"
         if path.exists():
-            certain = np.load(path)
-        return to_mos(read_prediction(self._predictions / f"{name}.label", n_points)), certain
+            certain = _confidences(path, n_points)
+        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+
+
+def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
+    with damage_told(path, "holds no confidences of its scan"):
+        certain = read_array(path)
+        if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
+            raise ValueError(f"{n_points} numbers from 0 to 1 are needed")
+    return certain
 
 
 class Shelf:

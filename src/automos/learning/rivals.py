@@ -13,7 +13,15 @@ from automos.labels import Label
 from automos.odometry import Trajectory
 from automos.odometry.trajectory import make_frame
 from automos.scan import Sequence
-from automos.settings import SceneFlowSettings
+
+_MAX_RANGE = 50.0
+"""Metres; points further away count as static."""
+_MIN_HEIGHT = 0.3
+"""Metres above the ground under the first scan; lower points are static."""
+_NEIGHBOURS = 16
+"""Points whose median flow a point takes."""
+_MIN_SPEED, _MAX_SPEED = 1.4, 44.0
+"""m/s: from the first on a point moves (SeFlow's 0.14 m a scan), faster than the second is a point that appeared."""
 
 Labels = npt.NDArray[np.uint8]
 
@@ -36,19 +44,19 @@ class FlowThreshold:
     slides along itself without a trace.
     """
 
-    def __init__(self, sequence: Sequence, trajectory: Trajectory, settings: SceneFlowSettings):
-        self._sequence, self._trajectory, self._settings = sequence, trajectory, settings
+    def __init__(self, sequence: Sequence, trajectory: Trajectory):
+        self._sequence, self._trajectory = sequence, trajectory
 
     def labels(self, index: int) -> Labels:
         """Return (N,) labels of scan `index`, from it and the one before."""
         from scipy.spatial import KDTree
 
-        s, stamps = self._settings, self._trajectory.stamps
+        stamps = self._trajectory.stamps
         frame = make_frame(self._sequence[index], self._trajectory, index)
         moving = np.zeros(len(frame.points), np.bool_)
-        near = np.linalg.norm(frame.points, axis=1) < s.max_range
+        near = np.linalg.norm(frame.points, axis=1) < _MAX_RANGE
         height = frame.points_level[:, 2]
-        rows = np.flatnonzero(near & (height > s.min_height))
+        rows = np.flatnonzero(near & (height > _MIN_HEIGHT))
         if index > 0 and len(rows):
             before = make_frame(self._sequence[index - 1], self._trajectory, index - 1)
             T_now_before = inverse(frame.T_level_sensor) @ before.T_level_sensor
@@ -56,8 +64,8 @@ class FlowThreshold:
             points = frame.points[rows]
             _, nearest = KDTree(earlier, balanced_tree=False).query(points, workers=1)
             flow = points - earlier[nearest]
-            _, around = KDTree(points, balanced_tree=False).query(points, k=min(s.neighbours, len(points)), workers=1)
+            _, around = KDTree(points, balanced_tree=False).query(points, k=min(_NEIGHBOURS, len(points)), workers=1)
             smooth = np.median(flow[around.reshape(len(points), -1)], axis=1)
             speed = np.linalg.norm(smooth, axis=1) / (stamps[index] - stamps[index - 1])
-            moving[rows] = (speed > s.min_speed) & (speed < s.max_speed)
+            moving[rows] = (speed > _MIN_SPEED) & (speed < _MAX_SPEED)
         return frame.scatter(np.where(moving, Label.MOVING, Label.STATIC).astype(np.uint8))

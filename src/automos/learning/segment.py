@@ -36,9 +36,9 @@ class Latency:
     p99: float
 
 
-def open_network(weights: Path | None, settings: Settings) -> Deployed:
-    """Return the network in `weights`, the one that comes with the package where none is given."""
-    return load_network(weights or shipped(".onnx"), settings.network.online)
+def open_network(weights: Path | None, engine: str = "auto", device: str = "auto", threads: int = 0) -> Deployed:
+    """Return the network in `weights`, the one that comes with the package where none is given; see `load_network`."""
+    return load_network(weights or shipped(".onnx"), engine, device, threads)
 
 
 def segment_recording(

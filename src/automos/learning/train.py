@@ -39,11 +39,13 @@ def train(
     devices: int = 1,
     progress: Progress | None = None,
     poses: Path | None = None,
+    loaders: int = 0,
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
 
     `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
-    results folder holds are estimated once into `poses` (`out` / poses where not given).
+    results folder holds are estimated once into `poses` (`out` / poses where not given). `loaders` processes prepare
+    scans; 0: the training process itself.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def train(
     _claim(out, data, settings, init)
     network = settings.network
     recordings = open_labeled(list(data.train), settings, poses or out / "poses", progress)
-    weights = measure_classes(recordings, network.training.weighed_scans)
+    weights = measure_classes(recordings)
     if data.validation:
         validation = open_labeled(list(data.validation), settings, poses or out / "poses", progress)
     else:
@@ -74,13 +76,14 @@ def train(
         ValidationSamples(validation, network),
         network,
         weights,
-        measure_scale(recordings, network),
+        measure_scale(recordings),
         out,
         card,
         init,
         device,
         devices,
         progress,
+        loaders,
     )
 
 

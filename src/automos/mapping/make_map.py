@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +16,14 @@ from automos.atomic import write_text
 from automos.labels import Label, to_mos
 from automos.mapping.height_picture import HeightPicture
 from automos.mapping.metrics import MapCounts, MapScores
-from automos.mapping.tiles import Tile, Tiles
-from automos.mapping.writers import check_kind, open_cloud
+from automos.mapping.tiles import TILE, Tile, Tiles
+from automos.mapping.writers import Write, check_kind, open_cloud
 from automos.run import Progress
 from automos.scan import Frames, Sequence
 from automos.settings import MapSettings
+
+_PICTURE_PIXELS = 3000
+"""Of the pictures' longer side, at most: what screens show, and 9 MB at most."""
 
 
 @dataclass(frozen=True)
@@ -60,42 +63,55 @@ def make_map(
     out.mkdir(parents=True, exist_ok=True)
     reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
     corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
-    raw, clean = (HeightPicture(*corners, settings.picture_pixels) for _ in range(2))
-    tiles, counts, n_points, has_truth = Tiles(settings.voxel, settings.tile), MapCounts(tile=settings.tile), 0, False
+    raw, clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))
     with ExitStack() as stack:
         writers = [stack.enter_context(open_cloud(cloud)) for cloud in clouds]
+        n_points, scores = _write_map(frames, sequence, labels_of, writers, (raw, clean), settings, progress)
+    raw.write(out / "map_raw.png")
+    clean.write(out / "map_clean.png")
+    write_text(out / "map.json", json.dumps(_about(n_points, scores, settings), indent=2) + "\n")
+    return MadeMap([*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"], n_points, scores)
 
-        def finish(tile: Tile) -> None:
-            nonlocal n_points
+
+def _write_map(
+    frames: Frames,
+    sequence: Sequence,
+    labels_of: Callable[[int, int], npt.NDArray],
+    writers: list[Write],
+    pictures: tuple[HeightPicture, HeightPicture],
+    settings: MapSettings,
+    progress: Progress | None,
+) -> tuple[int, MapScores | None]:
+    """Give the map's points to `writers`, all points and those kept to `pictures`; return points, scores."""
+    reach, (raw, clean) = settings.max_range, pictures
+    tiles, counts, n_points, has_truth = Tiles(settings.voxel, TILE), MapCounts(), 0, False
+
+    def finish(done: Iterable[Tile]) -> None:
+        nonlocal n_points
+        for tile in done:
             n_points += len(tile.voxels)
             for write in writers:
                 write(tile.voxels.mean)
 
-        for i in range(len(sequence)):
-            frame = frames[i]
-            used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= reach**2)
-            points = frame.points_level[used]
-            is_kept = labels_of(i, frame.n_points)[frame.kept][used] == Label.STATIC
-            raw.add(points)
-            clean.add(points[is_kept])
-            tiles.add(points[is_kept])
-            truth = sequence.truth(i)
-            if truth is not None:
-                has_truth = True
-                true = to_mos(truth)[frame.kept][used]
-                counts.add(points, true == Label.STATIC, true == Label.MOVING, is_kept)
-            for tile in tiles.leave(frame.origin_level, 2.0 * reach):
-                finish(tile)
-            counts.leave(frame.origin_level, 2.0 * reach)
-            if progress is not None:
-                progress("map", i + 1, len(sequence))
-        for tile in tiles.rest():
-            finish(tile)
-    raw.write(out / "map_raw.png")
-    clean.write(out / "map_clean.png")
-    scores = counts.scores() if has_truth else None
-    write_text(out / "map.json", json.dumps(_about(n_points, scores, settings), indent=2) + "\n")
-    return MadeMap([*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"], n_points, scores)
+    for i in range(len(sequence)):
+        frame = frames[i]
+        used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= reach**2)
+        points = frame.points_level[used]
+        is_kept = labels_of(i, frame.n_points)[frame.kept][used] == Label.STATIC
+        raw.add(points)
+        clean.add(points[is_kept])
+        tiles.add(points[is_kept])
+        truth = sequence.truth(i)
+        if truth is not None:
+            has_truth = True
+            true = to_mos(truth)[frame.kept][used]
+            counts.add(points, true == Label.STATIC, true == Label.MOVING, is_kept)
+        finish(tiles.leave(frame.origin_level, 2.0 * reach))
+        counts.leave(frame.origin_level, 2.0 * reach)
+        if progress is not None:
+            progress("map", i + 1, len(sequence))
+    finish(tiles.rest())
+    return n_points, counts.scores() if has_truth else None
 
 
 def _about(n_points: int, scores: MapScores | None, settings: MapSettings) -> dict[str, object]:

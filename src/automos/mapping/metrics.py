@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from automos.mapping.tiles import Tile, Tiles
+from automos.mapping.tiles import TILE, Tile, Tiles
 from automos.scan import Mask
 
 
@@ -44,7 +44,7 @@ class MapCounts:
     """Adds up scans; memory is that of the tiles in the sensor's reach."""
 
     voxel: float = 0.2
-    tile: float = 40.0
+    tile: float = TILE
     static: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))  # points: all, kept
     moving: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
     static_voxels: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))

@@ -15,6 +15,9 @@ from automos.candidates.voxel_map import VoxelMap
 
 _STRIDE = 1 << 32
 
+TILE = 40.0
+"""Metres, side of a tile: a small part of what the sensor reaches, so that few wait, and large against a voxel."""
+
 
 class Tile:
     """The voxels of one square of ground.

@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import ValidationError
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
+from automos.network.deployed import FORMAT
+from automos.network.images import read_image_settings
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings
 
 _log = logging.getLogger(__name__)
-
-FORMAT = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +70,10 @@ def load_checkpoint(path: Path) -> Checkpoint:
     if version != FORMAT:
         raise InputError(f"{path} is a checkpoint of format {version}, this version reads {FORMAT}: train again")
     try:
-        image, model = ImageSettings(**content["image"]), ModelSettings(**content["model"])
+        image, model = read_image_settings(content["image"]), ModelSettings(**content["model"])
         network = LMNet(image, model)
         network.load_state_dict({name: _full(value) for name, value in content["state"].items()})
-    except (ValidationError, RuntimeError, KeyError) as error:
+    except (ValueError, RuntimeError, KeyError, TypeError) as error:  # pydantic's are ValueErrors
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"{path} holds weights that do not fit the network it names ({reason}): train again") from None
     return Checkpoint(network.eval(), image, model, dict(content.get("card", {})))

@@ -12,12 +12,18 @@ import numpy.typing as npt
 
 from automos.network.images import RangeImage
 from automos.network.projection import Image
-from automos.settings import CleanUpSettings
+
+# As RangeNet++ publishes them for KITTI.
+_RADIUS = 2
+"""Pixels around a point's own in which voters are looked for: 5 x 5."""
+_VOTERS = 5
+_SIGMA = 1.0
+"""Pixels, how soon far voters count less."""
+_CUTOFF = 1.0
+"""Metres: pixels whose range differs by more do not vote."""
 
 
-def vote(
-    image: RangeImage, moving: Image, settings: CleanUpSettings
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return for every point (N,) the share of its voters that are moving, and their mean probability of it.
 
     Most of an image agrees on standing still: where all of a window do, nobody is asked, and the mean is the pixel's.
@@ -26,18 +32,17 @@ def vote(
     ----------
     image : the image that was segmented.
     moving : (H, W) float32, probability of moving in each pixel.
-    settings : window, number of voters, cut-off. Where no pixel is near enough the nearest one votes; points without
-        a pixel have 0.
+
+    Where no pixel is near enough the nearest one votes; points without a pixel have 0.
     """
     share, mean = np.zeros((2, len(image.pixels)), np.float32)
-    radius = settings.window // 2
-    offsets = np.arange(-radius, radius + 1)
+    offsets = np.arange(-_RADIUS, _RADIUS + 1)
     squared = offsets[:, None] ** 2 + offsets[None, :] ** 2
-    far = (1.0 - np.exp(-squared / (2.0 * settings.sigma**2))).astype(np.float32)  # 0 in the middle
+    far = (1.0 - np.exp(-squared / (2.0 * _SIGMA**2))).astype(np.float32)  # 0 in the middle
     seen = image.channels[0]
     is_mixed = np.empty(seen.shape, np.bool_)
-    _find_mixed(seen, moving, radius, is_mixed)
-    _vote(image.pixels, image.ranges, seen, moving, is_mixed, far, settings.voters, settings.cutoff, share, mean)
+    _find_mixed(seen, moving, _RADIUS, is_mixed)
+    _vote(image.pixels, image.ranges, seen, moving, is_mixed, far, _VOTERS, _CUTOFF, share, mean)
     return share, mean
 
 

@@ -5,7 +5,6 @@ Whatever runs it, it is a function from an image (C, H, W) to the probability (H
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,15 +12,19 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from automos.errors import InputError, MissingExtraError
 from automos.extras import pip_install
+from automos.network.images import read_image_settings
 from automos.network.projection import Image
-from automos.settings import ImageSettings, OnlineSettings
+from automos.reading import parse_json
+from automos.settings import ImageSettings
 
+ENGINES = ("auto", "torch", "onnxruntime", "openvino")
+DEVICES = ("auto", "cpu", "gpu")
 METADATA = "automos"
-"""Key of an exported network's metadata that holds image settings and card as JSON."""
+"""Key of an exported network's metadata that holds format, image settings and card as JSON."""
+FORMAT = 2
+"""Of networks in files: what their images show. 1: residuals without a sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,33 +45,42 @@ class Deployed:
     card: dict[str, Any] = field(default_factory=dict)
 
 
-def load_network(weights: Path, settings: OnlineSettings) -> Deployed:
+def load_network(weights: Path, engine: str = "auto", device: str = "auto", threads: int = 0) -> Deployed:
     """Return the network in `weights`, a checkpoint (.pt) or an exported network (.onnx).
+
+    Parameters
+    ----------
+    engine : "torch", "onnxruntime", "openvino", or "auto": the first that is installed and runs the file.
+    device : "cpu", "gpu", or "auto".
+    threads : of the network on a CPU; 0: one per core.
 
     Raises
     ------
     InputError : no such file, not a network of ours, an engine that cannot run it, or no GPU where one is asked for.
     MissingExtraError : nothing that runs it is installed.
     """
+    for name, value, known in (("engine", engine, ENGINES), ("device", device, DEVICES)):
+        if value not in known:
+            raise InputError(f"there is no {name} '{value}': choose one of {', '.join(known)}")
     if not weights.exists():
         raise InputError(f"{weights} does not exist: give a checkpoint (.pt) or an exported network (.onnx)")
     if weights.suffix != ".onnx":
-        if settings.engine not in ("auto", "torch"):
-            raise InputError(f"{settings.engine} runs exported networks only: automos export-network {weights} first")
-        return _load_torch(weights, settings)
-    if settings.engine == "torch":
+        if engine not in ("auto", "torch"):
+            raise InputError(f"{engine} runs exported networks only: automos export-network {weights} first")
+        return _load_torch(weights, device, threads)
+    if engine == "torch":
         raise InputError(f"{weights} is an exported network, which torch does not run: give the checkpoint (.pt)")
     runners = {"openvino": _load_openvino, "onnxruntime": _load_onnxruntime}
-    wanted = list(runners) if settings.engine == "auto" else [settings.engine]
-    if settings.device == "gpu" and settings.engine == "auto":
+    wanted = list(runners) if engine == "auto" else [engine]
+    if device == "gpu" and engine == "auto":
         wanted = ["onnxruntime"]  # OpenVINO knows Intel's GPUs only
-    for engine in wanted:
-        if find_spec(engine):
-            return runners[engine](weights, settings)
+    for name in wanted:
+        if find_spec(name):
+            return runners[name](weights, device, threads)
     raise MissingExtraError(f"running {weights.name} needs {' or '.join(wanted)}: {pip_install('deploy')}")
 
 
-def _load_torch(weights: Path, settings: OnlineSettings) -> Deployed:
+def _load_torch(weights: Path, device: str, threads: int) -> Deployed:
     if not find_spec("torch"):
         raise MissingExtraError(
             f"running {weights.name} needs torch: {pip_install('train')}, or export the network to ONNX"
@@ -79,54 +91,54 @@ def _load_torch(weights: Path, settings: OnlineSettings) -> Deployed:
     from automos.network.model import MovingProbability
 
     has_gpu = torch.cuda.is_available()
-    if settings.device == "gpu" and not has_gpu:
+    if device == "gpu" and not has_gpu:
         raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
-    device = torch.device("cuda" if has_gpu and settings.device != "cpu" else "cpu")
+    place = torch.device("cuda" if has_gpu and device != "cpu" else "cpu")
     checkpoint = load_checkpoint(weights)
-    network = MovingProbability(checkpoint.network).eval().to(device)
-    if device.type == "cpu" and settings.threads:
-        torch.set_num_threads(settings.threads)
+    network = MovingProbability(checkpoint.network).eval().to(place)
+    if place.type == "cpu" and threads:
+        torch.set_num_threads(threads)
 
     def run(image: Image) -> Image:
-        with torch.inference_mode(), torch.autocast(device.type, torch.float16, enabled=device.type == "cuda"):
-            return network(torch.from_numpy(image)[None].to(device))[0].float().cpu().numpy()
+        with torch.inference_mode(), torch.autocast(place.type, torch.float16, enabled=place.type == "cuda"):
+            return network(torch.from_numpy(image)[None].to(place))[0].float().cpu().numpy()
 
-    return Deployed(checkpoint.image, run, f"torch on {device.type}", checkpoint.card)
+    return Deployed(checkpoint.image, run, f"torch on {place.type}", checkpoint.card)
 
 
-def _load_openvino(weights: Path, settings: OnlineSettings) -> Deployed:
+def _load_openvino(weights: Path, device: str, threads: int) -> Deployed:
     import openvino
 
     core = openvino.Core()
-    device = "GPU" if settings.device == "gpu" else "CPU"
-    if device not in {name.split(".")[0] for name in core.available_devices}:
-        raise InputError(f"OpenVINO sees no {device} here (it sees {core.available_devices}): use --device cpu")
+    place = "GPU" if device == "gpu" else "CPU"
+    if place not in {name.split(".")[0] for name in core.available_devices}:
+        raise InputError(f"OpenVINO sees no {place} here (it sees {core.available_devices}): use --device cpu")
     model = _read(weights, core.read_model)
     options: dict[str, Any] = {"PERFORMANCE_HINT": "LATENCY"}
-    if device == "CPU":
-        options["INFERENCE_NUM_THREADS"] = settings.threads or _cores()
-    compiled = core.compile_model(model, device, options)
+    if place == "CPU":
+        options["INFERENCE_NUM_THREADS"] = threads or _cores()
+    compiled = core.compile_model(model, place, options)
     text = model.get_rt_info(["framework", METADATA]).astype(str) if model.has_rt_info(["framework", METADATA]) else ""
     image, card = _described(text, weights)
 
     def run(pixels: Image) -> Image:
         return compiled(pixels[None])[0][0]
 
-    return Deployed(image, run, f"openvino on {device.lower()}", card)
+    return Deployed(image, run, f"openvino on {place.lower()}", card)
 
 
-def _load_onnxruntime(weights: Path, settings: OnlineSettings) -> Deployed:
+def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
     import onnxruntime
 
     provider = "CUDAExecutionProvider"
     has_gpu = provider in onnxruntime.get_available_providers()
-    if settings.device == "gpu" and not has_gpu:
+    if device == "gpu" and not has_gpu:
         raise InputError(
             "ONNX Runtime sees no GPU, but one was asked for: install onnxruntime-gpu, or use --device cpu"
         )
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = settings.threads or _cores()
-    use_gpu = has_gpu and settings.device != "cpu"
+    options.intra_op_num_threads = threads or _cores()
+    use_gpu = has_gpu and device != "cpu"
     providers = [provider] if use_gpu else []
     session = _read(weights, lambda p: onnxruntime.InferenceSession(p, options, [*providers, "CPUExecutionProvider"]))
     image, card = _described(session.get_modelmeta().custom_metadata_map.get(METADATA, ""), weights)
@@ -148,10 +160,13 @@ def _read(weights: Path, read: Callable[[str], Any]) -> Any:
 def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]:
     """Return the image settings and the card that the export wrote into the network."""
     try:
-        content = json.loads(text)
-        return ImageSettings(**content["image"]), content["card"]
-    except (ValueError, KeyError, TypeError, ValidationError):
+        content = parse_json(text)
+        version = content.get("format", 1)
+        if version == FORMAT:
+            return read_image_settings(content["image"]), content["card"]
+    except (ValueError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
+    raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")
 
 
 def _cores() -> int:

@@ -13,10 +13,9 @@ from automos.atomic import atomic_path
 from automos.errors import AutomosError, MissingExtraError
 from automos.extras import pip_install
 from automos.network.checkpoint import Checkpoint
-from automos.network.deployed import METADATA, load_network
+from automos.network.deployed import FORMAT, METADATA, load_network
 from automos.network.images import BASE_CHANNELS
 from automos.network.model import MovingProbability
-from automos.settings import OnlineSettings
 
 TOLERANCE = 1e-3
 """Largest difference of a probability that is a matter of rounding."""
@@ -56,7 +55,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
             node.doc_string = ""
         entry = model.metadata_props.add()
         entry.key = METADATA
-        entry.value = json.dumps({"image": image.model_dump(mode="json"), "card": checkpoint.card})
+        entry.value = json.dumps({"format": FORMAT, "image": image.model_dump(mode="json"), "card": checkpoint.card})
         onnx.save(model, temporary)
     difference = compare(network, path, shape)
     if not difference <= tolerance:
@@ -71,7 +70,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
 def compare(network: MovingProbability, path: Path, shape: tuple[int, ...], seed: int = 0) -> float:
     """Return the largest difference of the exported network's answers to `network`'s, on images of random worlds."""
     rng = np.random.default_rng(seed)
-    exported = load_network(path, OnlineSettings(engine="onnxruntime", device="cpu"))
+    exported = load_network(path, "onnxruntime", "cpu")
     worst = 0.0
     for _ in range(3):
         pixels = rng.normal(0.0, 5.0, shape[1:]).astype(np.float32)

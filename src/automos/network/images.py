@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.network.projection import Image, ImageGrid, nearest_points, project
-from automos.network.residuals import residual_images
+from automos.network.residuals import MAX_RANGE, MIN_RANGE, SPACING, residual_images
 from automos.scan import Points, Pose
 from automos.settings import ImageSettings
 
 BASE_CHANNELS = ("range", "x", "y", "z", "intensity")
+
+_ONCE_SETTINGS = {"spacing": SPACING, "residual_min_range": MIN_RANGE, "residual_max_range": MAX_RANGE}
+"""What networks of earlier versions hold beside the settings of today."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +75,7 @@ class RangeImage:
         return np.sort(self.index[self.index >= 0]).astype(np.int64)
 
 
-def make_image(window: Window, view: SensorView, settings: ImageSettings) -> RangeImage:
+def make_image(window: Window, view: SensorView) -> RangeImage:
     """Return the image of `window`."""
     grid = view.grid
     pixels, ranges = project(window.points, grid)
@@ -83,8 +88,7 @@ def make_image(window: Window, view: SensorView, settings: ImageSettings) -> Ran
     if window.intensity is not None and view.intensity_scale > 0.0:
         base[4, shown] = np.clip(np.nan_to_num(window.intensity[rows]) / view.intensity_scale, 0.0, 1.0)
     images = base.reshape(-1, grid.height, grid.width)
-    limits = (settings.residual_min_range, settings.residual_max_range)
-    residuals = residual_images(images[0], window.past, window.T_now_past, grid, limits)
+    residuals = residual_images(images[0], window.past, window.T_now_past, grid)
     return RangeImage(np.concatenate([images, residuals]), index.reshape(grid.height, grid.width), pixels, ranges)
 
 
@@ -93,3 +97,17 @@ def thin(points: Points, grid: ImageGrid) -> npt.NDArray[np.int64]:
     pixels, ranges = project(points, grid)
     index = nearest_points(pixels, ranges, grid.size)
     return np.sort(index[index >= 0]).astype(np.int64)
+
+
+def read_image_settings(stored: Mapping[str, Any]) -> ImageSettings:
+    """Return the settings of the images that a stored network takes.
+
+    Raises
+    ------
+    ValueError : it was trained on images of another kind.
+    """
+    settings = dict(stored)
+    for name, value in _ONCE_SETTINGS.items():
+        if settings.pop(name, value) != value:
+            raise ValueError(f"{name} was {stored[name]}, only {value} is possible now")
+    return ImageSettings(**settings)

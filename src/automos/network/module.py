@@ -17,6 +17,14 @@ from automos.settings import NetworkSettings
 
 MONITORED = "val_iou_moving"
 
+_LEARNING_RATE = {"adamw": 0.002, "paper": 0.01}
+_WARM_UP = 1.0
+"""Epochs until the learning rate is at its highest (LMNet)."""
+_MOMENTUM, _DECAY = 0.9, 0.99
+"""Of the paper's SGD; `_DECAY` is the rate's, per epoch."""
+_WEIGHT_DECAY = 1e-4
+"""LMNet's, for both recipes."""
+
 
 class Training(lightning.LightningModule):
     """One training run."""
@@ -63,12 +71,13 @@ class Training(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         """Return the optimiser and the schedule of its rate, step by step."""
         s = self.settings.training
-        if s.optimizer == "sgd":
+        rate = s.learning_rate or _LEARNING_RATE[s.recipe]
+        if s.recipe == "paper":
             optimizer: torch.optim.Optimizer = torch.optim.SGD(
-                self.parameters(), s.learning_rate, s.momentum, weight_decay=s.weight_decay
+                self.parameters(), rate, _MOMENTUM, weight_decay=_WEIGHT_DECAY
             )
         else:
-            optimizer = torch.optim.AdamW(self.parameters(), s.learning_rate, weight_decay=s.weight_decay)
+            optimizer = torch.optim.AdamW(self.parameters(), rate, weight_decay=_WEIGHT_DECAY)
         steps = max(int(self.trainer.estimated_stepping_batches) / s.epochs, 1.0)  # an epoch's
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: self._rate(step / steps))
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
@@ -76,11 +85,11 @@ class Training(lightning.LightningModule):
     def _rate(self, epoch: float) -> float:
         """Return the share of the highest learning rate, `epoch` epochs into the training."""
         s = self.settings.training
-        if epoch < s.warm_up:
-            return (epoch + 1e-3) / s.warm_up
-        if s.schedule == "exponential":
-            return s.decay ** (epoch - s.warm_up)
-        share = (epoch - s.warm_up) / max(s.epochs - s.warm_up, 1e-9)
+        if epoch < _WARM_UP:
+            return (epoch + 1e-3) / _WARM_UP
+        if s.recipe == "paper":
+            return _DECAY ** (epoch - _WARM_UP)
+        share = (epoch - _WARM_UP) / max(s.epochs - _WARM_UP, 1e-9)
         return 0.5 * (1.0 + math.cos(math.pi * min(share, 1.0)))
 
     def to_checkpoint(self, card: dict[str, Any]) -> Checkpoint:

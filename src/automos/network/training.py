@@ -25,9 +25,13 @@ from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from automos.errors import InputError
+from automos.network.augmentation import SEED
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Training
 from automos.settings import NetworkSettings
+
+_PATIENCE = 30
+"""Epochs without a better validation until training stops: a fifth of the 150 that are the most."""
 
 
 class Samples(Sized, Protocol):
@@ -41,9 +45,9 @@ class Samples(Sized, Protocol):
 
 
 class _Data(lightning.LightningDataModule):
-    def __init__(self, train: Samples, validation: Samples, settings: NetworkSettings):
+    def __init__(self, train: Samples, validation: Samples, batch: int, loaders: int):
         super().__init__()
-        self._train, self._validation, self._settings = train, validation, settings.training
+        self._train, self._validation, self._batch, self._loaders = train, validation, batch, loaders
 
     def train_dataloader(self) -> DataLoader:
         assert self.trainer is not None
@@ -55,7 +59,7 @@ class _Data(lightning.LightningDataModule):
 
     def _loader(self, samples: Any) -> DataLoader:
         # Samples come in the order in which they were drawn: what is drawn depends on seed and epoch alone.
-        return DataLoader(samples, self._settings.batch, num_workers=self._settings.loaders)
+        return DataLoader(samples, self._batch, num_workers=self._loaders)
 
 
 def train_network(
@@ -70,6 +74,7 @@ def train_network(
     device: str = "auto",
     devices: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
+    loaders: int = 0,
 ) -> Checkpoint:
     """Train a network, or go on where a killed run stopped; return the best, which is also in `out` / best.pt.
 
@@ -81,13 +86,14 @@ def train_network(
     init : checkpoint to start from (fine-tuning).
     device : "gpu" trains in mixed precision; "auto" takes one if there is one, and says so if not.
     progress : called with "training", the scans trained on and their total.
+    loaders : processes that prepare scans; 0: the training process itself.
 
     Raises
     ------
     InputError : no such device, or a checkpoint of another shape.
     """
     accelerator = choose_accelerator(device, devices)
-    lightning.seed_everything(settings.training.seed, workers=True, verbose=False)
+    lightning.seed_everything(SEED, workers=True, verbose=False)
     run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
     if init is None:
         run.network.set_scale(*scale)
@@ -98,9 +104,9 @@ def train_network(
     best = ModelCheckpoint(
         out, "best-{epoch}", monitor=MONITORED, mode="max", save_last=True, enable_version_counter=False
     )
-    stop = EarlyStopping(MONITORED, mode="max", patience=settings.training.patience)
+    stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
     callbacks = [best, stop, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
-    data = _Data(train, validation, settings)
+    data = _Data(train, validation, settings.training.batch, loaders)
     last = out / "last.ckpt"
     with _quiet():
         trainer = _make_trainer(out, accelerator, devices, settings.training.epochs, callbacks)

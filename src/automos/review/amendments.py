@@ -8,6 +8,7 @@ poses. What a person made replaces whatever holds its points in a run: a track t
 from __future__ import annotations
 
 import base64
+import re
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -19,10 +20,12 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, transform
 from automos.review.log import append_lines, read_lines
-from automos.scan import Pose
+from automos.scan import MAX_RANGE, Pose
 
 HOW = ("added", "cut", "split", "joined")
 """What a person did to make an object."""
+MOST_BYTES = 1 << 28
+"""Of the rows of a part, unpacked; no scan has as many points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +111,14 @@ def new_keys(folder: Path, n: int) -> list[str]:
 
 def _parse(fields: dict[str, Any]) -> tuple[str, str, Amendment | None]:
     key, verdict = fields["key"], fields["verdict"]
+    if not re.fullmatch(r"h[1-9]\d{0,8}", key):
+        raise ValueError(f"key is {key[:40]!r}")
     if verdict not in ("moving", "static", "unknown", "undo"):
         raise ValueError(verdict)
     if "parts" not in fields:
         return key, verdict, None
     parts = {scan: _unpack(part) for scan, part in fields["parts"].items()}
-    return key, verdict, Amendment(key, fields["at"], fields["how"], verdict, parts)
+    return key, verdict, Amendment(key, str(fields["at"]), str(fields["how"]), verdict, parts)
 
 
 def _pack(part: Part) -> dict[str, Any]:
@@ -124,10 +129,11 @@ def _pack(part: Part) -> dict[str, Any]:
 
 def _unpack(packed: dict[str, Any]) -> Part:
     try:
-        steps = np.frombuffer(zlib.decompress(base64.b64decode(packed["rows"])), "<u4")
+        unpacked = zlib.decompressobj().decompress(base64.b64decode(packed["rows"]), MOST_BYTES)
     except zlib.error as error:
         raise ValueError(error) from None
+    steps = np.frombuffer(unpacked, "<u4")
     box = np.array(packed["box"], np.float64)
-    if box.shape != (9,):
-        raise ValueError(f"box has {box.size} numbers, not 9")
+    if box.shape != (9,) or not (np.abs(box) < MAX_RANGE).all():
+        raise ValueError(f"box is not of nine ordinary numbers: {box[:9]}")
     return Part(np.cumsum(steps, dtype=np.int64), box[:3], box[3:6], box[6:])

@@ -20,8 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.atomic import atomic_path, write_text
-from automos.export.tracks_file import track_entries, write_tracks
 from automos.labels import Label, pack
+from automos.reading import read_bytes
+from automos.results.tracks_file import track_entries, write_tracks
 from automos.review.amendments import Amendment, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import match
@@ -171,7 +172,7 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> di
     run = Workspace(stages.folder).read_run()
     run["points"] = _count_points(stages)
     n_moving = sum(entry["verdict"] == "moving" for entry in entries)
-    run["tracks"] = {**run["tracks"], "total": len(entries), "moving": n_moving}
+    run["tracks"] = {**run.get("tracks", {}), "total": len(entries), "moving": n_moving}
     run["review"] = {
         "decisions": len(changes.decided),
         "made": len(changes.amendments),
@@ -237,5 +238,5 @@ def _count_points(stages: RunStages) -> dict[str, int]:
 @lru_cache(20_000)
 def _counts_of(path: Path, written: int) -> tuple[int, ...]:
     """Return the points of each label in a file, which is read again only when it was written again."""
-    labels = np.fromfile(path, np.uint32) & 0xFFFF
+    labels = np.frombuffer(read_bytes(path), np.uint32) & 0xFFFF
     return tuple(int((labels == label).sum()) for label in Label)

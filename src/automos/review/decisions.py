@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field, TypeAdapter
 
+from automos.reading import checked
 from automos.review.log import append_lines, read_lines
 
 CHOICES = ("moving", "static", "unknown", "undo")
 """What can be decided of a track; "undo" takes back what was decided of it before."""
 
 
+MOST_POINTS = 1 << 40
+"""Of a scan; what is beyond is damage."""
+
+
 @dataclass(frozen=True)
 class Cover:
     """The points of one scan that a decision is about: how many there were, and the rows of some of them."""
 
-    n_points: int
-    rows: list[int]
+    n_points: Annotated[int, Field(ge=0, le=MOST_POINTS)]
+    rows: list[Annotated[int, Field(ge=0, le=MOST_POINTS)]]
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class Decision:
     verdict: str
     found: str
     tracking: str
-    covers: Mapping[str, Cover]
+    covers: dict[str, Cover]
 
     @property
     def sentence(self) -> str:
@@ -52,6 +58,9 @@ class Decision:
         where = f" (scans {scans[0]} to {scans[-1]})" if scans else ""
         word = {"unknown": "unsure", "undo": "as found"}.get(self.verdict, self.verdict)
         return f"The decision of {self.at} that object {self.track}{where} is {word}"
+
+
+_DECISION = TypeAdapter(Decision)
 
 
 def cover(rows: npt.NDArray[np.int64], most: int = 40) -> Cover:
@@ -71,8 +80,7 @@ def read_decisions(folder: Path) -> list[Decision]:
 
 
 def _parse(fields: dict[str, Any]) -> Decision:
-    covers = {scan: Cover(**one) for scan, one in fields.pop("covers").items()}
-    decision = Decision(**fields, covers=covers)
+    decision = checked(_DECISION, fields)
     if decision.verdict not in CHOICES:
         raise ValueError(decision.verdict)
     return decision

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from automos.errors import InputError
+from automos.reading import DAMAGE, damage_told, parse_json, read_text, require_regular
 
 LOG_FILE = "review.jsonl"
 T = TypeVar("T")
@@ -33,6 +34,8 @@ def append_lines(folder: Path, lines: Iterable[dict[str, Any]]) -> None:
     InputError
         The log cannot be written.
     """
+    if (folder / LOG_FILE).exists():
+        require_regular(folder / LOG_FILE)
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
     try:
         with (folder / LOG_FILE).open("ab") as file:
@@ -57,15 +60,19 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
     if not path.exists():
         return []
     found = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    with damage_told(path, "is no log of a review"):
+        lines = read_text(path).split("\n")
+    for number, line in enumerate(lines, start=1):
         if not line.strip().endswith("}"):
             continue
         try:
-            fields = json.loads(line)
+            fields = parse_json(line)
             if fields.pop("kind", None) == kind:
                 found.append(parse(fields))
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise InputError(f"{path}, line {number} is no {what} ({error}); mend or remove that line") from None
+        except DAMAGE as error:
+            raise InputError(
+                f"{path}, line {number} is no {what} ({' '.join(str(error).split())[:200]}); mend or remove that line"
+            ) from None
     return found
 
 

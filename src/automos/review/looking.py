@@ -17,6 +17,7 @@ from automos.review.proposals import Proposer
 from automos.review.run_stages import RunStages
 from automos.review.sample import (
     ANSWERS,
+    SAMPLE_FILE,
     Look,
     Sample,
     append_answer,
@@ -139,6 +140,8 @@ def open_sample(
 ) -> Looking:
     """Return the sample of a run that is not answered yet, or a new one of `n_looks`; errors as of `draw`."""
     sample = read_sample(stages.folder)
+    if sample is not None and any(look.index >= len(stages.names) for look in sample.looks):
+        raise InputError(f"{stages.folder / SAMPLE_FILE} is of more scans than the run: remove it, and draw another")
     is_open = sample is not None and len(read_answers(stages.folder, sample)) < len(sample.looks)
     if sample is None or not is_open:
         sample = draw(stages, changes, n_looks, progress=progress)

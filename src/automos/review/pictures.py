@@ -6,8 +6,8 @@ import threading
 from typing import Any
 
 from automos.errors import AutomosError
-from automos.export.run_files import RunFiles
 from automos.geometry import transform
+from automos.results.run_files import RunFiles
 from automos.review.apply import Changes
 from automos.review.queue import Queue
 from automos.visualization.thumbnails import Thumbnails

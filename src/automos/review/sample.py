@@ -7,14 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field, TypeAdapter
 
 from automos.atomic import write_text
 from automos.errors import InputError
 from automos.labels import Label
+from automos.reading import checked, read_json
 from automos.review.apply import Changes, changed_labels, decided_verdicts
 from automos.review.log import append_lines, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
@@ -33,6 +35,9 @@ LEAST = 10
 ANSWERS = ("moving", "static", "unknown")
 
 
+Kind = Literal["moving", "fringe", "moment"]
+
+
 @dataclass(frozen=True)
 class Look:
     """One thing to look at: a point (`row` of a scan) that is "moving" or "fringe", or a whole "moment" of `n_scans`.
@@ -40,10 +45,10 @@ class Look:
     index : of the scan.
     """
 
-    kind: str
-    index: int
-    row: int = -1
-    n_scans: int = 1
+    kind: Kind
+    index: Annotated[int, Field(ge=0)]
+    row: Annotated[int, Field(ge=-1)] = -1
+    n_scans: Annotated[int, Field(ge=1)] = 1
 
 
 @dataclass(frozen=True)
@@ -60,10 +65,14 @@ class Sample:
 
     key: str
     labels: str
-    n_moving: int
-    n_fringe: int
-    usual: float
-    looks: list[Look]
+    n_moving: Annotated[int, Field(ge=0)]
+    n_fringe: Annotated[int, Field(ge=0)]
+    usual: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    looks: Annotated[list[Look], Field(min_length=1)]
+
+
+_SAMPLE = TypeAdapter(Sample)
+_LOOK = ("kind", "index", "row", "n_scans")
 
 
 def strata(stages: RunStages, index: int, changes: Changes) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
@@ -107,7 +116,8 @@ def draw(
         counts[:, i] = [mask.sum() for mask in strata(stages, i, changes)]
         progress("sample", i + 1, n)
     looks = []
-    for kind, of_scans in zip(("moving", "fringe"), counts, strict=True):
+    strata_kinds: tuple[Kind, Kind] = ("moving", "fringe")
+    for kind, of_scans in zip(strata_kinds, counts, strict=True):
         if of_scans.sum():
             drawn = rng.integers(of_scans.sum(), size=round(SHARES[kind] * n_looks))
             looks += _looks_at(stages, changes, kind, of_scans, drawn)
@@ -119,7 +129,7 @@ def draw(
 
 
 def _looks_at(
-    stages: RunStages, changes: Changes, kind: str, of_scans: npt.NDArray[np.int64], drawn: npt.NDArray[np.int64]
+    stages: RunStages, changes: Changes, kind: Kind, of_scans: npt.NDArray[np.int64], drawn: npt.NDArray[np.int64]
 ) -> list[Look]:
     """Return looks at the points of a stratum that are numbered `drawn` through all scans, in that order."""
     starts = np.concatenate([[0], np.cumsum(of_scans)])
@@ -160,8 +170,9 @@ def read_sample(folder: Path) -> Sample | None:
     if not path.exists():
         return None
     try:
-        fields = json.loads(path.read_text())
-        return Sample(**{**fields, "looks": [Look(*look) for look in fields["looks"]]})
+        fields = read_json(path)
+        looks = [dict(zip(_LOOK, look, strict=True)) for look in fields["looks"]]
+        return checked(_SAMPLE, {**fields, "looks": looks})
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path} is damaged ({error}): remove it, and draw another with --sample") from None
 

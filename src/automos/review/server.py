@@ -156,7 +156,11 @@ class _Handler(BaseHTTPRequestHandler):
         hosts = {f"{HOST}:{port}", f"localhost:{port}"}
         origin = self.headers.get("Origin")
         is_here = self.headers.get("Host") in hosts and (origin is None or origin in {f"http://{h}" for h in hosts})
-        if not is_here or self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+        if (
+            not is_here
+            or not self.path.startswith("/")
+            or self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+        ):
             self.close_connection = True
             self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
             return False

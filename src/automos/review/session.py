@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from automos.errors import InputError
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
 from automos.review.apply import number_of, read_changes, reapply, scans_of
 from automos.review.concerns import note_concerns

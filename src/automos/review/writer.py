@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from queue import Empty, Queue
 
 from automos.errors import AutomosError, InputError
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
 from automos.review.run_stages import RunStages

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
-from automos.export.results import versions
 from automos.parallel import available_cores
+from automos.results.writing import versions
 from automos.scale.executors import Executor, InProcess
 from automos.scale.fleet import Outcome, Progress, label_all
 from automos.scale.ledger import Ledger, ledger_folder, ledger_name

@@ -18,8 +18,9 @@ from typing import Any
 
 from automos.atomic import write_text
 from automos.errors import InputError
+from automos.reading import parse_json
 from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
-from automos.workspace import RESULT_FILES, RUN_FILE
+from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
 
 MARKER = "complete.json"
 _NOT_RESULTS = {"stages", "ledger", MARKER}
@@ -56,7 +57,7 @@ def read_marker(target: str) -> Marker | None:
         path = Path(target) / MARKER
         text = path.read_bytes() if path.exists() else None
     try:
-        return None if text is None else Marker(**json.loads(text))
+        return None if text is None else Marker(**parse_json(text))
     except (ValueError, TypeError):  # damaged from outside: the results are made again
         return None
 
@@ -100,7 +101,7 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
     StoreError : a file did not arrive as it was sent, or the store did not answer.
     """
     if is_url(source):
-        run = json.loads((folder / RUN_FILE).read_text())
+        run = Workspace(folder).read_run()
         run["recording"]["source"] = shown(source)
         write_text(folder / RUN_FILE, json.dumps(run, indent=1))
     paths = sorted(

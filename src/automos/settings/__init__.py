@@ -4,18 +4,6 @@ One module for each stage, one group for each idea. Lengths are metres, angles d
 parameters are), times seconds. Order of precedence: preset < settings file < command line.
 """
 
-from automos.settings.baselines import (
-    AlongRaySettings,
-    BaselinesSettings,
-    BatchSettings,
-    DufomapSettings,
-    HmmMosSettings,
-    MDetectorSettings,
-    OctomapSettings,
-    PfreundschuhSettings,
-    RemovertSettings,
-    YoonSettings,
-)
 from automos.settings.candidates import (
     CandidatesSettings,
     EgoBodySettings,
@@ -27,13 +15,9 @@ from automos.settings.candidates import (
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
 from automos.settings.loading import PRESETS, dump_yaml, keys_of, load_settings, read_overrides
 from automos.settings.network import (
-    AugmentationSettings,
-    CleanUpSettings,
     ImageSettings,
     ModelSettings,
     NetworkSettings,
-    OnlineSettings,
-    SceneFlowSettings,
     TrainingSettings,
 )
 from automos.settings.odometry import LoopSettings, OdometrySettings
@@ -52,13 +36,13 @@ from automos.settings.tree import Settings
 
 __all__ = [
     "PRESETS",
-    "AlongRaySettings", "AssociationSettings", "AugmentationSettings", "BaselinesSettings", "BatchSettings",
-    "CandidatesSettings", "CleanUpSettings", "CompletionSettings", "DetectSettings", "DufomapSettings",
+    "AssociationSettings",
+    "CandidatesSettings", "CompletionSettings", "DetectSettings",
     "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
-    "GroundSettings", "HdbscanSettings", "HmmMosSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
-    "LabelsSettings", "LoopSettings", "MDetectorSettings", "MapSettings", "ModelSettings", "NetworkSettings",
-    "OctomapSettings", "OdometrySettings", "OnlineSettings", "OutputSettings", "PfreundschuhSettings",
-    "RemovertSettings", "SceneFlowSettings", "SegmentSettings", "SelfTrainingSettings", "Settings",
-    "SmoothingSettings", "TrackingSettings", "TrainingSettings", "VerdictSettings", "YoonSettings",
+    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
+    "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
+    "OdometrySettings", "OutputSettings",
+    "SegmentSettings", "SelfTrainingSettings", "Settings",
+    "SmoothingSettings", "TrackingSettings", "TrainingSettings", "VerdictSettings",
     "dump_yaml", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

@@ -56,26 +56,28 @@ class EgoBodySettings(Group):
 class ErasorSettings(Group):
     """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale_05)."""
 
-    version: Literal[2, 3] = Field(3, description="2: the paper's decision; 3: the released one")
-    max_range: float = Field(80.0, gt=0, description="m, radius of the volume of interest")
-    rings: int = Field(20, gt=0)
-    sectors: int = Field(108, gt=0)
-    min_height: float = Field(-1.3, description="m above the ground under the sensor")
-    max_height: float = Field(3.0, description="m above the ground under the sensor")
-    scan_ratio: float = Field(0.2, gt=0, lt=1, description="pseudo occupancy ratio below which a bin has changed")
-    min_points: int = Field(6, ge=1, description="scan points a bin needs to be compared")
-    bin_max_height: float = Field(0.2, description="m, version 2: a removed bin must reach higher than this")
-    min_removed_span: float = Field(0.5, ge=0, description="m, version 3: a removed bin must span more than this")
-    ground_seed_height: float = Field(0.5, gt=0, description="m above the lowest points: seeds of the plane")
-    ground_lowest_skipped: int = Field(5, ge=0, description="lowest points skipped as outliers")
-    ground_lowest: int = Field(20, gt=0, description="lowest points whose mean starts the plane")
-    ground_iterations: int = Field(3, ge=1)
-    ground_distance: float = Field(0.25, gt=0, description="m, points nearer the plane (or below it) are ground")
-    voxel: float = Field(0.2, gt=0, description="m, map and scan voxel")
-    every: int = Field(4, ge=1, description="every how many scans the map is compared with")
-    ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are the vehicle itself")
-    submap_scans: int = Field(200, ge=2, description="scans in one submap, at most")
-    submap_length: float = Field(160.0, gt=0, description="m driven in one submap, at most")
+    version: Literal[2, 3] = Field(3, description="2: the paper's decision; 3: the released one, which removes less")
+    max_range: float = Field(
+        80.0, gt=0, description="m, radius of what is compared; a wider one finds what is further, in larger bins"
+    )
+    min_height: float = Field(
+        -1.3, description="m above the ground under the sensor; a higher one leaves out more of what lies low"
+    )
+    max_height: float = Field(
+        3.0,
+        description="m above the ground under the sensor; a higher one takes in tall lorries, and trees above cars",
+    )
+    scan_ratio: float = Field(
+        0.2, gt=0, lt=1, description="of heights below which a bin has changed; a higher one removes more"
+    )
+    voxel: float = Field(
+        0.2,
+        gt=0,
+        description="m, of map and scan; a larger one needs less memory and takes more with a mover",
+    )
+    every: int = Field(
+        4, ge=1, description="every how many scans the map is compared with; more takes less time and removes less"
+    )
 
 
 class FreeSpaceSettings(Group):
@@ -100,8 +102,6 @@ class FreeSpaceSettings(Group):
     clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
     near_miss: float = Field(0.25, gt=0, description="m, a see-through counts in full if a row of rays came so near")
     weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
-    support: float = Field(0.3, gt=0, description="m, in range between points that are of one thing")
-    support_per_metre: float = Field(0.02, ge=0, description="added to it per metre of range")
     lone_weight: float = Field(0.25, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
@@ -122,5 +122,6 @@ class SelfTrainingSettings(Group):
     """What a network says of each point, as a further cue for the labeler."""
 
     folder: str = Field("", description="probabilities/ of automos segment --probabilities; empty: no cue")
-    weight: float = Field(0.5, ge=0, description="of the network's log-odds beside those of the evidence")
-    most: float = Field(0.98, gt=0.5, lt=1, description="probability that the network is trusted with at most")
+    weight: float = Field(
+        0.5, ge=0, description="of the network's log-odds; a larger one lets it outvote what the rays have seen"
+    )

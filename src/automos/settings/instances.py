@@ -30,13 +30,17 @@ class HdbscanSettings(Group):
     """III-C: class-agnostic segments by HDBSCAN, and the boxes kept."""
 
     epsilons: tuple[float, ...] = Field(
-        (2.0, 1.0, 0.5, 0.25), min_length=1, description="m, density thresholds, decreasing (III-F)"
+        (2.0, 1.0, 0.5, 0.25),
+        min_length=1,
+        description="m, gaps at which segments are split, decreasing (III-F); larger ones join neighbours",
     )
-    min_samples: int = Field(5, ge=1, description="neighbours that make a point dense")
-    min_points: int = Field(5, ge=1, description="N_min: smaller segments are dropped (III-F)")
-    max_side: float = Field(20.0, gt=0, description="m, T_size: larger segments are dropped (III-F)")
-    min_score: float = Field(0.5, ge=0, le=1, description="share of candidates from which on a segment is an instance")
-    voxel: float = Field(0.1, ge=0, description="m, points are clustered as voxels of this size; 0: as they are")
+    min_points: int = Field(5, ge=1, description="N_min (III-F); a larger one drops more of what is far or small")
+    max_side: float = Field(
+        20.0, gt=0, description="m, T_size (III-F); a larger one keeps lorries, and walls with movers beside them"
+    )
+    min_score: float = Field(
+        0.5, ge=0, le=1, description="share of candidates that makes an instance; a larger one finds fewer"
+    )
 
     @field_validator("epsilons")
     @classmethod
@@ -72,6 +76,5 @@ class InstancesSettings(Group):
 
     method: Literal["components", "hdbscan"] = "components"
     max_range: float = Field(80.0, gt=0, description="m, points further away are in no instance")
-    ego_radius: float = Field(2.7, ge=0, description="m, points nearer than this are in no instance")
     hdbscan: HdbscanSettings = HdbscanSettings()
     components: DetectSettings = DetectSettings()

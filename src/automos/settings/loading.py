@@ -14,7 +14,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from automos.errors import SettingsError
-from automos.reading import read_text
+from automos.reading import parse_yaml, read_text
 from automos.settings.former import refuse_former_name, with_present_names
 from automos.settings.tree import Settings
 
@@ -40,14 +40,16 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
 }
 
-
-class _Loader(yaml.SafeLoader):
-    """YAML without aliases: settings need none, and a few of them stand for more than any memory holds."""
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("it has aliases; write values out")
-        return super().compose_node(parent, index)
+_FIXED = {
+    "baselines": "other methods run with the parameters that their authors published, automos.baselines; take it out",
+    "network.online": "give automos segment its --engine, --device and --threads instead",
+    "network.augmentation": "network.training.augment turns it on or off",
+    "network.cleanup": "RangeNet++'s values are used, automos.network.cleanup; take it out",
+    "network.scene_flow": "see automos.learning.rivals; take it out",
+    "network.training.optimizer": "set network.training.recipe",
+    "network.training.schedule": "set network.training.recipe",
+}
+"""What files of earlier versions may hold, and what became of it: constants beside the code, options of a command."""
 
 
 def load_settings(
@@ -89,8 +91,8 @@ def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
         if not sign:
             raise SettingsError(f"--set {item} has no value: write --set {key}=VALUE")
         try:
-            values[key.strip()] = yaml.load(text, _Loader)
-        except (yaml.YAMLError, ValueError, RecursionError):
+            values[key.strip()] = parse_yaml(text)
+        except ValueError:
             raise SettingsError(
                 f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
             ) from None
@@ -122,14 +124,11 @@ def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any
 
 def _read_yaml(file: Path) -> dict[str, Any]:
     try:
-        tree = yaml.load(read_text(file), _Loader)
+        tree = parse_yaml(read_text(file))
     except OSError as error:
         raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
-    except SettingsError:
-        raise
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # no text, no date, no end of nesting
-        why = " ".join(str(error).split())  # YAML's messages draw the place on lines of their own
-        raise SettingsError(f"settings file {file} is not YAML ({why}): `automos settings` prints one") from None
+    except ValueError as error:  # no text, no date, no end of nesting
+        raise SettingsError(f"settings file {file} is not YAML ({error}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):
         raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
     return with_present_names(tree or {}, f"settings file {file}")
@@ -144,5 +143,7 @@ def _sentence(error: ValidationError) -> str:
         known = keys_of(Settings)
         same_name = [k for k in known if (k.split(".")[0], k.rsplit(".", 1)[-1]) == (path[0], path[-1])]
         near = difflib.get_close_matches(key, same_name or known, 1, 0.0)[0]
+        if key in _FIXED:
+            return f"'{key}' is no setting any more: {_FIXED[key]} (`automos settings` lists all)"
         return f"there is no setting '{key}': did you mean '{near}'? (`automos settings` lists all)"
     return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"

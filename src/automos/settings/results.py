@@ -21,14 +21,15 @@ class OutputSettings(Group):
     """What is written per point."""
 
     confidence: bool = Field(False, description="write confidences/, how sure each point's label is")
-
     track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
 
 
 class MapSettings(Group):
     """The map without what moves (paper Fig. 5)."""
 
-    voxel: float = Field(0.1, gt=0, description="m, one point of the map per voxel: the mean of its points")
-    max_range: float = Field(60.0, gt=0, description="m, points used")
-    tile: float = Field(40.0, gt=0, description="m, side of the squares in which the map is made and written")
-    picture_pixels: int = Field(3000, ge=16, le=20000, description="pixels of the pictures' longer side, at most")
+    voxel: float = Field(
+        0.1,
+        gt=0,
+        description="m, one point of the map per voxel, the mean of its own; a larger one is coarser",
+    )
+    max_range: float = Field(60.0, gt=0, description="m, points used; a longer one reaches further and blurs more")

@@ -62,13 +62,8 @@ class SmoothingSettings(Group):
 
 
 class JudgeSettings(Group):
-    """The log-odds that a track has moved: weights of its terms, fitted on tracks of simulated worlds."""
+    """When a track counts as moving."""
 
-    prior: float = Field(1.26, description="log-odds of something of which nothing is known")
-    displacement: float = Field(0.41, ge=0, description="of how far it went for its scatter")
-    unsteady: float = Field(-1.24, le=0, description="of how its foot and its roof change their heights")
-    hover: float = Field(-1.35, le=0, description="of a metre that it hovers above the first over the ground")
-    pieces: float = Field(-4.15, le=0, description="of its being no whole segment but what the evidence cut out of one")
     min_probability: float = Field(0.9, gt=0, lt=1, description="of having moved, from which on it is labelled moving")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from automos.settings.baselines import BaselinesSettings
 from automos.settings.candidates import CandidatesSettings, SelfTrainingSettings
 from automos.settings.group import Group
 from automos.settings.instances import InstancesSettings
@@ -23,7 +22,6 @@ class Settings(Group):
     output: OutputSettings = OutputSettings()
     network: NetworkSettings = NetworkSettings()
     self_training: SelfTrainingSettings = SelfTrainingSettings()
-    baselines: BaselinesSettings = BaselinesSettings()
     map: MapSettings = MapSettings()
 
     def __repr__(self) -> str:

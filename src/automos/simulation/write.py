@@ -21,6 +21,7 @@ from automos.atomic import atomic_path, write_text
 from automos.errors import InputError
 from automos.parallel import map_in_order
 from automos.pose_files import write_kitti
+from automos.reading import read_json
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"
@@ -77,9 +78,11 @@ def _claim(out: Path, description: dict[str, object]) -> None:
         raise InputError(f"{out} is a file; choose a folder to write the simulated sequence to.")
     if out.exists() and any(out.iterdir()):
         try:
-            found = json.loads((out / MARKER).read_text())
+            found = read_json(out / MARKER)
         except (OSError, ValueError):
             raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.") from None
+        if not isinstance(found, dict):
+            raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.")
         if found != description:
             differs = next(key for key in description if found.get(key) != description[key])
             raise InputError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.scan import OBJECT
+from automos.scan import OBJECT, SPECK
 
 _PRIOR, _WEIGHT = -4.0, 2.0
 """Log-odds of moving of a point that belongs to no object, and what the evidence's count there: of the points of
@@ -29,9 +29,10 @@ def point_confidence(
     is_moving : (M,) whether each point is labelled moving.
     owner : (M,) track that each point belongs to, whatever the verdict on it, -1 for none.
     confidence : (T,) in [0, 1], of the verdicts on the tracks.
-    log_odds : (M,) has moved, against has stayed.   kind : (M,) OBJECT, GROUND or EGO_BODY.
+    log_odds : (M,) has moved, against has stayed.   kind : (M,) OBJECT, GROUND, EGO_BODY or SPECK.
     """
     moves = 1.0 / (1.0 + np.exp(-(_PRIOR + _WEIGHT * log_odds.astype(np.float32))))
-    alone = np.where(kind == OBJECT, 1.0 - moves, 1.0)
+    stands = (kind == OBJECT) | (kind == SPECK)
+    alone = np.where(stands, 1.0 - moves, 1.0)
     by_track = np.append(confidence, 1.0)[owner]
-    return np.round(255.0 * np.where((owner >= 0) & (is_moving | (kind == OBJECT)), by_track, alone)).astype(np.uint8)
+    return np.round(255.0 * np.where((owner >= 0) & (is_moving | stands), by_track, alone)).astype(np.uint8)

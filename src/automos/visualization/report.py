@@ -12,7 +12,7 @@ from pathlib import Path
 
 from automos import __version__
 from automos.atomic import write_text
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.visualization.page_files import inline, page_text, script_json
 from automos.visualization.survey import survey
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
-from automos.export.run_files import RunFiles
 from automos.geometry import transform
 from automos.labels import Label, to_mos
+from automos.results.run_files import RunFiles
 from automos.visualization.caveats import caveats
 from automos.visualization.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
 from automos.visualization.thumbnails import Thumbnails

@@ -14,6 +14,7 @@
   });
   let run = null, current = null, mode = "object", joining = null;
   let scan = 0, proposal = null, boxes = []; // the scan in sight; what is proposed; boxes drawn for it
+  let isAtOnce = false, added = []; // whether a click adds without asking; ids of what was added here, oldest first
   let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
   function setMode(name) {
@@ -222,7 +223,49 @@
     goToScan(scan, at);
   }
 
-  function pick([x, y]) { boxes = []; place.mark([x, y]); propose({ index: scan, x, y }); }
+  function pick([x, y], isShifted) {
+    boxes = [];
+    place.mark([x, y]);
+    if (isAtOnce !== isShifted) addAtOnce({ index: scan, x, y });
+    else propose({ index: scan, x, y });
+  }
+
+  /* Follow what was clicked on and add it, without showing it first; Z takes it back. */
+  function addAtOnce(what) {
+    const from_scan = scan;
+    return doing("following it through time …", async () => {
+      const indices = (await ask("api/propose", what)).moments.map((one) => one.index);
+      const { id } = await ask("api/accept", { first: indices[0], last: indices.at(-1) });
+      await showAdded(id, `object ${id} added, from scan ${run.scans[indices[0]]} to ${run.scans[indices.at(-1)]} ✓`);
+      goToScan(from_scan);
+    });
+  }
+
+  async function showAdded(id, text) {
+    boxes = [];
+    scenes.clear();
+    added.push(id);
+    await refresh();
+    tell(text);
+    document.body.dataset.added = id;
+    watch();
+  }
+
+  function takeBack() {
+    const id = added.pop();
+    if (id === undefined) return;
+    doing("taking it back …", async () => {
+      await ask("api/decide", { tracks: [id], verdict: "undo" });
+      await refresh();
+      tell(`object ${id} taken back ✓`);
+      goToScan(scan);
+    });
+  }
+
+  function setAtOnce(isOn) {
+    isAtOnce = isOn;
+    byId("at-once").setAttribute("aria-pressed", `${isOn}`);
+  }
 
   function boxDrawn(box) {
     boxes = [...boxes.filter((one) => one.index !== scan), { index: scan, box }];
@@ -263,12 +306,7 @@
     const { from, from_scan, first, last } = proposal;
     return doing("adding it …", async () => {
       const { id } = await ask("api/accept", { first, last });
-      boxes = [];
-      scenes.clear();
-      await refresh();
-      tell(`object ${id} added ✓`);
-      document.body.dataset.added = id;
-      watch();
+      await showAdded(id, `object ${id} added ✓`);
       if (from) openAfter(current);
       else goToScan(from_scan);
     });
@@ -363,7 +401,7 @@
 
   const clicks = {
     finish, add: addHere, rest: acceptRest, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
-    box: anotherBox, "box-too": anotherBox, cut, split, join, play: () => play(!view.isPlaying),
+    box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce), "take-back": takeBack, cut, split, join, play: () => play(!view.isPlaying),
   };
   for (const [id, does] of Object.entries(clicks)) byId(id).addEventListener("click", (event) => { event.currentTarget.blur(); if (run) does(); });
   byId("over-back").addEventListener("click", () => { byId("over").hidden = true; });
@@ -383,7 +421,7 @@
       m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"), n: addHere, c: cut, x: split, j: join,
       a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying), Escape: () => { joining = null; outliner.set(false); if (current) drawFacts(); },
     },
-    place: { b: anotherBox, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
+    place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: takeBack, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
     proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
   };
   document.addEventListener("keydown", (event) => {

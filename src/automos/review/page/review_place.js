@@ -112,7 +112,7 @@ function makePlace(canvas, { onPick, onBox, onHint }) {
     fingers.delete(event.pointerId);
     if (!start) return;
     if (isDrawing && line) { line.isDone = true; onHint("now point at how wide it is"); }
-    else if (!hasMoved && !fingers.size) onPick(toWorld(at(event)));
+    else if (!hasMoved && !fingers.size) onPick(toWorld(at(event)), event.shiftKey);
     start = fingers.size ? start : null;
   });
   canvas.addEventListener("pointercancel", (event) => fingers.delete(event.pointerId));

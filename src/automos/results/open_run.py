@@ -7,7 +7,7 @@ from pathlib import Path
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
-from automos.export.run_files import RunFiles
+from automos.results.run_files import RunFiles
 from automos.workspace import Workspace
 
 

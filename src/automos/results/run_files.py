@@ -18,24 +18,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.evaluation.report import find_predictions, read_prediction
+from automos.evaluation.report import find_predictions
 from automos.geometry import inverse, make_transform, transform
-from automos.labels import Label
+from automos.label_files import read_labels
+from automos.labels import Label, to_mos
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
-from automos.reading import read_json
+from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace
 
 logger = logging.getLogger(__name__)
-
-VERDICTS = ("unknown", "static", "moving")
-"""Classes of objects, in the order of `automos.tracking.verdict.Verdict`."""
-
-
-MIN_SIDE = 0.02
-"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +107,11 @@ class RunFiles:
 
     def packed(self, index: int, n_points: int) -> npt.NDArray[np.uint32]:
         """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
-        return read_prediction(self._predictions / f"{self.names[index]}.label", n_points)
+        return read_labels(self._predictions / f"{self.names[index]}.label", n_points)
 
     def labels(self, index: int, n_points: int) -> npt.NDArray[np.uint16]:
         """Return (n_points,) uint16 of `Label`."""
-        return (self.packed(index, n_points) & 0xFFFF).astype(np.uint16)
+        return to_mos(self.packed(index, n_points)).astype(np.uint16)
 
     def instances(self, index: int, n_points: int) -> npt.NDArray[np.int64]:
         """Return (n_points,) the id of the track that each moving point belongs to, 0 for none.
@@ -130,7 +124,7 @@ class RunFiles:
         packed = self.packed(index, n_points)
         if (packed >> 16).any():
             return (packed >> 16).astype(np.int64)
-        is_moving = (packed & 0xFFFF) == Label.MOVING
+        is_moving = to_mos(packed) == Label.MOVING
         if not is_moving.any():
             return np.zeros(n_points, np.int64)
         run = Workspace(self.folder).read_run()
@@ -236,38 +230,11 @@ class RunFiles:
     @cached_property
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
-        path = self.folder / "tracks.json"
-        try:
-            return read_json(path)
-        except FileNotFoundError:
-            raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+        return read_tracks(self.folder / "tracks.json", len(self))
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:
-        """All boxes of all tracks, a row each, by scan, then track."""
-        rows = [
-            (
-                *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
-                *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
-            )
-            for track in self.tracks_file["tracks"]
-            for box in track["boxes"]
-        ]
-        table = np.array(rows, np.float64).reshape(-1, 15)
-        table = table[np.lexsort((table[:, 1], table[:, 0]))]
-        return {
-            "scan": table[:, 0].astype(np.int64),
-            "id": table[:, 1].astype(np.int64),
-            "verdict": table[:, 2].astype(np.int8),
-            "confidence": table[:, 3],
-            "observed": table[:, 4] > 0,
-            "yaw": table[:, 5],
-            "center": table[:, 6:9],
-            "size": np.maximum(table[:, 9:12], MIN_SIDE),
-            "velocity": table[:, 12:15],
-        }
+        return box_table(self.tracks_file)
 
     @cached_property
     def _rows_of_scan(self) -> list[slice]:

@@ -5,12 +5,12 @@ from scipy.spatial.transform import Rotation
 
 from automos.array_sequence import ArraySequence
 from automos.export import export_run
-from automos.export.results import write_results
-from automos.export.run_files import RunFiles
 from automos.geometry import make_transform
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Result
+from automos.results.run_files import RunFiles
+from automos.results.writing import write_results
 from automos.scan import Scan
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks

@@ -6,9 +6,10 @@ from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, 
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.export.run_files import VERDICTS, RunFiles
 from automos.geometry import transform
 from automos.odometry.motion import SweepTiming
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
 from automos.tracking.verdict import Verdict
 
 
@@ -70,7 +71,7 @@ def test_a_recording_of_other_scans_is_refused(run):
     with pytest.raises(InputError, match="holds no predictions for street"):
         RunFiles(run.folder / "nowhere", run.sequence)
     longer = ArraySequence([np.zeros((7, 3))] * 3, name="longer")
-    with pytest.raises(InputError, match="has 24 bytes, but its scan has 7 points"):
+    with pytest.raises(InputError, match="holds 6 labels, but its scan has 7 points"):
         RunFiles(run.folder, longer).labels(0, 7)
 
 
@@ -99,3 +100,33 @@ def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog)
     (run.folder / "stages").rename(run.folder / "gone")
     np.testing.assert_array_equal(RunFiles(run.folder, run.sequence).points_at_pose(scan, 2), scan.points)
     assert "points are written as measured" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "said"),
+    [
+        (["T_world_level"], [[1.0, 0.0]], "t_world_level"),
+        (["T_world_level", 0, 0], 7.0, "no rigid transform"),
+        (["tracks"], {}, "tracks"),
+        (["tracks", 0, "id"], 0, "greater than or equal to 1"),
+        (["tracks", 0, "id"], 2, "two tracks have one id"),
+        (["tracks", 0, "verdict"], "parked", "'unknown', 'static' or 'moving'"),
+        (["tracks", 0, "boxes", 0, "center"], [1.0, 2.0], "at least 3 items"),
+        (["tracks", 0, "boxes", 0, "center", 1], float("nan"), "finite number"),
+        (["tracks", 0, "boxes", 0, "size", 0], -1.0, "greater than or equal to 0"),
+        (["tracks", 0, "boxes", 0, "scan"], 3, "boxes of more than 3 scans"),
+        (["tracks", 0, "boxes", 0, "scan"], 1.5, "scan"),
+    ],
+)
+def test_tracks_that_nobody_wrote_so_are_refused_with_the_file(tmp_path, where, value, said):
+    run = make_run(tmp_path / "run")
+    path = run.folder / "tracks.json"
+    document = json.loads(path.read_text())
+    place = document
+    for key in where[:-1]:
+        place = place[key]
+    place[where[-1]] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"tracks\.json is damaged") as told:
+        _ = run.tracks_file
+    assert said in str(told.value).lower()

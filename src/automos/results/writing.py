@@ -24,13 +24,13 @@ import numpy as np
 
 from automos import __version__
 from automos.atomic import atomic_path, remove_parts, write_text
-from automos.export.tracks_file import track_entries, write_tracks
 from automos.labels import Label, pack
 from automos.pipeline import Result
 from automos.pose_files import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
+from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
-from automos.settings import Settings, dump_yaml
+from automos.settings import OutputSettings, Settings, dump_yaml
 from automos.tracking.verdict import Verdict
 from automos.workspace import RUN_FILE, Workspace
 
@@ -49,32 +49,14 @@ def write_results(
     run.json comes last and names the fingerprint of the labels: while it is absent or names another, the label files
     are not to be trusted, and older ones are removed before the first new one is written.
     """
-    predictions = folder / "predictions"
     output = settings.output
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
-    confidences = folder / "confidences"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
         (folder / RUN_FILE).unlink(missing_ok=True)
-        for stale in (*predictions.glob("*.label"), *confidences.glob("*.npy")):
+        for stale in (*(folder / "predictions").glob("*.label"), *(folder / "confidences").glob("*.npy")):
             stale.unlink()
-    for place in (folder, predictions, *([confidences] if output.confidence else [])):
-        place.mkdir(parents=True, exist_ok=True)
-        remove_parts(place)
-    counts, n_body = dict.fromkeys((name.name.lower() for name in Label), 0), 0
-    for i, name in enumerate(result.names):
-        labels = result.labels(i)
-        n_body += result.n_body(i)
-        for label in Label:
-            counts[label.name.lower()] += int((labels == label).sum())
-        instances = result.track_ids(i) + 1 if output.track_ids else None
-        with atomic_path(predictions / f"{name}.label") as temporary:
-            pack(labels, instances).tofile(temporary)
-        if output.confidence:
-            with atomic_path(confidences / f"{name}.npy") as temporary, temporary.open("wb") as file:
-                np.save(file, result.confidence(i))
-        progress("writing", i + 1, len(result))
-
+    counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
     write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
     write_tum(folder / "poses.tum", trajectory.T_world_sensor, trajectory.stamps)
@@ -100,6 +82,30 @@ def write_results(
     }
     write_text(folder / RUN_FILE, json.dumps(run, indent=1))
     return run
+
+
+def _write_scans(
+    folder: Path, result: Result, output: OutputSettings, progress: Callable[[str, int, int], None]
+) -> tuple[dict[str, int], int]:
+    """Write what there is per point; return how many points have each label, and how many ride along."""
+    predictions, confidences = folder / "predictions", folder / "confidences"
+    for place in (folder, predictions, *([confidences] if output.confidence else [])):
+        place.mkdir(parents=True, exist_ok=True)
+        remove_parts(place)
+    counts, n_body = dict.fromkeys((label.name.lower() for label in Label), 0), 0
+    for i, name in enumerate(result.names):
+        labels = result.labels(i)
+        n_body += result.n_body(i)
+        for label in Label:
+            counts[label.name.lower()] += int((labels == label).sum())
+        instances = result.track_ids(i) + 1 if output.track_ids else None
+        with atomic_path(predictions / f"{name}.label") as temporary:
+            pack(labels, instances).tofile(temporary)
+        if output.confidence:
+            with atomic_path(confidences / f"{name}.npy") as temporary, temporary.open("wb") as file:
+                np.save(file, result.confidence(i))
+        progress("writing", i + 1, len(result))
+    return counts, n_body
 
 
 def versions() -> dict[str, str]:

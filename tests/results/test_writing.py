@@ -11,14 +11,14 @@ from automos import __version__
 from automos.array_sequence import ArraySequence
 from automos.atomic import atomic_path
 from automos.errors import InputError
-from automos.export import results
-from automos.export.results import write_results
 from automos.geometry import make_transform
 from automos.labels import Label, to_mos
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Result
 from automos.pose_files import read_poses
+from automos.results import writing as results
+from automos.results.writing import write_results
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts

@@ -1,0 +1,155 @@
+"""tracks.json: every object with its verdict, how sure that is, and a box for every scan it was followed through.
+
+Written by us, but read as anything is that lies in a folder: whatever in it is not as it is written is refused.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from automos.atomic import atomic_path
+from automos.errors import InputError
+from automos.geometry import inverse
+from automos.odometry import Trajectory
+from automos.pose_files import FARTHEST
+from automos.reading import checked, read_json
+from automos.tracking.tracks import Tracks
+from automos.tracking.verdict import Verdict, Verdicts
+
+VERDICTS = tuple(verdict.name.lower() for verdict in sorted(Verdict))
+"""Classes of objects, in the order of `Verdict`."""
+
+MIN_SIDE = 0.02
+"""Metres. Things seen as a line or a plane have boxes without a side, which tools that round to a centimetre lose."""
+
+Metres = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0.0, le=FARTHEST, allow_inf_nan=False)]
+Three = Annotated[list[Metres], Field(min_length=3, max_length=3)]
+Row = Annotated[list[Metres], Field(min_length=4, max_length=4)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Box(_Strict):
+    scan: Annotated[int, Field(ge=0)]
+    stamp: Annotated[float, Field(allow_inf_nan=False)]
+    observed: bool
+    center: Three
+    size: Annotated[list[Size], Field(min_length=3, max_length=3)]
+    yaw: Annotated[float, Field(ge=-100.0, le=100.0)]
+    velocity: Three
+
+
+class _Track(_Strict):
+    id: Annotated[int, Field(ge=1, le=1 << 53)]
+    verdict: Literal["unknown", "static", "moving"]
+    confidence: Annotated[float, Field(ge=0.0, le=1.0)]
+    boxes: Annotated[list[_Box], Field(min_length=1)]
+
+
+class _Tracks(_Strict):
+    T_world_level: Annotated[list[Row], Field(min_length=4, max_length=4)]
+    tracks: list[_Track]
+
+
+_TRACKS = TypeAdapter(_Tracks)
+
+
+def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
+    """Return what a tracks.json of `n_scans` scans holds.
+
+    Raises
+    ------
+    InputError
+        It is absent, damaged, or of more scans.
+    """
+    try:
+        document: dict[str, Any] = read_json(path)
+        checked(_TRACKS, document)
+        T = np.array(document["T_world_level"])
+        if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
+            raise ValueError("T_world_level is no rigid transform")
+        ids = [track["id"] for track in document["tracks"]]
+        if len(set(ids)) < len(ids):
+            raise ValueError("two tracks have one id")
+        if any(box["scan"] >= n_scans for track in document["tracks"] for box in track["boxes"]):
+            raise ValueError(f"it has boxes of more than {n_scans} scans")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
+    return document
+
+
+def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: Iterable[dict[str, Any]]) -> None:
+    """Write `entries` to `path`, a track a line, so that neither writing nor a glance at it needs the whole."""
+    head = {
+        "frame": "level: z up, ground under the first scan at z = 0; T_world_level maps it to the frame of poses.txt",
+        "T_world_level": np.round(inverse(trajectory.T_level_world), 9).tolist(),
+        "units": {"center": "m", "size": "m: length, width, height", "yaw": "rad", "velocity": "m/s", "stamp": "s"},
+        "scans": names,
+    }
+    with atomic_path(path) as temporary, temporary.open("w") as file:
+        file.write(json.dumps(head, indent=1)[:-2] + ',\n "tracks": [')
+        file.writelines(f"{',' if k else ''}\n  {json.dumps(entry)}" for k, entry in enumerate(entries))
+        file.write("\n ]\n}\n")
+
+
+def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) -> Iterator[dict[str, Any]]:
+    """Yield what tracks.json says of each track, in their order."""
+    columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
+    stamps = np.round(trajectory.stamps, 6).tolist()
+    for k in range(len(tracks)):
+        rows = tracks.rows_of(k)
+        boxes = [
+            {
+                "scan": int(tracks.scan[r]),
+                "stamp": stamps[tracks.scan[r]],
+                "observed": bool(tracks.segment[r] >= 0),
+                "center": columns[r][:3],
+                "size": columns[r][3:6],
+                "yaw": columns[r][6],
+                "velocity": columns[r][7:],
+            }
+            for r in range(rows.start, rows.stop)
+        ]
+        yield {
+            "id": k + 1,
+            "verdict": Verdict(verdicts.verdict[k]).name.lower(),
+            "confidence": round(float(verdicts.confidence[k]), 3),
+            "boxes": boxes,
+        }
+
+
+def box_table(tracks_file: dict[str, Any]) -> dict[str, npt.NDArray]:
+    """Return columns of all boxes of all tracks, a row each, by scan, then track; sides are `MIN_SIDE` at least."""
+    rows = [
+        (
+            *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
+            *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
+        )
+        for track in tracks_file["tracks"]
+        for box in track["boxes"]
+    ]
+    table = np.array(rows, np.float64).reshape(-1, 15)
+    table = table[np.lexsort((table[:, 1], table[:, 0]))]
+    return {
+        "scan": table[:, 0].astype(np.int64),
+        "id": table[:, 1].astype(np.int64),
+        "verdict": table[:, 2].astype(np.int8),
+        "confidence": table[:, 3],
+        "observed": table[:, 4] > 0,
+        "yaw": table[:, 5],
+        "center": table[:, 6:9],
+        "size": np.maximum(table[:, 9:12], MIN_SIDE),
+        "velocity": table[:, 12:15],
+    }

@@ -1,0 +1,282 @@
+"""Commands of the command line on results, recordings and side files that were damaged, and with hostile values.
+
+What is damaged is a copy of a small recording, of the results made from it, and of what goes with them (corrections,
+labels of another program, poses, settings, a log of decisions, the books of a fleet).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from damage import NUMBERS, change, damage
+from worlds import lane, write_bins
+
+from automos.cli import main
+from automos.datasets import open_recordings, open_sequence
+from automos.errors import AutomosError
+from automos.export import EXPORTS
+from automos.pose_files import write_kitti
+from automos.results.open_run import open_run
+from automos.settings import load_settings
+
+N_SCANS = 12
+LAST: list[str] = []
+"""What was done to the input that is read now, for a person to read."""
+
+
+class WrongError(Exception):
+    """Something was accepted that should not have been, or refused without a sentence."""
+
+
+class RefusedError(AutomosError):
+    """A command ended with exit code 2 and this sentence."""
+
+
+def write_all(root: Path) -> None:
+    """Write into `root` a recording, its results, and everything else that commands are given."""
+    from automos.export import export_run
+    from automos.labeling import label_recording
+    from automos.review.session import Session
+    from automos.scale.label import Means, label_fleet
+    from automos.scale.sources import find_all
+
+    world, log = lane(N_SCANS), root / "log"
+    write_bins(world.sequence, log / "velodyne")
+    (log / "labels").mkdir()
+    for name, truth in zip(world.sequence.names, world.truth, strict=True):
+        truth.astype("u4").tofile(log / "labels" / f"{name}.label")
+    (log / "times.txt").write_text("".join(f"{stamp:.6f}\n" for stamp in world.sequence.stamps))
+    write_kitti(log / "poses.txt", world.poses)
+    (log / "calib.txt").write_text("Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n")
+    settings = load_settings("default", None, {"output.confidence": True})
+    label_recording(open_sequence(log), root / "run", settings, workers=1)
+    export_run(root / "run", open_recordings(log), "sustech", root / "boxes")
+    shutil.copytree(root / "run" / "predictions", root / "labels")
+    session = Session(open_run(root / "run"))
+    session.decide([1], "static")
+    session.propose(6, at=(0.0, 11.0))
+    session.accept(0, N_SCANS - 1)
+    session.close()
+    for name in ("a", "b"):
+        shutil.copytree(log, root / "logs" / name)
+    label_fleet(find_all(str(root / "logs")), str(root / "fleet"), settings, Means(workers=1, work=root / "work"))
+    shutil.rmtree(root / "work", ignore_errors=True)
+
+
+def call(*words: object) -> str:
+    """Run a command as the shell does; return what it printed.
+
+    Raises
+    ------
+    RefusedError
+        It ended with exit code 2 and a sentence.
+    WrongError
+        It ended otherwise, or with more or less than one sentence.
+    """
+    out, err, given = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["automos", *map(str, words)]
+    code: object = 0
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            main()
+    except SystemExit as leaving:
+        code = leaving.code or 0
+    finally:
+        sys.argv = given
+    said = err.getvalue()
+    if code == 0 or (code == 3 and "fail" in out.getvalue() + said):
+        return out.getvalue()
+    if code == 2 and "Usage:" in said:  # typer's own words for values it can tell apart itself
+        raise RefusedError("the usage of the command was told")
+    if code != 2 or said.count("error: ") != 1:
+        raise WrongError(f"exit code {code}, said {said[-500:]!r}")
+    raise RefusedError(said[said.index("error: ") + 7 :].strip())
+
+
+# -------------------------------------------------------------------------------------------------- what is checked
+def _require_whole(folder: Path, log: Path) -> None:
+    """Raise where `folder` passes for results though it has not a label for each point."""
+    if not (folder / "run.json").exists():
+        raise WrongError("a run ended well and left no run.json")
+    for path in sorted((log / "velodyne").iterdir()):
+        labels = folder / "predictions" / f"{path.stem}.label"
+        if not labels.is_file() or labels.stat().st_size * 4 != path.stat().st_size:
+            raise WrongError(f"{labels.name} has not a label for each point")
+
+
+def _label(root: Path, rng: random.Random, *more: object) -> None:
+    """Label again where results are, whatever became of these: they are whole then."""
+    call("label", root / "log", "--out", root / "run", "--workers", 1, *more)
+    _require_whole(root / "run", root / "log")
+
+
+def _merge(root: Path, rng: random.Random, *more: object) -> None:
+    corrected = rng.choice(("boxes", "labels"))
+    call("merge", root / "run", root / "log", root / corrected, "--out", root / "merged", *more)
+    if "--out" not in more:
+        _require_whole(root / "merged", root / "log")
+
+
+def _export(root: Path, rng: random.Random, *more: object) -> None:
+    to, deskewed = rng.choice(EXPORTS), ["--deskewed"] * (rng.random() < 0.1)
+    call("export", root / "run", root / "log", "--to", to, "--out", root / "out", *deskewed, *more)
+    if not any((root / "out", *root.glob("out*"))):
+        raise WrongError("nothing was written")
+
+
+def _review(root: Path, rng: random.Random, *more: object) -> None:
+    """Open a review, look at everything once and decide; what was written must be whole."""
+    from automos.review.session import Session
+
+    session = Session(open_run(root / "run"))
+    items = session.overview()["items"]
+    for item in items[:2]:
+        if "id" in item:
+            session.scene(item["id"])
+            session.decide([item["id"]], rng.choice(("moving", "static", "found")))
+    session.place(N_SCANS // 2)
+    session.close()
+    _require_whole(root / "run", root / "log")
+
+
+def _status(root: Path, rng: random.Random, *more: object) -> None:
+    call("status", root / "fleet", *["--json"] * (rng.random() < 0.5), *more)
+
+
+def _fleet(root: Path, rng: random.Random, *more: object) -> None:
+    call("label", root / "logs", "--out", root / "fleet", "--workers", 1, "--work", root / "work", *more)
+    for name in ("a", "b"):
+        if (root / "fleet" / name / "complete.json").exists():
+            _require_whole(root / "fleet" / name, root / "logs" / name)
+
+
+Does = Callable[..., object]
+COMMANDS: dict[str, tuple[Does, tuple[str, ...]]] = {
+    "evaluate": (lambda root, rng, *more: call("evaluate", root / "run", root / "log", *more), ("run", "log")),
+    "report": (lambda root, rng, *more: call("report", root / "run", root / "log", *more), ("run",)),
+    "export": (_export, ("run",)),
+    "merge": (_merge, ("boxes", "labels", "run")),
+    "label again": (_label, ("run",)),
+    "given poses": (lambda root, rng: _label(root, rng, "--poses", root / "log" / "poses.txt",
+                                             "--calib", root / "log" / "calib.txt"), ("log",)),
+    "drift": (lambda root, rng, *more: call("drift", root / "run" / rng.choice(("poses.txt", "poses.tum")),
+                                            root / "log" / "poses.txt", *more), ("run", "log")),
+    "view": (lambda root, rng, *more: call("view", root / "run", root / "log", "--rrd", root / "v.rrd", *more),
+             ("run",)),
+    "review": (_review, ("run",)),
+    "status": (_status, ("fleet",)),
+    "fleet": (_fleet, ("fleet", "logs")),
+}  # fmt: skip
+"""What a command does with the files below a folder, and which of these are damaged before."""
+
+_OPTIONS: dict[str, tuple[str, ...]] = {
+    "evaluate": ("--format", "--json"),
+    "report": ("--format", "--out"),
+    "export": ("--to", "--format", "--out"),
+    "merge": ("--out", "--format"),
+    "drift": ("--calib",),
+    "view": ("--points", "--rrd", "--format"),
+    "status": ("--nothing",),
+}
+_ALONE: tuple[tuple[str, ...], ...] = tuple(
+    (command, "{log}", "--out", "{out}", *(("--method", "octomap") if command != "label" else ()), option)
+    for command, options in {
+        "label": ("--preset", "--settings", "--set", "--format", "--poses", "--calib", "--moving", "--unsure",
+                  "--shard", "--memory", "--cache", "--work", "--chunk", "--workers"),
+        "compare": ("--method", "--scan", "--radius", "--poses", "--predictions", "--repeat", "--set", "--format"),
+        "map": ("--kind", "--method", "--voxel", "--poses", "--calib", "--set", "--format"),
+    }.items()
+    for option in options
+) + tuple(("simulate", "{out}", "--scans", "2", option) for option in (
+    "--scenario", "--sensor", "--scans", "--seed", "--convention", "--rig", "--weather", "--lidars"))  # fmt: skip
+_WORDS = (
+    *NUMBERS[:-1], "{log}", "{run}", "{out}", "/dev/null", "/dev/zero", "/proc/self/mem", "/", ".", "..", "a" * 300,
+    "a/" * 3000, "x\x1b[31m", "\udcff", "x=y", "=", "a=b=c", "1/0", "0/0", "-1/2", "9/3", "s3://", "file:///x", "http://x",
+    "{log}/times.txt", "{log}/velodyne/000000.bin",
+)  # fmt: skip
+
+
+def fuzz_command(kind: str, bases: Path, rng: random.Random, work: Path) -> None:
+    """Damage what a command is given in one or two places, and run it."""
+    does, parts = COMMANDS[kind]
+    root = work / "case"
+    shutil.copytree(bases, root)
+    part = root / rng.choice(parts)
+    if rng.random() < 0.15 and kind in _OPTIONS:
+        more = (rng.choice(_OPTIONS[kind]), _filled(rng.choice(_WORDS), root))
+        LAST.append(str(more))
+        does(root, rng, *more)
+        return
+    shallow = [part / name for name in ("tracks.json", "run.json", "poses.txt", "review.jsonl", "settings.yaml")]
+    aimed = [path for path in shallow if path.is_file()]
+    for _ in range(rng.choice((1, 1, 2))):
+        only = rng.choice(aimed) if aimed and rng.random() < 0.6 else None
+        LAST.append(f"{part.name}/{damage(part, rng, only)}")
+    does(root, rng)
+
+
+def fuzz_values(bases: Path, rng: random.Random, work: Path) -> None:
+    """Give a command one hostile value; what could take long is cut short by a recording that is not there."""
+    *words, option = rng.choice(_ALONE)
+    root = work / "case"
+    shutil.copytree(bases / "run", root / "run")
+    (root / "log").mkdir()  # nothing is in it: values are told before anything is begun, or the folder is refused
+    if rng.random() < 0.3:
+        shutil.copytree(bases / "log", root / "log", dirs_exist_ok=True)
+        for path in sorted((root / "log" / "velodyne").iterdir())[3:]:
+            path.unlink()
+    given = [_filled(word, root) for word in (*words, option, rng.choice(_WORDS))]
+    LAST.append(str(given))
+    call(*given)
+
+
+def _filled(word: str, root: Path) -> str:
+    for name in ("log", "run", "out"):
+        word = word.replace(f"{{{name}}}", str(root / name))
+    return word
+
+
+class Requests:
+    """One review whose page says hostile things to it."""
+
+    def __init__(self, bases: Path, work: Path):
+        from automos.review.session import Session
+
+        self.root = work / "requests"
+        shutil.rmtree(self.root, ignore_errors=True)
+        shutil.copytree(bases, self.root)
+        self.session = Session(open_run(self.root / "run"), n_looks=10)
+
+    def ask(self, rng: random.Random) -> None:
+        """Say one thing with one value changed, or ask for something with a hostile number."""
+        from automos.review.api import ASKED, SAID
+
+        box = [3.0, 1.0, 4.0, 2.0, 0.1]
+        bodies = {
+            "decide": {"tracks": [1, 2], "verdict": "moving"}, "propose": {"index": 3, "x": 1.0, "y": 11.0},
+            "accept": {"first": 0, "last": 5, "verdict": "moving"}, "cut": {"track": 1, "index": 4},
+            "split": {"track": 1, "index": 4, "box": box}, "join": {"tracks": [1, 2]}, "dismiss": {"place": 0},
+            "answer": {"look": 1, "answer": "moving"}, "missed": {"look": 1, "x": 1.0, "y": 11.0},
+            "forget": {"look": 1},
+        }  # fmt: skip
+        if rng.random() < 0.3:
+            bodies["propose"] = {"boxes": [{"index": 3, "box": box}, {"index": 6, "box": box}]}
+        if rng.random() < 0.3:
+            name, given = rng.choice(sorted(ASKED)), rng.choice(NUMBERS)
+            LAST.append(f"{name} {given[:30]!r}")
+            json.dumps(ASKED[name](self.session, {key: [given] for key in ("track", "look", "index")}))
+        else:
+            name = rng.choice(sorted(bodies))
+            body = change(bodies[name], rng)
+            LAST.append(f"{name} {str(body)[:300]}")
+            if isinstance(body, dict):  # the server refuses others
+                json.dumps(SAID[name](self.session, body))
+        if self.session.writer.problem is not None:
+            raise WrongError(f"what was decided cannot be written: {self.session.writer.problem}")

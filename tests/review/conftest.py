@@ -1,0 +1,23 @@
+"""A review of a small run, served."""
+
+import shutil
+import threading
+
+import pytest
+
+from automos.results.open_run import open_run
+from automos.review.server import ReviewServer
+from automos.review.session import Session
+
+
+@pytest.fixture
+def server(lane_run, tmp_path):
+    """Return a server that runs on a copy of a run."""
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    server = ReviewServer(Session(open_run(run)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield server
+    server.shutdown()
+    server.server_close()
+    thread.join()
