@@ -96,7 +96,7 @@ class KissOdometry:
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
-        self._before, self._pose = np.eye(4), np.eye(4)  # of the scan before the last, and of the last
+        self._pose: Pose = np.eye(4)  # of the last scan
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
@@ -110,13 +110,8 @@ class KissOdometry:
             step = se3_exp(np.round(se3_log(inverse(self._pose) @ T), STEP_DIGITS))
             if gap > 0.0:
                 self.twist = self._sign / gap * se3_log(step)
-        self._before, self._pose = self._pose, self._pose @ step
+        self._pose = self._pose @ step
         return Registered(step, is_registered, points, times, during)
-
-    def correct(self, T_last_this: Pose, twist: Array) -> None:
-        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
-        self._pose = self._before @ T_last_this
-        self.twist = twist
 
 
 def register_scans(
