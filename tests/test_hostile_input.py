@@ -138,7 +138,7 @@ def test_a_run_that_did_not_end_is_no_result(tmp_path):
             read()
     for damaged in ("", "{", "[]", "{}", '{"stages": []}', '{"stages": {"labels": "../.."}}', "[" * 100_000):
         (run / "run.json").write_text(damaged)
-        with pytest.raises(InputError, match="run.json is missing or damaged"):
+        with pytest.raises(InputError, match=r"run\.json is missing or damaged"):
             find_predictions(run, "log", is_only=True)
     (run / "run.json").write_text('{"fingerprint": "key"}')
     assert find_predictions(run, "log", is_only=True) == run / "predictions"
