@@ -1,6 +1,6 @@
 """What each choice of the preset `default` is worth: labels with one of them taken back, on the same recordings.
 
-    python benchmarks/ablation.py RECORDING [RECORDING ...] [--choices NAME ...] [--json FILE]
+    python benchmarks/ablation.py RECORDING [RECORDING ...] [--choices NAME ...] [--scans N] [--json FILE]
 
 A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"). The poses are estimated once
 a recording; only `poses not refined` has others. The table gives the IoU of the moving
@@ -18,8 +18,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
+from robustness import Altered
 
 from automos import Workspace, label, load_settings, open_sequence
 from automos.evaluation.moving import Counts, Scores, count
@@ -70,19 +72,27 @@ def changed(constants: dict[str, Any]) -> Iterator[None]:
             holder[at] = value
 
 
-def scores(path: Path, choice: dict[str, Any], cache: Path, progress: StageProgress) -> Scores:
+def scores(path: Path, n_scans: int | None, choice: dict[str, Any], cache: Path, progress: StageProgress) -> Scores:
     sequence, folder = open_sequence(path), cache / path.name
+    sequence = Altered(sequence, np.arange(len(sequence))[:n_scans])
     constants = {place: value for place, value in choice.items() if ":" in place}
     overrides = {key: value for key, value in choice.items() if key not in constants}
     workspace = Workspace(folder) if "odometry.refine" not in overrides else Workspace()
+    _forget(folder, constants)
     with changed(constants):
         result = label(sequence, load_settings("default", None, overrides), workspace=workspace, progress=progress)
         counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
-    if constants:  # stages are found again by their settings, which do not know of constants
-        for stage in folder.glob("stages/*"):
-            if not stage.name.startswith("odometry"):
-                shutil.rmtree(stage)
+    _forget(folder, constants)
     return counts.scores
+
+
+def _forget(folder: Path, constants: dict[str, Any]) -> None:
+    """Remove the stages that `constants` shape: stages are found again by their settings, which do not know of them."""
+    stages = ("candidates", "instances", "tracking", "labels")
+    for place in constants:
+        for name in stages[stages.index(place.split(".")[1]) :]:
+            for stage in folder.glob(f"stages/{name}-*"):
+                shutil.rmtree(stage)
 
 
 def main() -> None:
@@ -91,6 +101,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", type=Path, nargs="+")
     parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
+    parser.add_argument("--scans", type=int, help="the first so many of each recording")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     table, rows = Table("", *(path.name for path in arguments.recordings), title="IoU % (false points)"), []
@@ -99,7 +110,7 @@ def main() -> None:
             cells = []
             for path in arguments.recordings:
                 with StageProgress(Console(stderr=True), f"{path.name}, {choice}") as progress:
-                    found = scores(path, CHOICES[choice], Path(cache), progress)
+                    found = scores(path, arguments.scans, CHOICES[choice], Path(cache), progress)
                 cells.append(f"{100 * found.iou:.1f} ({found.false_dynamic:,})")
                 rows.append({"choice": choice, "recording": path.name, "iou": found.iou, "false": found.false_dynamic})
             table.add_row(choice, *cells)

@@ -71,12 +71,15 @@ class _First(Sequence):
         return self._inner[index]
 
 
-def code_digest() -> str:
-    """Return a text that changes with any source file of the method, and with the simulator's worlds."""
+def code_digest(rooms: tuple[str, ...] = ()) -> str:
+    """Return a text that changes with any source file of the method, and with the simulator's worlds.
+
+    Where `rooms` are named, only files whose paths begin with one of them count.
+    """
     digest = hashlib.sha256(str(FORMAT).encode())
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE).as_posix()
-        if not name.startswith(("cli", "simulation/")):
+        if name.startswith(rooms) if rooms else not name.startswith(("cli", "simulation/")):
             digest.update(name.encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 

@@ -1,51 +1,29 @@
-"""The tables of README and docs: which job makes each, and how its stored result is written there."""
+"""The tables of README and docs: which jobs make each, and how their stored results are written there."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from jobs import JOBS, Job
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results" / "tables"
-MARK = re.compile(r"(?P<head><!-- table (?P<name>[\w-]+) -->\n).*?(?P<end><!-- end -->)", re.DOTALL)
+MARK = re.compile(r"(?P<head><!-- table (?P<name>[\w-]+) -->\n)(?P<shown>.*?)(?P<end><!-- end -->)", re.DOTALL)
 Rows = list[list[str]]
 
 
-@dataclass(frozen=True)
-class Job:
-    """One script with fixed arguments; `DRIVE_0005` and `CACHE` in them are replaced."""
-
-    name: str
-    script: str
-    arguments: tuple[str, ...]
-
-    @property
-    def needs_drive(self) -> bool:
-        return "DRIVE_0005" in self.arguments
-
-
-JOBS = {
-    job.name: job
-    for job in (
-        Job(
-            "presets",
-            "table1.py",
-            ("DRIVE_0005", *["--scenarios", "none", "--methods", "paper", "default", "--cache", "CACHE/table1"]),
-        ),
-        Job("drive", "table1.py", ("DRIVE_0005", "--scenarios", "none", "--repeat", "3", "--cache", "CACHE/table1")),
-        Job("worlds", "table1.py", ("--scans", "40", "--seed", "60", "--cache", "CACHE/table1")),
-        Job("suite", "suite.py", ("--seed", "60", "--cache", "CACHE/suite")),
-        Job("robustness", "robustness.py", ("DRIVE_0005",)),
-        Job("ablation", "ablation.py", ("DRIVE_0005",)),
-        Job("speed", "speed.py", ("DRIVE_0005", "--repeat", "3")),
-        Job("speed-paper", "speed.py", ("DRIVE_0005", "--repeat", "3", "--preset", "paper")),
-    )
+REPORTED = {
+    "octomap": "8.8-48.4",
+    "removert": "53.6-82.7",
+    "erasor": "8.0-23.5",
+    "dufomap": "76.4",
+    "m_detector": "86.4",
+    "hmm_mos": "75.1",
 }
-"""Seed 60 of the simulator is for these tables: nothing was chosen on it."""
+"""IoU of public implementations on the drive, with their shipped settings and KISS-ICP's poses; by rule where two."""
 
 
 def _percent(value: float | None) -> str:
@@ -57,9 +35,9 @@ def _only(result: dict) -> dict:
     return recording
 
 
-def _methods_of_drive(result: dict) -> Rows:
-    rows = [["method", "IoU", "precision", "recall", "s/scan", "spread", "CPU s/scan", "peak MB", "asks the future"]]
-    for method in _only(result)["methods"].values():
+def _methods_of_drive(*results: dict) -> Rows:
+    rows = [["method", "IoU", "precision", "recall", "reported", "s/scan", "spread", "CPU s/scan", "peak MB", "future"]]
+    for name, method in _joined(results)["methods"].items():
         ratios = [_percent(method[key]) for key in ("iou", "precision", "recall")]
         alone = (method.get("cores_of_others") or 0.0) <= 0.1
         cost = [
@@ -68,8 +46,15 @@ def _methods_of_drive(result: dict) -> Rows:
             "" if method["cpu_seconds_per_scan"] is None else f"{method['cpu_seconds_per_scan']:.2f}",
             "" if method["peak_mb"] is None else f"{method['peak_mb']:.0f}",
         ]
-        rows.append([method["title"], *ratios, *cost, "yes" if method["needs_future"] else "no"])
+        future = "yes" if method["needs_future"] else "no"
+        rows.append([method["title"], *ratios, REPORTED.get(name, ""), *cost, future])
     return rows
+
+
+def _joined(results: tuple[dict, ...]) -> dict:
+    """Return the only recording of several results, with the methods of all of them."""
+    parts = [_only(result) for result in results]
+    return {**parts[0], "methods": {name: method for part in parts for name, method in part["methods"].items()}}
 
 
 def _presets_of_drive(result: dict) -> Rows:
@@ -80,12 +65,13 @@ def _presets_of_drive(result: dict) -> Rows:
     return rows
 
 
-def _methods_of_worlds(result: dict) -> Rows:
+def _methods_of_worlds(*results: dict) -> Rows:
     """One row a method, one column a world; where nothing moves, false points a scan, in brackets."""
-    rows = [["method", *(f"`{world}`" for world in result)]]
-    titles = {name: m["title"] for world in result.values() for name, m in world["methods"].items()}
+    worlds = {world: _joined(tuple({world: result[world]} for result in results)) for world in results[0]}
+    rows = [["method", *(f"`{world}`" for world in worlds)]]
+    titles = {name: m["title"] for world in worlds.values() for name, m in world["methods"].items()}
     for name, title in titles.items():
-        rows.append([title, *(_cell(world, name) for world in result.values())])
+        rows.append([title, *(_cell(world, name) for world in worlds.values())])
     return rows
 
 
@@ -137,18 +123,21 @@ def _speed(result: list[dict]) -> Rows:
     return rows
 
 
-TABLES: dict[str, tuple[str, Callable[[Any], Rows]]] = {
-    "presets-drive": ("presets", _presets_of_drive),
-    "methods-drive": ("drive", _methods_of_drive),
-    "methods-worlds": ("worlds", _methods_of_worlds),
-    "suite-default": ("suite", _suite("default")),
-    "suite-paper": ("suite", _suite("paper")),
-    "robustness": ("robustness", _robustness),
-    "ablation": ("ablation", _ablation),
-    "speed-default": ("speed", _speed),
-    "speed-paper": ("speed-paper", _speed),
+TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
+    "presets-drive": (("presets",), _presets_of_drive),
+    "methods-drive": (("rivals", "presets"), _methods_of_drive),
+    "methods-worlds": (("rivals-worlds", "presets-worlds"), _methods_of_worlds),
+    "suite-default": (("suite",), _suite("default")),
+    "suite-paper": (("suite",), _suite("paper")),
+    "robustness": (("robustness",), _robustness),
+    "ablation": (("ablation",), _ablation),
+    "speed-default": (("speed",), _speed),
+    "speed-paper": (("speed-paper",), _speed),
 }
-"""Each table's job, and what makes its rows (the heading first) of the job's result."""
+"""Each table's jobs, and what makes its rows (the heading first) of their results."""
+
+OVERVIEW = "jobs"
+"""The table of all jobs: what was run, when, in which form; and what was not."""
 
 
 def pages() -> list[Path]:
@@ -167,23 +156,59 @@ def state_of(job: Job, code: str) -> str:
     stored = read_result(job.name)
     if stored is None:
         return "never run"
-    return "up to date" if stored["code"] == code else f"of another state ({stored['commit']}, {stored['date']})"
+    form = ", the short form" if stored["is_quick"] else ""
+    return f"up to date{form}" if stored["code"] == code else f"of another state ({_made(stored)}){form}"
 
 
-def markdown(name: str, stored: dict) -> str:
-    """Return table `name` of its job's stored result, with the state it is of."""
-    heading, *rows = TABLES[name][1](stored["result"])
-    lines = [heading, ["---", *["---:"] * (len(heading) - 1)], *rows]
+def _made(stored: dict) -> str:
+    return f"{stored['commit']}, {stored['date']}"
+
+
+def _said(job: Job, stored: dict) -> str:
+    """Return in a line what made a result."""
+    short = f"; a part of `{job.command(False)}`" if stored["is_quick"] else ""
+    return f"`{job.command(stored['is_quick'])}`, {_made(stored)}{short}."
+
+
+def _to_run(name: str, results: dict[str, dict]) -> str:
+    missing = [JOBS[job].command(False) for job in TABLES[name][0] if job not in results]
+    return f"Not run for this state: `{'`, `'.join(missing)}`.\n"
+
+
+def _overview(results: dict[str, dict]) -> Rows:
+    rows = [["job", "run", "commit", "date"]]
+    for name, job in JOBS.items():
+        if (stored := results.get(name)) is None:
+            rows.append([f"`{name}`", f"not run: `{job.command(False)}`", "", ""])
+        else:
+            what = f"`{job.command(stored['is_quick'])}`" + (", the short form" if stored["is_quick"] else "")
+            rows.append([f"`{name}`", what, stored["commit"], stored["date"]])
+    return rows
+
+
+def markdown(name: str, results: dict[str, dict]) -> str | None:
+    """Return table `name` of its jobs' stored results, with the states they are of; None where one was never run."""
+    if name == OVERVIEW:
+        (heading, *rows), said, numbers = _overview(results), [], "---"
+    else:
+        jobs, make = TABLES[name]
+        if not set(jobs) <= set(results):
+            return None
+        heading, *rows = make(*(results[job]["result"] for job in jobs))
+        said, numbers = [_said(JOBS[job], results[job]) for job in jobs], "---:"
+    lines = [heading, ["---", *[numbers] * (len(heading) - 1)], *rows]
     table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-    return f"{table}\n`{stored['command']}`, {stored['commit']}, {stored['date']}.\n"
+    return table + "".join(f"\n{line}\n" for line in said)
 
 
 def with_tables(page: str, results: dict[str, dict]) -> str:
-    """Return the text of a page with its tables as `results`, by job, have them; those without a result stay."""
+    """Return the text of a page with its tables as `results`, by job, have them; others stay, or say what is to run."""
 
     def replaced(mark: re.Match[str]) -> str:
-        job = TABLES[mark["name"]][0]
-        return mark[0] if job not in results else mark["head"] + markdown(mark["name"], results[job]) + mark["end"]
+        made = markdown(mark["name"], results)
+        if made is None and mark["shown"].startswith("|"):
+            return mark[0]
+        return mark["head"] + (made or _to_run(mark["name"], results)) + mark["end"]
 
     return MARK.sub(replaced, page)
 

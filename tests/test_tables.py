@@ -6,21 +6,22 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+import jobs
 import tables
 
 
-def stored(iou: float) -> dict:
+def stored(iou: float, is_quick: bool = False) -> dict:
     method = {"title": "X", "iou": iou, "precision": 1.0, "recall": iou, "true_dynamic": 1, "false_static": 0}
     result = {"drive": {"n_scans": 2, "methods": {"paper": method, "default": method}}}
-    return {"command": "python benchmarks/x.py", "commit": "abc", "date": "2026-01-01", "result": result}
+    return {"commit": "abc", "date": "2026-01-01", "is_quick": is_quick, "result": result}
 
 
 @pytest.mark.parametrize("page", tables.pages(), ids=lambda page: page.name)
 def test_a_page_shows_the_stored_results(page):
     text = page.read_text()
-    assert set(tables.names_in(text)) <= set(tables.TABLES)
+    assert set(tables.names_in(text)) <= {*tables.TABLES, tables.OVERVIEW}
     assert text.count("<!-- table ") == text.count("<!-- end -->") == len(list(tables.names_in(text)))
-    results = {name: found for name in tables.JOBS if (found := tables.read_result(name)) is not None}
+    results = {name: found for name in jobs.JOBS if (found := tables.read_result(name)) is not None}
     assert tables.with_tables(text, results) == text, "run python benchmarks/all.py --write"
 
 
@@ -29,40 +30,86 @@ def test_the_readme_leads_with_stored_figures():
     assert "presets-drive" in names
     if not tables.RESULTS.exists():
         pytest.skip("nothing is stored yet: run python benchmarks/all.py --drive DRIVE_0005")
-    assert all(tables.read_result(tables.TABLES[name][0]) is not None for name in names)
+    needed = {job for name in names for job in tables.TABLES[name][0]}
+    assert [job for job in needed if tables.read_result(job) is None] == []
 
 
-def test_every_table_has_a_job():
-    assert {job for job, _ in tables.TABLES.values()} == set(tables.JOBS)
+def test_every_table_has_jobs_and_every_job_a_table():
+    assert {job for made_of, _ in tables.TABLES.values() for job in made_of} == set(jobs.JOBS)
+
+
+def test_every_table_stands_on_a_page_or_was_never_run():
+    shown = {name for page in tables.pages() for name in tables.names_in(page.read_text())}
+    made = {name for name, (made_of, _) in tables.TABLES.items() if all(map(tables.read_result, made_of))}
+    assert made <= shown
+    assert tables.OVERVIEW in shown
+
+
+@pytest.mark.parametrize("job", jobs.JOBS.values(), ids=lambda job: job.name)
+def test_a_job_names_a_script_that_takes_its_arguments(job, monkeypatch):
+    """Both forms are parsed by the script itself, which then would run."""
+    import argparse
+    import runpy
+
+    class ParsedError(Exception):
+        pass
+
+    def parse(self, *args, **kwargs):
+        found, left = self.parse_known_args(*args, **kwargs)
+        assert left == []
+        raise ParsedError(found)
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse)
+    for arguments in (job.arguments, job.quick):
+        monkeypatch.setattr(sys, "argv", [job.script, *arguments, "--json", "out.json"])
+        with pytest.raises(ParsedError):
+            runpy.run_path(str(tables.ROOT / "benchmarks" / job.script), run_name="__main__")
 
 
 def test_a_figure_that_differs_is_seen():
     page = "Before.\n<!-- table presets-drive -->\n<!-- end -->\nAfter.\n"
     written = tables.with_tables(page, {"presets": stored(0.9)})
     assert "| `default` | 90.0 | 100.0 | 90.0 |" in written
+    assert f"`{jobs.JOBS['presets'].command(False)}`, abc, 2026-01-01." in written
     assert written.startswith("Before.\n")
     assert written.endswith("<!-- end -->\nAfter.\n")
     assert tables.with_tables(written, {"presets": stored(0.9)}) == written
     assert tables.with_tables(written, {"presets": stored(0.8)}) != written
-    assert tables.with_tables(page, {}) == page  # nothing stored, nothing touched
+    assert tables.with_tables(written, {}) == written  # nothing stored, nothing touched
+
+
+def test_a_short_form_is_said_to_be_one_and_what_was_not_run_is_named():
+    page = "<!-- table presets-drive -->\n<!-- end -->\n<!-- table jobs -->\n<!-- end -->\n"
+    written = tables.with_tables(page, {"presets": stored(0.9, is_quick=True)})
+    assert f"a part of `{jobs.JOBS['presets'].command(False)}`" in written
+    assert "| `presets` | `" in written
+    assert "the short form | abc |" in written
+    assert "| `suite` | not run: `" in written
+
+
+def test_a_table_of_two_jobs_waits_for_both():
+    page = "<!-- table methods-drive -->\n<!-- end -->\n"
+    written = tables.with_tables(page, {"presets": stored(0.9)})
+    assert f"Not run for this state: `{jobs.JOBS['rivals'].command(False)}`.\n" in written
+    assert tables.with_tables(written, {"presets": stored(0.9)}) == written
 
 
 def test_worlds_in_which_nothing_moves_count_false_points():
     still = {"title": "X", "iou": None, "false_dynamic": 30, "true_dynamic": 0, "false_static": 0}
     moving = still | {"iou": 0.5, "true_dynamic": 10}
-    rows = tables._methods_of_worlds(
-        {
-            "country": {"n_scans": 10, "methods": {"x": still}},
-            "city": {"n_scans": 10, "methods": {"x": moving, "y": moving}},
-        }
-    )
-    assert rows == [["method", "`country`", "`city`"], ["X", "(3)", "50.0"], ["X", "", "50.0"]]
+    one = {"country": {"n_scans": 10, "methods": {"x": still}}, "city": {"n_scans": 10, "methods": {"x": moving}}}
+    other = {"country": {"n_scans": 10, "methods": {}}, "city": {"n_scans": 10, "methods": {"y": moving}}}
+    assert tables._methods_of_worlds(one, other) == [
+        ["method", "`country`", "`city`"],
+        ["X", "(3)", "50.0"],
+        ["X", "", "50.0"],
+    ]
 
 
 def test_a_result_of_other_code_is_out_of_date(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "RESULTS", tmp_path)
-    job = tables.JOBS["presets"]
+    job = jobs.JOBS["presets"]
     assert tables.state_of(job, "now") == "never run"
-    (tmp_path / "presets.json").write_text('{"code": "now", "commit": "abc", "date": "2026-01-01"}')
+    (tmp_path / "presets.json").write_text('{"code": "now", "commit": "abc", "date": "2026-01-01", "is_quick": false}')
     assert tables.state_of(job, "now") == "up to date"
     assert "abc" in tables.state_of(job, "later")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from automos.errors import AutomosError as AutomosError
     from automos.errors import InputError as InputError
     from automos.export import export_run as export_run
+    from automos.labeler import Labeler as Labeler
+    from automos.labeler import LabelledScan as LabelledScan
     from automos.labels import Label as Label
     from automos.pipeline import Result as Result
     from automos.pipeline import label as label
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 _HOME = {
     "label": "pipeline",
     "Result": "pipeline",
+    "Labeler": "labeler",
+    "LabelledScan": "labeler",
     "Label": "labels",
     "open_sequence": "datasets",
     "open_recordings": "datasets",

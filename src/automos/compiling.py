@@ -72,14 +72,14 @@ def compile_all(knows_poses: bool = False) -> None:
     stamps = 0.1 * np.arange(24)
     poses = np.tile(np.eye(4), (len(stamps), 1, 1))
     poses[:, 0, 3] = _SPEED * stamps
-    label(ArraySequence([_sweep(t) for t in stamps], stamps), poses=poses if knows_poses else None, workers=1)
+    label(ArraySequence([made_up_sweep(t) for t in stamps], stamps), poses=poses if knows_poses else None, workers=1)
 
 
 _SPEED = 3.0
 """Metres per second of the sensor, so that its sweeps need compensation."""
 
 
-def _sweep(stamp: float) -> np.ndarray:
+def made_up_sweep(stamp: float) -> np.ndarray:
     """Return (N, 3) points: in a walled square, a box as large as a car overtakes the sensor."""
     turn, elevation = np.meshgrid(np.arange(0.1, 360.0, 0.8) / 360.0, np.linspace(-0.38, 0.07, 32), indexing="ij")
     azimuth, time = 2.0 * np.pi * turn.ravel() - np.pi, stamp + 0.1 * turn.ravel() - 0.05

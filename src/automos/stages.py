@@ -12,7 +12,7 @@ Every method of a stage leaves the same arrays, so that methods can be combined 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import islice
 
@@ -87,7 +87,7 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
         kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
         height = points[:, 2] - surface.height_at(points)
         solidity = np.full(len(kind), 255, np.uint8)
-        yield i, _candidates(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)
+        yield i, candidates_of(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)
 
 
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
@@ -95,12 +95,13 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
     space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
     ray_steps = space.ray_steps
     for i, evidence in space.collect(scans.start, scans.stop):
-        yield i, _candidates(evidence.net, evidence.kind, evidence.height, evidence.solidity, ray_steps)
+        yield i, candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, ray_steps)
 
 
-def _candidates(
+def candidates_of(
     log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, solidity: npt.NDArray, ray_steps: npt.NDArray
 ) -> Arrays:
+    """Return what is known of a scan's points (M,), as it is kept."""
     half = np.float16
     per_point = {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "solidity": solidity}
     return {**per_point, "ray_steps": ray_steps}
@@ -112,11 +113,14 @@ def find_segments(
 ) -> PerScan:
     """Yield for each missing scan its segments, their boxes, and how many of their points have moved or stayed."""
     todo = ((frames[i], candidates.load(names[i])) for i in missing)
-    if settings.method == "hdbscan":  # holds the interpreter's lock
-        found = map_in_order(partial(_hdbscan, settings), todo, workers)
-    else:
-        found = map_in_order(partial(_components, settings), todo, workers, threads=True)
+    threads = settings.method != "hdbscan"  # which holds the interpreter's lock
+    found = map_in_order(partial(segment_frame, settings), todo, workers, threads)
     return zip(missing, found, strict=True)
+
+
+def segment_frame(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
+    """Return the segments of a frame, their boxes and counts; `task` is the frame and what was found of its points."""
+    return (_hdbscan if settings.method == "hdbscan" else _components)(settings, task)
 
 
 def _hdbscan(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
@@ -180,35 +184,51 @@ def paint(
 ) -> PerScan:
     """Yield for each missing scan every point's label, the moving track it belongs to, and how sure that is."""
     is_followed = settings.tracking.method == "paper" or can_follow(frames.stamps)
-    is_moving = verdicts.is_moving[tracks.track]
-    if settings.labels.moving == "now":
-        is_moving &= np.linalg.norm(tracks.velocity, axis=1) >= settings.labels.now_speed
     by_scan = np.argsort(tracks.scan, kind="stable")
     first = np.searchsorted(tracks.scan[by_scan], np.arange(len(names) + 1))
 
     def paint_scan(i: int) -> Arrays:
-        frame, rows = frames[i], by_scan[first[i] : first[i + 1]]
-        here = tracks[rows[is_moving[rows]]]
-        found, about = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind", "log_odds")
-        if settings.tracking.method == "paper":
-            label, track = paint_points(frame.points_level, found["ids"], here)
-        else:
-            may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
-            label, track = paint_objects(
-                frame.points_level, found["ids"], found["stayed"], about["kind"] == GROUND, may_move, here,
-                settings.tracking.completion,
-            )  # fmt: skip
-            label[about["kind"] == EGO_BODY] = Label.UNLABELED
-        owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], tracks[rows]))
-        confidence = point_confidence(track >= 0, owner, verdicts.confidence, about["log_odds"], about["kind"])
-        if not is_followed:
-            segments = Detections.from_arrays(instances.load(names[i], *Detections.columns()))
-            moves = find_moved(found["ids"], segments)
-            label[moves] = Label.MOVING
-            confidence[moves] = np.round(255.0 / (1.0 + np.exp(-about["log_odds"][moves].astype(np.float32))))
-        label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
-        per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
-        n_body = np.array(np.count_nonzero(about["kind"] == EGO_BODY))
-        return {**per_point, "confidence": frame.scatter(confidence), "n_body": n_body}
+        rows = by_scan[first[i] : first[i + 1]]
+        found, about = instances.load(names[i]), candidates.load(names[i], "kind", "log_odds")
+        return paint_frame(frames[i], about, found, tracks[rows], verdicts, settings, is_followed)
 
     return zip(missing, map_in_order(paint_scan, missing, workers, threads=True), strict=True)
+
+
+def paint_frame(
+    frame: Frame,
+    about: Mapping[str, npt.NDArray],
+    found: Mapping[str, npt.NDArray],
+    here: Tracks,
+    verdicts: Verdicts,
+    settings: Settings,
+    is_followed: bool,
+) -> dict[str, npt.NDArray]:
+    """Return every point's label, the moving track it belongs to, and how sure that is.
+
+    about, found : the frame's candidates and instances.   here : the rows of all tracks in it.
+    is_followed : whether scans follow each other fast enough for tracks to be trusted.
+    """
+    is_moving = verdicts.is_moving[here.track]
+    if settings.labels.moving == "now":
+        is_moving &= np.linalg.norm(here.velocity, axis=1) >= settings.labels.now_speed
+    moving = here[np.flatnonzero(is_moving)]
+    if settings.tracking.method == "paper":
+        label, track = paint_points(frame.points_level, found["ids"], moving)
+    else:
+        may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
+        label, track = paint_objects(
+            frame.points_level, found["ids"], found["stayed"], about["kind"] == GROUND, may_move, moving,
+            settings.tracking.completion,
+        )  # fmt: skip
+        label[about["kind"] == EGO_BODY] = Label.UNLABELED
+    owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], here))
+    confidence = point_confidence(track >= 0, owner, verdicts.confidence, about["log_odds"], about["kind"])
+    if not is_followed:
+        moves = find_moved(found["ids"], Detections.from_arrays(found))
+        label[moves] = Label.MOVING
+        confidence[moves] = np.round(255.0 / (1.0 + np.exp(-about["log_odds"][moves].astype(np.float32))))
+    label[confidence < np.float32(255.0 * settings.labels.unsure)] = Label.UNLABELED
+    per_point = {"label": frame.scatter(label), "track": frame.scatter(track, fill=-1)}
+    n_body = np.array(np.count_nonzero(about["kind"] == EGO_BODY))
+    return {**per_point, "confidence": frame.scatter(confidence), "n_body": n_body}

@@ -116,7 +116,7 @@ def test_walls_are_supported_and_wires_are_not():
         (np.abs(level[:, 0] - 19.5) < 0.1) & (np.abs(level[:, 1]) < 10.0) & (level[:, 2] > 0.5) & (level[:, 2] < 3)
     )
     kind = np.full(len(level), OBJECT, np.uint8)
-    supported = find_neighbours(project(frame.points, kind == OBJECT, pattern), kind) == 2
+    supported = find_neighbours(project(frame.points, kind == OBJECT, pattern), kind)[0] == 2
     assert on_wire.sum() > 50
     assert supported[on_wall].mean() > 0.99
     assert supported[on_wire & (level[:, 2] > 1.0)].mean() < 0.2
@@ -128,7 +128,9 @@ def test_a_drop_in_the_air_is_met_by_one_ray_only_and_a_post_by_several():
     drops = np.flatnonzero(np.abs(frame.points_level[:, 0] - 19.5) < 0.1)[::200]
     points[drops] *= 0.3
     kind = np.full(len(points), OBJECT, np.uint8)
-    ways = find_neighbours(project(points, kind == OBJECT, pattern), kind)
+    ways, solidity = find_neighbours(project(points, kind == OBJECT, pattern), kind)
     assert len(drops) > 10
     assert (ways[drops] == 0).all()
+    assert (solidity[drops] == 0).all()
+    assert np.median(solidity[np.abs(frame.points_level[:, 0] - 19.5) < 0.1]) == 255
     assert (ways[np.linalg.norm(frame.points_level[:, :2] - (10.0, 5.0), axis=1) < 0.25] > 0).all()

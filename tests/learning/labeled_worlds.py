@@ -39,10 +39,10 @@ def write_labeled(world: World, folder: Path, labels: Sequence[np.ndarray] | Non
     return folder
 
 
-def changes_move(threshold: float = 0.1) -> Deployed:
-    """Return a network that calls a pixel moving where the mean of its residuals is large."""
+def changes_move(threshold: float = 0.3) -> Deployed:
+    """Return a network that calls a pixel moving where one of the earlier scans saw through its place."""
 
     def run(image: np.ndarray) -> np.ndarray:
-        return (image[len(BASE_CHANNELS) :].mean(axis=0) > threshold).astype(np.float32)
+        return (image[len(BASE_CHANNELS) :].max(axis=0) > threshold).astype(np.float32)
 
     return Deployed(ImageSettings(height=16, width=128, residuals=3), run, "a threshold", {"made": "by hand"})

@@ -53,7 +53,7 @@ def test_riders_are_found_by_their_residuals_while_the_sensor_moves():
     world = street(12)
     found = labels_of(world.sequence, is_compensated=True)
     # a threshold on coarse residuals is no network: far better than chance is all that is asked
-    assert iou_of_moving(found[4:], world.truth[4:]) > 0.25
+    assert iou_of_moving(found[4:], world.truth[4:]) > 0.4
     assert np.mean(np.concatenate(world.truth) == Label.MOVING) < 0.1
 
 
@@ -62,8 +62,8 @@ def test_shuffled_points_have_shuffled_labels():
     order = [np.random.default_rng(i).permutation(len(scan)) for i, scan in enumerate(world.sequence)]
     shuffled = [Scan(scan.points[p], stamp=scan.stamp) for scan, p in zip(world.sequence, order, strict=True)]
     same = sum((a[p] == b).sum() for a, b, p in zip(labels_of(world.sequence), labels_of(shuffled), order, strict=True))
-    # registration thins points in their order, so poses differ by less than a millimetre
-    assert same / sum(len(scan) for scan in world.sequence) > 0.995
+    # registration thins points in their order, so poses differ by about a millimetre
+    assert same / sum(len(scan) for scan in world.sequence) > 0.99
 
 
 def test_scans_without_points_and_without_a_clock_are_labelled():

@@ -7,7 +7,7 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.labels import Label, pack
 from automos.learning.recordings import Shelf, Source, open_labeled
-from automos.learning.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
+from automos.learning.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale
 
 
 @pytest.fixture(scope="module")
@@ -43,12 +43,12 @@ def test_thinned_scans_keep_what_the_image_shows_with_its_labels(recordings, wor
 
 def test_a_window_looks_back_as_far_as_its_residuals(recordings):
     shelf = Shelf(recordings, 100)
-    window, now = shelf.window(0, 5)
+    window, now = shelf.window(0, 7)
     assert np.array_equal(window.points, now.points)
-    for k, points in enumerate(window.past):
-        assert np.array_equal(points, recordings[0].read(4 - k).points)
-        # the sensor drives at 1 m/s: what was seen earlier has come 0.1 m nearer with each scan
-        assert window.T_now_past[k][0, 3] == pytest.approx(-0.1 * (k + 1), abs=0.02)
+    for k, points in enumerate(window.past):  # every other of ten scans a second
+        assert np.array_equal(points, recordings[0].read(5 - 2 * k).points)
+        # the sensor drives at 1 m/s: what was seen earlier has come 0.2 m nearer with each of them
+        assert window.T_now_past[k][0, 3] == pytest.approx(-0.2 * (k + 1), abs=0.03)
     assert shelf.window(0, 0)[0].past == (None, None, None)
 
 
@@ -87,7 +87,7 @@ def test_class_weights_come_from_the_labels_at_hand(recordings, world):
         counts += np.bincount(recordings[0].read(i).classes, minlength=3)
     weights = measure_classes(recordings, n_scans=8)
     assert weights[0] == 0.0
-    assert weights[1:] == pytest.approx(1.0 / (counts[1:] / counts[1:].sum() + 0.001))
+    assert weights[1:] == pytest.approx(np.sqrt(counts[1:].sum() / counts[1:]))
 
 
 def test_labels_without_a_moving_point_are_told(world, tmp_path):
@@ -128,3 +128,13 @@ def test_the_scale_makes_channels_alike(recordings):
     assert np.abs(normalised[:4].mean(axis=1)).max() < 0.2
     assert np.abs(normalised[:4].std(axis=1) - 1).max() < 0.2
     assert np.isfinite(normalised).all()  # no intensity in these scans
+
+
+def test_a_sector_is_whole_columns_next_to_each_other_every_other_time_of_what_moves():
+    target = np.ones((16, 128), np.int64)
+    target[5, 40:44] = 2
+    drawn = [draw_sector(target, 32, np.random.default_rng(seed)) for seed in range(200)]
+    assert all(np.array_equal((columns - columns[0]) % 128, np.arange(32)) for columns in drawn)
+    hits = np.mean([(target[:, columns] == 2).any() for columns in drawn])
+    assert 0.5 < hits < 0.85  # half of them are drawn there, and a quarter of the others come by chance
+    assert draw_sector(target, 0, np.random.default_rng(0)) == slice(None)

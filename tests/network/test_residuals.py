@@ -14,15 +14,38 @@ def ranges_of(points: np.ndarray) -> np.ndarray:
     return np.where(index >= 0, ranges[index], 0.0).reshape(16, 64).astype(np.float32)
 
 
-def test_a_residual_is_the_change_of_range_over_the_range_of_now():
-    now, before = np.array([[10.0, 0.1, 0.1]], np.float32), np.array([[8.0, 0.08, 0.08]], np.float32)
-    image = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID)
+def seen(now: np.ndarray, before: np.ndarray) -> float:
+    """Return the residual of a point at `now` metres where one ray hit something at `before` metres."""
+    one, other = (np.array([[r, 0.01 * r, 0.01 * r]], np.float32) for r in (now, before))
+    image = residual_images(ranges_of(one), [other], np.eye(4)[None], GRID)
     assert image.shape == (1, 16, 64)
-    assert np.count_nonzero(image) == 1
-    assert image.max() == pytest.approx(0.2, abs=1e-4)  # |10 - 8| / 10
+    assert np.count_nonzero(image) <= 1
+    return float(image[np.unravel_index(np.abs(image).argmax(), image.shape)])
 
 
-def test_what_stands_still_leaves_no_residual_however_the_sensor_moves():
+def test_a_residual_says_whether_the_place_was_taken_free_or_hidden():
+    tolerance = 0.3 + 0.02 * 10.0
+    assert seen(10.0, 10.0) == pytest.approx(-1.0, abs=1e-4)  # something was here
+    assert seen(10.0, 10.0 + 3 * tolerance) == pytest.approx(0.5, abs=1e-3)  # the ray went on: (3 - 1) / (3 + 1)
+    assert seen(10.0, 40.0) > 0.95
+    assert seen(10.0, 10.0 - 0.5 * tolerance) == pytest.approx(-0.5, abs=1e-3)
+    assert seen(10.0, 6.0) == 0.0  # hidden behind something: nobody knows
+
+
+def test_seen_through_is_only_what_all_rays_around_went_past():
+    azimuth = np.arange(-1.5, 2.0) * 2 * np.pi / 64  # four columns beside each other
+
+    def rays(ranges: list[float]) -> np.ndarray:
+        return np.stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), 0.02 * np.array(ranges)], 1).astype("f4")
+
+    now = ranges_of(rays([10.0] * 4))
+    leaf = residual_images(now, [rays([30.0, 10.0, 30.0, 30.0])], np.eye(4)[None], GRID)[0]
+    row, columns = np.nonzero(now)
+    # columns go clockwise: the leaf, second from the right, holds for itself and the two beside it
+    assert leaf[row, columns][::-1] == pytest.approx([-1.0, -1.0, -1.0, 0.95], abs=0.06)
+
+
+def test_what_stands_still_was_there_before_however_the_sensor_moves():
     rng = np.random.default_rng(0)
     T_world_now = make_transform(t=[1.0, 0.5, 0.0])
 
@@ -32,12 +55,12 @@ def test_what_stands_still_leaves_no_residual_however_the_sensor_moves():
 
     before, now = wall(), transform(inverse(T_world_now), wall())
     image = residual_images(ranges_of(now), [before], inverse(T_world_now)[None], GRID)
-    assert np.median(image[image > 0]) < 0.01
+    assert np.median(image[image != 0]) < -0.9
     moved = residual_images(ranges_of(now), [before], np.eye(4)[None], GRID)
-    assert np.median(moved[moved > 0]) > 0.05  # the motion of the sensor, not taken out
+    assert np.median(moved[moved != 0]) > -0.6  # the motion of the sensor, not taken out
 
 
-@pytest.mark.parametrize(("r_now", "r_before"), [(1.5, 10.0), (10.0, 1.5), (55.0, 10.0), (10.0, 55.0)])
+@pytest.mark.parametrize(("r_now", "r_before"), [(1.5, 10.0), (10.0, 1.5), (85.0, 10.0), (10.0, 85.0)])
 def test_ranges_beyond_the_limits_leave_no_residual(r_now, r_before):
     now, before = (np.array([[r, 0.0, 0.0]], np.float32) for r in (r_now, r_before))
     assert not residual_images(ranges_of(now), [before], np.eye(4)[None], GRID).any()

@@ -4,7 +4,8 @@ from raw_worlds import TOWN, curve, true_poses
 from worlds import record
 
 from automos.geometry import se3_exp
-from automos.odometry.registration import Icp, LocalMap, rows_of_first_in_voxel
+from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.surfels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
 VOXEL, CAPACITY, MAX_RANGE = 0.8, 20, 60.0
@@ -70,10 +71,3 @@ def test_the_map_forgets_what_is_out_of_range():
     first = np.array([cell[0] for cell in held(local_map)])
     assert first[:, 0].min() > 199.0 - 23.0
     assert len(first) < 2000
-
-
-def test_the_first_point_of_each_voxel_is_kept():
-    points = RNG.uniform(-3, 3, (500, 3)).astype(np.float32)
-    _, expected = np.unique(np.floor(points), axis=0, return_index=True)
-    np.testing.assert_array_equal(rows_of_first_in_voxel(points, 1.0), np.sort(expected))
-    assert len(rows_of_first_in_voxel(points[:0], 1.0)) == 0

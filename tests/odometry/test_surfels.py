@@ -1,6 +1,6 @@
 import numpy as np
 
-from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, without_body
+from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, rows_of_first_in_voxel, without_body
 
 RNG = np.random.default_rng(0)
 
@@ -68,3 +68,10 @@ def test_what_is_far_away_is_not():
 def test_nothing_has_no_body():
     assert without_body([]) == []
     assert len(without_body([surfels_at(np.zeros((0, 3)))])[0]) == 0
+
+
+def test_the_first_point_of_each_voxel_is_kept():
+    points = RNG.uniform(-3, 3, (500, 3)).astype(np.float32)
+    _, expected = np.unique(np.floor(points), axis=0, return_index=True)
+    np.testing.assert_array_equal(rows_of_first_in_voxel(points, 1.0), np.sort(expected))
+    assert len(rows_of_first_in_voxel(points[:0], 1.0)) == 0

@@ -21,7 +21,7 @@ from automos.scan import Frames, Mask
 
 @dataclass(frozen=True)
 class Parameters:
-    """The values of the paper's evaluation, which are the same for all of its sensors; names are the library's.
+    """The authors' example (main.py), for all sensors; names are the library's. The paper's text has `d_p` 1.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ class Parameters:
     change: float = 0.005
     sure: float = 0.99
     reach: int = 2
-    window: int = 3
+    window: int = 5
     min_sum: float = 3.0
 
 

@@ -25,7 +25,7 @@ from automos.settings import ErasorSettings
 
 
 class Published(NamedTuple):
-    """What no setting changes: as in the authors' large_scale_05.yaml, alike in all of their configurations.
+    """What no setting changes: as in the authors' large_scale_05.yaml, their preset for whole sequences.
 
     Attributes
     ----------

@@ -14,48 +14,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Lidar, Seen, View, learn_lidars, look
-from automos.candidates.free_space_vote import look_through
-from automos.candidates.free_space_weigh import (
-    find_open,
-    find_seen_through,
-    join_votes,
-    sum_votes,
-    weaken_lone,
-    weigh_looks,
-)
-from automos.geometry import inverse
+from automos.candidates.free_space_ask import Evidence, ask, partners_of
+from automos.candidates.free_space_view import Lidar, Seen, learn_lidars, look
 from automos.scan import Frames
 from automos.settings import EgoBodySettings, FreeSpaceSettings, GroundSettings
 
 _PATTERN_SCANS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What other scans say of one frame's points.
-
-    Attributes
-    ----------
-    kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.
-    net : (M,) float32, see-throughs minus hits, weighted; above 0 the point has moved, 0 is unknown. 0 for what is no
-        object.
-    through, hits : (M,) uint8, how many scans saw through the point and how many hit it again.
-    height : (M,) float32, metres above the ground.
-    solidity : (M,) uint8, share of the rays beside an object that ended beside it, 255 for all.
-    """
-
-    kind: npt.NDArray[np.uint8]
-    net: npt.NDArray[np.float32]
-    through: npt.NDArray[np.uint8]
-    hits: npt.NDArray[np.uint8]
-    height: npt.NDArray[np.float32]
-    solidity: npt.NDArray[np.uint8]
 
 
 class FreeSpace:
@@ -92,19 +60,8 @@ class FreeSpace:
 
         Over the longer spans only scans `far_step` apart are asked, so that only their images need be kept for long.
         """
-        spans, far = np.asarray(self.settings.spans), np.flatnonzero(self._is_far_partner)
-        is_far = spans > self.settings.far_from
-        near_ids = self._nearest(index, np.arange(len(self.stamps)), spans[~is_far])
-        return np.union1d(near_ids, self._nearest(index, far, spans[is_far]))
-
-    def _nearest(self, index: int, ids: npt.NDArray[np.int64], spans: npt.NDArray) -> npt.NDArray[np.int64]:
-        """Return those of scans `ids` that are nearest to `spans` before and after scan `index`, if near enough."""
-        wanted = self.stamps[index] + np.concatenate([-spans[::-1], spans])
-        stamps = self.stamps[ids]
-        nearest = np.searchsorted(0.5 * (stamps[1:] + stamps[:-1]), wanted)
-        off = np.abs(stamps[nearest] - wanted)
-        is_near = off <= self.settings.span_tolerance * np.abs(wanted - self.stamps[index])
-        return np.setdiff1d(ids[nearest[is_near]], [index])
+        others = partners_of(self.stamps[index], self.stamps, self._is_far_partner, self.settings)
+        return np.setdiff1d(others, [index])
 
     def collect(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Evidence]]:
         """Yield (index, evidence) of every frame from `start` to before `stop`, in order; each frame is read once.
@@ -124,8 +81,8 @@ class FreeSpace:
                 for j in (ahead, *partners[ahead], i, *partners[i]):
                     if j not in seen:
                         seen[j] = pool.submit(self._look, int(j))
-                others = {int(j): seen[j].result() for j in partners[i]}
-                asked.append((i, pool.submit(self._ask, i, seen[i].result(), others)))
+                others = [seen[j].result() for j in partners[i]]
+                asked.append((i, pool.submit(self._ask, i, seen[i].result(), others, partners[i])))
                 if len(asked) > 2 * self.threads:
                     done, evidence = asked.popleft()
                     yield done, evidence.result()
@@ -139,81 +96,6 @@ class FreeSpace:
         """Return what frame `index` saw."""
         return look(self.frames[index], self.lidars, self.ground)
 
-    def _ask(self, index: int, mine: Seen, others: dict[int, Seen]) -> Evidence:
-        """Return what the scans in `others` say about frame `index`."""
-        n = len(mine.kind)
-        net, through, hits = np.zeros(n, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
-        for view, lidar in zip(mine.views, self.lidars, strict=True):
-            heights = mine.height[view.rows][view.is_object]
-            told = self._ask_about(index, view, lidar, heights, others)
-            net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
-        return Evidence(mine.kind, net, through, hits, mine.height, mine.solidity)
-
-    def _ask_about(
-        self,
-        index: int,
-        mine: View,
-        lidar: Lidar,
-        heights: npt.NDArray[np.float32],
-        others: dict[int, Seen],
-    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-        """Return net, through and hits (K,) of a view's objects, which are `heights` (K,) above the ground."""
-        n = mine.objects.shape[1]
-        ids = np.arange(n)
-        own_ranges = np.linalg.norm(mine.objects, axis=0)
-        order = sorted(others)
-        votes = np.zeros((len(order), n), np.int8)
-        first = self._first_asked(index, order)
-        for k in np.flatnonzero(first):
-            self._add_votes(mine, ids, own_ranges, heights, others[order[k]], votes[k])
-        # Most points are hit by all who see them: the others need not be asked about those.
-        ids = find_open(votes, first, self.settings.sure_hits)
-        for k in np.flatnonzero(~first):
-            self._add_votes(mine, ids, own_ranges, heights, others[order[k]], votes[k])
-
-        ids = find_seen_through(votes)
-        weaken_lone(votes, ids, mine.is_supported[ids], self.settings.lone_weight)
-
-        net, through, hits = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.uint8)
-        sum_votes(votes, int(np.searchsorted(order, index)), self.settings.stay_weight, net, through, hits)
-        return net, through, hits
-
-    def _first_asked(self, index: int, order: list[int]) -> npt.NDArray[np.bool_]:
-        """Return which of the scans `order` are nearest to the spans that are asked first."""
-        first = np.zeros(len(order), np.bool_)
-        if order:
-            offsets, spans = self.stamps[order] - self.stamps[index], np.asarray(self.settings.first_spans)
-            for span in (*-spans, *spans):
-                first[np.argmin(np.abs(offsets - span))] = True
-        return first
-
-    def _add_votes(
-        self,
-        mine: View,
-        ids: npt.NDArray[np.int64],
-        own_ranges: npt.NDArray,
-        heights: npt.NDArray,
-        other: Seen,
-        votes: npt.NDArray[np.int8],
-    ) -> None:
-        """Write into `votes` (K,) what another scan says about the points `ids` of a view."""
-        s = self.settings
-        tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
-        points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
-        codes = np.empty(len(ids), np.uint8)
-        ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
-        for k, (view, lidar) in enumerate(zip(other.views, self.lidars, strict=True)):
-            T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-            scan = (view.motion, view.pattern, lidar.pyramid, view.image)
-            look_through(points, T, *scan, tolerances, codes, ranges, misses)
-            said = votes if k == 0 else np.zeros_like(votes)
-            pitch = np.float32(lidar.pattern.row_height)
-            weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, said)
-            if k > 0:
-                join_votes(votes, said)
-
-
-def _scatter(values: npt.NDArray, is_object: npt.NDArray[np.bool_]) -> npt.NDArray:
-    out = np.zeros(len(is_object), values.dtype)
-    out[is_object] = values
-    return out
+    def _ask(self, index: int, mine: Seen, others: list[Seen], partners: npt.NDArray[np.int64]) -> Evidence:
+        """Return what the scans `partners`, who saw `others`, say about frame `index`."""
+        return ask(mine, others, self.stamps[partners] - self.stamps[index], self.lidars, self.settings)

@@ -14,6 +14,7 @@ from automos.cli.compare import compare_app
 from automos.cli.consoles import console, output
 from automos.cli.formats import formats_app
 from automos.cli.label import label_app
+from automos.cli.live import live_app
 from automos.cli.look import look_app
 from automos.cli.network import network_app
 from automos.cli.score import score_app
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, worlds_app):
+for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
     app.add_typer(group)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -67,38 +68,77 @@ def train(
 @network_app.command()
 def segment(
     recording: Recording,
+    lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their scan")] = 0.0,
+    method: Annotated[
+        str, typer.Option(help="evidence: the method of automos label, scan by scan; lmnet: a network; auto")
+    ] = "auto",
     weights: Annotated[
-        Path | None, typer.Option(help="checkpoint (.pt) or exported network (.onnx); default: the one that came along")
+        Path | None, typer.Option(help="lmnet: checkpoint (.pt) or network (.onnx); default: the one that came along")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="results folder; default: automos_segmented/NAME")] = None,
     format: Format = None,
-    probabilities: Annotated[bool, typer.Option("--probabilities", help="write how likely each point moves")] = False,
+    probabilities: Annotated[
+        bool, typer.Option("--probabilities", help="lmnet: write how likely each point moves")
+    ] = False,
     device: Device = "auto",
     engine: Annotated[str, typer.Option(help="what runs the network: auto, torch, onnxruntime or openvino")] = "auto",
     threads: Annotated[int, typer.Option(min=0, help="of the network on a CPU; 0: one per core")] = 0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
-    """Label every scan online: from itself and the scans before it, as on a robot.
+    """Label every scan online: from itself, the scans before it and those of the next LAG seconds, as on a robot.
 
     [bold]Examples[/bold]
 
-    automos segment my_log/                        the small network that came along, on the CPU
+    automos segment my_log/                        every scan at once
+
+    automos segment my_log/ --lag 0.5              half a second later, when much more is known
+
+    automos segment my_log/ --method lmnet         the small network that came along, on the CPU
 
     automos segment my_log/ --weights best.pt --device gpu
     """
     from automos.datasets import open_recordings
-    from automos.learning.segment import open_network, segment_recording, summary
+    from automos.errors import InputError
     from automos.progress import StageProgress
 
+    if method not in ("auto", "evidence", "lmnet"):
+        raise InputError(f"there is no method '{method}': choose evidence or lmnet")
+    uses_network = method == "lmnet" or (method == "auto" and (weights is not None or probabilities))
+    if not uses_network and (weights is not None or probabilities):
+        raise InputError("--weights and --probabilities are the network's: add --method lmnet, or leave them out")
+    if uses_network and lag > 0.0:
+        raise InputError("the network labels every scan at once: leave --lag out, or take --method evidence")
     chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
-    network = open_network(weights, engine, device, threads)
+    if uses_network:
+        run_one = _with_network(weights, engine, device, threads, chosen, probabilities)
+    else:
+        run_one = _with_evidence(chosen, lag)
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:
-            run = segment_recording(sequence, folder, network, chosen, probabilities, progress)
-        output.print(summary(run, folder))
+            told = run_one(sequence, folder, progress)
+        output.print(told)
+
+
+def _with_network(
+    weights: Path | None, engine: str, device: str, threads: int, settings: Settings, probabilities: bool
+) -> Callable[..., str]:
+    from automos.learning.segment import open_network, segment_recording, summary
+
+    network = open_network(weights, engine, device, threads)
+    return lambda sequence, folder, progress: summary(
+        segment_recording(sequence, folder, network, settings, probabilities, progress), folder
+    )
+
+
+def _with_evidence(settings: Settings, lag: float) -> Callable[..., str]:
+    from automos.online.segment import segment_recording, summary
+
+    return lambda sequence, folder, progress: summary(
+        segment_recording(sequence, folder, settings, lag, progress), folder
+    )
 
 
 @network_app.command("export-network")

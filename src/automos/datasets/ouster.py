@@ -84,24 +84,7 @@ class OusterSequence(Sequence):
         place, within = self._places[index]
         with limited(self.source):
             frame = [frame for frame in self._reader[place] if frame is not None][within]
-        times = _column_seconds(frame)
-        points, intensity = [], []
-        for range_, reflectivity in _RETURNS:
-            if range_ not in frame.fields:
-                continue
-            # (H, W, 3): the library has rows of beams; columns are what was measured together.
-            points.append(self._to_points(frame.field(range_)).transpose(1, 0, 2).reshape(-1, 3))
-            if reflectivity in frame.fields:
-                intensity.append(frame.field(reflectivity).T.ravel())
-        n = len(points)
-        return Scan(
-            np.concatenate(points).astype(np.float32),
-            intensity=np.concatenate(intensity).astype(np.float32) if len(intensity) == n else None,
-            time=np.tile(np.repeat(times, frame.h), n).astype(np.float32),
-            ring=np.tile(np.arange(frame.h, dtype=np.uint16), frame.w * n),
-            stamp=float(self._stamps[index]),
-            name=self.names[index],
-        )
+        return frame_to_scan(frame, self._to_points, float(self._stamps[index]), self.names[index])
 
     @property
     def stamps(self) -> npt.NDArray[np.float64]:
@@ -155,7 +138,7 @@ class OusterSequence(Sequence):
                 for within, frame in enumerate(frame for frame in frames if frame is not None):
                     if str(frame.sensor_info.sn) == self._serial:
                         places.append((item, within))
-                        stamps.append(_first_stamp(frame))
+                        stamps.append(first_stamp(frame))
         except AutomosError:
             raise
         except Exception as error:
@@ -165,7 +148,29 @@ class OusterSequence(Sequence):
         return places, stamps
 
 
-def _first_stamp(frame: Any) -> float:
+def frame_to_scan(frame: Any, to_points: Any, stamp: float, name: str) -> Scan:
+    """Return a frame of the library as a scan; `to_points` turns its ranges (H, W) into points (H, W, 3)."""
+    times = _column_seconds(frame)
+    points, intensity = [], []
+    for range_, reflectivity in _RETURNS:
+        if range_ not in frame.fields:
+            continue
+        # (H, W, 3): the library has rows of beams; columns are what was measured together.
+        points.append(to_points(frame.field(range_)).transpose(1, 0, 2).reshape(-1, 3))
+        if reflectivity in frame.fields:
+            intensity.append(frame.field(reflectivity).T.ravel())
+    n = len(points)
+    return Scan(
+        np.concatenate(points).astype(np.float32),
+        intensity=np.concatenate(intensity).astype(np.float32) if len(intensity) == n else None,
+        time=np.tile(np.repeat(times, frame.h), n).astype(np.float32),
+        ring=np.tile(np.arange(frame.h, dtype=np.uint16), frame.w * n),
+        stamp=stamp,
+        name=name,
+    )
+
+
+def first_stamp(frame: Any) -> float:
     """Return the seconds of the frame's first column that was received."""
     received = np.flatnonzero(frame.status & _IS_VALID)
     return 1e-9 * int(frame.timestamp[received[0]]) if len(received) else 0.0

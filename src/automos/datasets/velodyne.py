@@ -9,27 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from automos.datasets.foreign import limited
-from automos.datasets.formats import Format, import_extra, recordings_at
+from automos.datasets.formats import Format, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.pcap import Capture, Datagrams, join, open_capture, sender_name
 from automos.datasets.sensor_choice import choose_sensor, split_sensor
-from automos.datasets.velodyne_sweeps import clock_of, find_packets, find_sweeps
+from automos.datasets.velodyne_decoder import SweepDecoder
+from automos.datasets.velodyne_sweeps import find_packets, find_sweeps
 from automos.errors import InputError
 from automos.scan import Scan, Sequence
 
 _LOOKED_AT = (24, 1 << 23)
 """The stretch of a capture in which a Velodyne's packets must be for it to be found: after the header, 8 MB."""
-_FACTORY = slice(1204, 1206)
-"""Return mode and model in a packet, always the same; an HDL-64E tells its state and calibration there, by and by."""
 
 
 def find(path: Path) -> list[Path]:
@@ -69,7 +66,7 @@ class VelodyneSequence(Sequence):
         self._starts, self._stamps = sweeps[self._sender]
         self.name = self.source.stem if wanted is None else f"{self.source.stem}_{wanted}"
         require_increasing(self._stamps, self.names, self.source)
-        self._decode(self._packets(0))  # a model that is not known is told now
+        self[0]  # a model that is not known is told now
 
     @property
     def address(self) -> Path:
@@ -81,15 +78,9 @@ class VelodyneSequence(Sequence):
 
     def __getitem__(self, index: int) -> Scan:
         index = range(len(self))[index]
-        rows = self._decode(self._packets(index))
-        return Scan(
-            np.column_stack([rows[axis] for axis in "xyz"]),
-            intensity=np.ascontiguousarray(rows["intensity"]),
-            time=np.ascontiguousarray(rows["time"]),
-            ring=rows["ring"].astype(np.uint16),
-            stamp=float(self._stamps[index]),
-            name=self.names[index],
-        )
+        packets = self._packets(index)
+        with limited(self.source):
+            return self._decoder.scan(packets, float(self._stamps[index]), self.names[index])
 
     @property
     def stamps(self) -> npt.NDArray[np.float64]:
@@ -106,7 +97,7 @@ class VelodyneSequence(Sequence):
         return f"{super().fingerprint()}:{self._sender}:{digest_of_files([self.source])}"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key not in ("_capture", "_config")}
+        return {key: value for key, value in self.__dict__.items() if key not in ("_capture", "_decoder")}
 
     @cached_property
     def _capture(self) -> Capture:
@@ -117,30 +108,9 @@ class VelodyneSequence(Sequence):
         pieces = find_packets(self._capture, *self._starts[index : index + 2].tolist())
         return join(piece[piece.senders == self._sender] for piece in pieces)
 
-    # ------------------------------------------------------------------------------------------------ the library
-    def _decode(self, packets: Datagrams) -> npt.NDArray:
-        """Return the returns in `packets` (at least one) as the library's records."""
-        decoder = import_extra("velodyne_decoder", "velodyne")
-        sent = zip(clock_of(packets).tolist(), packets.payloads.tolist(), strict=True)
-        vector = decoder.PacketVector([decoder.VelodynePacket(seconds, payload) for seconds, payload in sent])
-        try:
-            with limited(self.source):
-                return decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
-        except (RuntimeError, ValueError) as error:
-            raise InputError(
-                f"{self.source} cannot be decoded as packets of a Velodyne ({error}); convert it with its maker's tools"
-            ) from error
-
     @cached_property
-    def _config(self) -> Any:
-        """What the library decodes by: all returns, whatever their range, timed from the sweep's first packet."""
-        decoder = import_extra("velodyne_decoder", "velodyne")
-        config = decoder.Config(min_range=0.0, max_range=np.inf, timestamp_first_packet=True)
-        if len({packet[_FACTORY] for packet in islice(self._all_packets(), 5)}) > 1:
-            told = decoder.hdl64e.status_info_to_calib_dict(decoder.hdl64e.read_status_info(self._all_packets()))
-            config.model = decoder.Model[f"HDL64E_{told['status']['Model']}"]
-            config.calibration = decoder.Calibration.from_string(yaml.safe_dump(told))
-        return config
+    def _decoder(self) -> SweepDecoder:
+        return SweepDecoder(self._all_packets(), str(self.source))
 
     def _all_packets(self) -> Iterator[bytes]:
         for index in range(len(self)):

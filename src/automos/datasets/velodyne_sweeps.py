@@ -31,7 +31,12 @@ def find_packets(capture: Capture, *stretch: int) -> Iterator[Datagrams]:
         A damaged file.
     """
     for piece in capture.datagrams(PACKET, *stretch):
-        yield piece[(piece.payloads[:, 0] == 0xFF) & (piece.payloads[:, 1] == 0xEE)]
+        yield piece[is_of_points(piece.payloads)]
+
+
+def is_of_points(payloads: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    """Return (N,) whether each of N payloads of PACKET bytes holds points of a Velodyne."""
+    return (payloads[:, 0] == 0xFF) & (payloads[:, 1] == 0xEE)
 
 
 def clock_of(packets: Datagrams) -> npt.NDArray[np.float64]:
@@ -49,25 +54,23 @@ def find_sweeps(capture: Capture) -> dict[int, tuple[npt.NDArray[np.int64], npt.
     InputError
         A damaged file.
     """
-    cutters: dict[int, _Cutter] = {}
+    sweeps: dict[int, _Sweeps] = {}
     for packets in find_packets(capture):
         for sender in np.unique(packets.senders).tolist():
-            cutters.setdefault(sender, _Cutter()).add(packets[packets.senders == sender])
-    return {sender: cutter.sweeps(capture.size) for sender, cutter in cutters.items()}
+            sweeps.setdefault(sender, _Sweeps()).add(packets[packets.senders == sender])
+    return {sender: found.found(capture.size) for sender, found in sweeps.items()}
 
 
-class _Cutter:
-    """Cuts the packets of one sensor, which come in pieces, into sweeps."""
+class SweepCutter:
+    """Cuts the packets of one sensor, which come in pieces, into sweeps; what it keeps does not grow."""
 
     def __init__(self) -> None:
         self._microseconds, self._recorded = np.zeros(0, np.int64), np.zeros(0)  # of the last packet
         self._seconds = 0.0
         self._turn = np.array([0.0, 0.0, -np.inf])
-        self._starts: list[npt.NDArray[np.int64]] = []
-        self._stamps: list[npt.NDArray[np.float64]] = []
 
-    def add(self, packets: Datagrams) -> None:
-        """Take the sensor's next packets, at least one."""
+    def cut(self, packets: Datagrams) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+        """Return of the sensor's next packets, at least one, which begin a sweep (N,), and their stamps (N,)."""
         azimuth = packets.numbers(_AZIMUTH, "<u2")
         n_before = len(self._recorded)
         if n_before == 0:
@@ -78,11 +81,25 @@ class _Cutter:
         seconds = (self._seconds + clock - clock[0])[n_before:]
         is_first = np.zeros(len(packets), bool)
         _mark_first(azimuth, seconds, self._turn, is_first)
+        self._microseconds, self._recorded, self._seconds = microseconds[-1:], recorded[-1:], float(seconds[-1])
+        return is_first, seconds
+
+
+class _Sweeps:
+    """Where the sweeps of one sensor begin in a file, and their stamps."""
+
+    def __init__(self) -> None:
+        self._cutter = SweepCutter()
+        self._starts: list[npt.NDArray[np.int64]] = []
+        self._stamps: list[npt.NDArray[np.float64]] = []
+
+    def add(self, packets: Datagrams) -> None:
+        """Take the sensor's next packets, at least one."""
+        is_first, seconds = self._cutter.cut(packets)
         self._starts.append(packets.records[is_first])
         self._stamps.append(seconds[is_first])
-        self._microseconds, self._recorded, self._seconds = microseconds[-1:], recorded[-1:], float(seconds[-1])
 
-    def sweeps(self, end: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    def found(self, end: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
         """Return where the sweeps begin and, last, `end`; and their stamps."""
         return np.concatenate([*self._starts, [end]]), np.concatenate(self._stamps)
 

@@ -9,6 +9,8 @@ was parked, and only its track can tell.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -52,7 +54,7 @@ def detect_objects(
     ids = segment_points(seen_from, heights, ranges, rows, columns, settings.segments)
     ids = _split_where_it_tells(ids, seen_from, heights, ranges, ray_steps, has_moved, has_stayed, settings)
     count, moved, stayed, extent = _summarise(ids, points, has_moved, has_stayed)
-    speaks_once = (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
+    speaks_once = _speaks_once(count, moved, stayed, settings)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
     objects = _renumbered(ids, is_compact & speaks_once, 0)
 
@@ -71,6 +73,33 @@ def detect_objects(
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (silent >= 0)
     found.part_of[objects[is_cut]] = silent[is_cut]
     return objects, silent, found
+
+
+def recount(
+    found: Detections,
+    ids: npt.NDArray[np.int32],
+    stayed: npt.NDArray[np.int32],
+    log_odds: npt.NDArray[np.floating],
+    settings: DetectSettings,
+) -> Detections:
+    """Return the same segments with what is known of their points now.
+
+    ids, stayed : (M,) as `detect_objects` gives them.   log_odds : (M,) has moved, against has stayed.
+    """
+    moved, stayed_points = np.zeros((2, len(found)))
+    for part in (ids, stayed):
+        moved += np.bincount(part[(part >= 0) & (log_odds > settings.min_log_odds)], minlength=len(found))
+        stayed_points += np.bincount(part[(part >= 0) & (log_odds < -settings.min_log_odds)], minlength=len(found))
+    speaks_once = _speaks_once(found.n_points, moved, stayed_points, settings)
+    has_stayed = np.where(found.part_of >= 0, found.has_stayed, ~speaks_once)
+    return replace(found, n_moving=moved, n_static=stayed_points, has_stayed=has_stayed)
+
+
+def _speaks_once(
+    count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings
+) -> npt.NDArray[np.bool_]:
+    """Return which segments moved as far as the evidence tells, or say next to nothing."""
+    return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
 
 
 def _split_where_it_tells(

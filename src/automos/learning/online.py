@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from automos.geometry import inverse
 from automos.labels import Label
-from automos.learning.causal_odometry import CausalOdometry, Moved
 from automos.learning.recordings import measure_view
 from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
 from automos.network.residuals import SPACING, pick_past
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
+from automos.online.odometry import CausalOdometry, Moved
 from automos.scan import Frame, Points, Pose, Scan
 from automos.settings import Settings
 

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import atomic_path, remove_parts, write_text
-from automos.errors import InputError
+from automos.atomic import atomic_path, write_text
 from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
+from automos.online.segment import claim, stamped
 from automos.pose_files import write_kitti
 from automos.run import Progress
-from automos.scan import Scan, Sequence
+from automos.scan import Sequence
 from automos.settings import Settings, dump_yaml
 from automos.workspace import RUN_FILE
 
@@ -59,17 +59,11 @@ def segment_recording(
     ------
     InputError : the folder holds another program's labels, or cannot be written.
     """
-    if (folder / "stages").exists() or (any(folder.glob("predictions/*.label")) and not (folder / RUN_FILE).exists()):
-        raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
-    places = [folder / "predictions", *([folder / "probabilities"] if probabilities else [])]
-    for place in places:
-        place.mkdir(parents=True, exist_ok=True)
-        remove_parts(place)
-    (folder / RUN_FILE).unlink(missing_ok=True)
+    claim(folder, ["predictions", *(["probabilities"] if probabilities else [])])
     segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)
-    stamps, counts, poses = sequence.stamps, dict.fromkeys((label.name.lower() for label in Label), 0), []
-    for i, name in enumerate(sequence.names):
-        labels, moving = segmenter.segment(_stamped(sequence[i], stamps, i))
+    counts, poses = dict.fromkeys((label.name.lower() for label in Label), 0), []
+    for i, (name, scan) in enumerate(zip(sequence.names, stamped(sequence), strict=True)):
+        labels, moving = segmenter.segment(scan)
         poses.append(segmenter.T_world_sensor)
         with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
             pack(labels).tofile(temporary)
@@ -115,10 +109,3 @@ def summary(run: dict[str, Any], folder: Path) -> str:
         f"({100 * points['moving'] / total:.2f} %)\n"
         f"{run['network']['engine']}, ms a scan, median/p99: {spent}\nlabels in {folder}/predictions"
     )
-
-
-def _stamped(scan: Scan, stamps: np.ndarray | None, index: int) -> Scan:
-    """Return the scan with the recording's clock."""
-    if stamps is None:
-        return scan
-    return Scan(scan.points, scan.intensity, scan.time, scan.ring, float(stamps[index]), scan.name)

@@ -11,13 +11,12 @@ import torch
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
+from automos.network.deployed import FORMAT
 from automos.network.images import read_image_settings
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings
 
 _log = logging.getLogger(__name__)
-
-FORMAT = 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,9 @@ from automos.settings import ImageSettings
 ENGINES = ("auto", "torch", "onnxruntime", "openvino")
 DEVICES = ("auto", "cpu", "gpu")
 METADATA = "automos"
-"""Key of an exported network's metadata that holds image settings and card as JSON."""
+"""Key of an exported network's metadata that holds format, image settings and card as JSON."""
+FORMAT = 2
+"""Of networks in files: what their images show. 1: residuals without a sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +161,12 @@ def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]
     """Return the image settings and the card that the export wrote into the network."""
     try:
         content = parse_json(text)
-        return read_image_settings(content["image"]), content["card"]
-    except (ValueError, KeyError, TypeError):  # pydantic's are ValueErrors
+        version = content.get("format", 1)
+        if version == FORMAT:
+            return read_image_settings(content["image"]), content["card"]
+    except (ValueError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
+    raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")
 
 
 def _cores() -> int:

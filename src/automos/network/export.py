@@ -13,7 +13,7 @@ from automos.atomic import atomic_path
 from automos.errors import AutomosError, MissingExtraError
 from automos.extras import pip_install
 from automos.network.checkpoint import Checkpoint
-from automos.network.deployed import METADATA, load_network
+from automos.network.deployed import FORMAT, METADATA, load_network
 from automos.network.images import BASE_CHANNELS
 from automos.network.model import MovingProbability
 
@@ -55,7 +55,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
             node.doc_string = ""
         entry = model.metadata_props.add()
         entry.key = METADATA
-        entry.value = json.dumps({"image": image.model_dump(mode="json"), "card": checkpoint.card})
+        entry.value = json.dumps({"format": FORMAT, "image": image.model_dump(mode="json"), "card": checkpoint.card})
         onnx.save(model, temporary)
     difference = compare(network, path, shape)
     if not difference <= tolerance:

@@ -1,7 +1,10 @@
-"""Residual images: how much nearer or further the world was along each pixel a moment ago (LMNet, III-A).
+"""Residual images: what earlier scans found at the place that a pixel shows now.
 
-An earlier scan is carried into the present one by the sensor's own motion and projected; what stands still then lies
-at the same range, what moves does not. The pictures are made when they are needed, never stored.
+LMNet's residual (III-A) is |range now - range before| / range now along one pixel. It says the same of a place that was
+free before (something came here) and of one that was hidden before (something went away), and in foliage and at edges,
+where a neighbouring ray hit something else, it is as large as for what moves. So the sign is kept, and the rays around
+the pixel are asked as well: seen through is only what all of them passed. The pictures are made when they are needed,
+never stored.
 """
 
 from __future__ import annotations
@@ -15,11 +18,14 @@ import numpy.typing as npt
 from automos.network.projection import Image, ImageGrid, column_of, row_of
 from automos.scan import Points, Pose
 
-SPACING = 0.1
-"""Seconds between the scans of successive residual images: one each at the 10 Hz of LMNet's recordings."""
+SPACING = 0.2
+"""Seconds between the scans of successive residual images: eight of them see a walker's place before he came."""
 
-MIN_RANGE, MAX_RANGE = 2.0, 50.0
-"""Metres between which ranges have residuals (LMNet's configuration): the vehicle itself, and what is too sparse."""
+MIN_RANGE, MAX_RANGE = 2.0, 80.0
+"""Metres between which ranges have residuals: the vehicle itself, and what is too sparse."""
+
+TOLERANCE = (0.3, 0.02)
+"""Metres, and metres more for each metre of range, within which two ranges are of the same thing."""
 
 
 def residual_images(
@@ -28,7 +34,11 @@ def residual_images(
     T_now_past: Pose,
     grid: ImageGrid,
 ) -> Image:
-    """Return (K, H, W) float32: |range now - range before| / range now, 0 where either is missing.
+    """Return (K, H, W) float32 in [-1, 1]: -1 something was here, 1 the place was free, 0 nobody knows.
+
+    Of the rays that went past a pixel before, in a window of 3 x 3 pixels, that one counts whose range comes nearest
+    to the range of now. With g, by how many times the tolerance it went further, the value is (g - 1) / (g + 1); where
+    it ended before the place, which was hidden, -max(0, 1 + g).
 
     Parameters
     ----------
@@ -37,12 +47,13 @@ def residual_images(
     T_now_past : (K, 4, 4) from each cloud's frame to the present one.
     """
     out = np.zeros((len(past), grid.height, grid.width), np.float32)
-    before = np.empty(grid.size, np.float32)
+    before = np.empty((grid.height, grid.width), np.float32)
     for k, points in enumerate(past):
         if points is not None:
             T = np.asarray(T_now_past[k], np.float32)
-            _reproject(np.ascontiguousarray(points), T, grid.row_of_sine, grid.height, grid.width, MAX_RANGE, before)
-            _residual(range_now.reshape(-1), before, MIN_RANGE, MAX_RANGE, out[k].reshape(-1))
+            flat = before.reshape(-1)
+            _reproject(np.ascontiguousarray(points), T, grid.row_of_sine, grid.height, grid.width, MAX_RANGE, flat)
+            _residual(range_now, before, np.float32(MIN_RANGE), np.float32(MAX_RANGE), out[k])
     return out
 
 
@@ -82,6 +93,18 @@ def _reproject(points, T, row_of_sine, height, width, farthest, before):  # type
 
 @numba.njit(cache=True, nogil=True)
 def _residual(now, before, nearest, farthest, out):  # type: ignore[no-untyped-def]
-    for p in range(len(now)):
-        if nearest < now[p] < farthest and nearest < before[p] < farthest:
-            out[p] = abs(now[p] - before[p]) / now[p]
+    height, width = now.shape
+    for row in range(height):
+        for column in range(width):
+            r = now[row, column]
+            if not (nearest < r < farthest):
+                continue
+            gap = np.float32(np.inf)
+            for i in range(max(row - 1, 0), min(row + 2, height)):
+                for j in range(column - 1, column + 2):
+                    there = before[i, (j + width) % width]
+                    if nearest < there < farthest and abs(there - r) < abs(gap):
+                        gap = there - r
+            if np.isfinite(gap):
+                g = gap / (np.float32(TOLERANCE[0]) + np.float32(TOLERANCE[1]) * r)
+                out[row, column] = (g - 1) / (g + 1) if g >= 0 else -max(np.float32(0.0), 1 + g)

@@ -6,8 +6,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.odometry.covariances import variance_along
 from automos.odometry.submap import VOXEL, Submap
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.surfels import Surfels, find_slot, level_of, voxel_key
 from automos.scan import Pose
 
 CLOSE = 0.15

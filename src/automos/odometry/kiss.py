@@ -23,7 +23,7 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, few_surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -38,10 +38,12 @@ CONVERGENCE, START_CONVERGENCE = 1e-3, 1e-4
 small steps, and must not be content with little."""
 START_SCANS = 6
 """Scans registered twice, to know the motion during the first."""
-CLEAR_STEP = 0.2
+CLEAR_STEP = 0.5
 """Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
 TRIED_STEPS = (1.0, 2.5)
 """Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+SAME_START = 0.05
+"""Metres from scan to scan between starts that registration has brought together: they are one."""
 TRIAL_SCANS = 10
 """Scans whose alignment decides between these."""
 TRIAL_GAIN = 0.2
@@ -127,27 +129,21 @@ def register_scans(
     timing : when in the sweep each point was measured.
     gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
     """
-    odometry = KissOdometry(settings, timing, _find_start(sequence, settings, timing, gaps), KNOWN_MOTION)
+    n = min(TRIAL_SCANS, len(sequence))
+    scans = [sequence[i] for i in range(n)]
+    surfels = [few_surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    start = _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
+    odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
     for i, scan in enumerate(sequence):
         yield odometry.register(scan, gaps[i - 1] if i else 0.0)
 
 
-def register_surfels(
-    surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array, twist: Array | None = None
-) -> Pose:
-    """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with its surfels alone.
-
-    `surfels` lie as they came; a sweep lasts `share` of the time between scans. The motion at first is `twist` (6,), if
-    it is known.
-    """
+def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
+    """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with surfels as they came alone."""
     settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
-    timing = SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
-    scans = [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
-    if twist is None:
-        twist = _from_rest(scans[:START_SCANS], settings, timing, gaps)
-    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION)
-    steps = [odometry.register(scan, gaps[i - 1] if i else 0.0).T_last_this for i, scan in enumerate(scans)]
-    return np.array(steps[1:]).reshape(-1, 4, 4)
+    scans = [Scan(s.mean) for s in surfels[:START_SCANS]]
+    start = _find_start(scans, surfels[:TRIAL_SCANS], settings, SweepTiming(), gaps)
+    return _follow_surfels(surfels, start, settings, 0.0, gaps)
 
 
 def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
@@ -162,33 +158,49 @@ def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
     return backwards.twist
 
 
-def _find_start(sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
-    """Return the (6,) motion per usual gap at the start."""
-    n = min(TRIAL_SCANS, len(sequence))
-    scans = [sequence[i] for i in range(n)]
-    twist = _from_rest(scans[:START_SCANS], settings, timing, gaps)
-    if n <= START_SCANS:
+def _find_start(
+    scans: list[Scan], surfels: list[Surfels], settings: OdometrySettings, timing: SweepTiming, gaps: Array
+) -> Array:
+    """Return the (6,) motion per usual gap at the start, from the first scans, and the surfels of a few more."""
+    twist = _from_rest(scans, settings, timing, gaps)
+    if len(surfels) <= START_SCANS:
         return twist
-    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
-    found, misfit = _try_start(twist, surfels, settings, timing.share, gaps[: n - 1])
+    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
+    gaps = gaps[: len(surfels) - 1]
+    tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]
+    found, misfit = _align_start(tried[0], surfels, settings, timing.share, gaps)
     if misfit is None or np.linalg.norm(found[:3]) > CLEAR_STEP:
         return twist
     best, least = twist, misfit + np.log1p(-TRIAL_GAIN)
     for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
         for step in TRIED_STEPS:
-            found, misfit = _try_start(step * direction, surfels, settings, timing.share, gaps[: n - 1])
+            steps = _follow_surfels(surfels, step * direction, settings, timing.share, gaps)
+            if min(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() for other in tried) < SAME_START:
+                continue
+            tried.append(steps)
+            found, misfit = _align_start(steps, surfels, settings, timing.share, gaps)
             if misfit is not None and misfit < least:
                 best, least = found, misfit
     return best
 
 
-def _try_start(
-    twist: Array, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
+def _align_start(
+    steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
 ) -> tuple[Array, float | None]:
-    """Return the (6,) first motion found from the guess `twist`, and how badly the scans align with what follows."""
-    n = len(surfels)
-    T = chain(np.eye(4), register_surfels(surfels, settings, share, gaps, twist))
+    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
+    n, T = len(surfels), chain(np.eye(4), steps)
     as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
     aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
     T = aligned.T_world_sensor
     return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit
+
+
+def _follow_surfels(
+    surfels: list[Surfels], twist: Array, settings: OdometrySettings, share: float, gaps: Array
+) -> Pose:
+    """Return (N - 1, 4, 4) steps from each scan to the one before, from its surfels as they came and a first motion."""
+    timing = SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
+    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION)
+    scans = [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
+    steps = [odometry.register(scan, gaps[i - 1] if i else 0.0).T_last_this for i, scan in enumerate(scans)]
+    return np.array(steps[1:]).reshape(-1, 4, 4)

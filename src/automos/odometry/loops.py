@@ -16,7 +16,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.motion import SweepTiming, step_twists, usable_points
 from automos.odometry.places import compare_places, describe_place
 from automos.odometry.pose_graph import Edges, solve_pose_graph
-from automos.odometry.registration import rows_of_first_in_voxel
+from automos.odometry.surfels import rows_of_first_in_voxel
 from automos.scan import Points, Pose, Sequence
 from automos.settings import LoopSettings, OdometrySettings
 

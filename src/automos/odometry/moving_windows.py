@@ -1,9 +1,9 @@
-"""Short parts of a recording in which the sensor moves, at which hypotheses about its sweeps can be tried."""
+"""Short parts of a recording in which the sensor moves, and how badly they fit under a hypothesis about its sweeps."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +11,19 @@ import numpy.typing as npt
 from automos.geometry import inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
-from automos.odometry.links import Window
-from automos.odometry.motion import SweepTiming, chain, rows_in_range, sweep_times
+from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
+from automos.odometry.motion import (
+    SweepTiming,
+    azimuth_times,
+    chain,
+    compensate,
+    rows_in_range,
+    step_twists,
+    sweep_times,
+)
+from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, few_surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -28,6 +37,11 @@ WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
 MIN_BEND = 0.1
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
+
+ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
+"""Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
+ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
+"""A single round, to find the likeliest of many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +105,7 @@ def _moving_window(
     surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
     T = poses
     if T is None:
-        steps = register_surfels(surfels["raw"], settings, 0.0, gaps)
+        steps = register_surfels(surfels["raw"], settings, gaps)
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
         rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
@@ -104,4 +118,35 @@ def _moving_window(
 def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
-    return surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
+    return few_surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
+
+
+def measure_misfits(
+    window: MovingWindow, guess: SweepTiming, settings: OdometrySettings, is_rough: bool
+) -> npt.NDArray[np.float64]:
+    """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
+
+    A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
+    neighbours keep their steps, in a third of the time.
+    """
+    twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
+    raw = window.surfels.get(guess.source, window.surfels["raw"])
+    surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
+    timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
+    links = list(choose_links(timed, COARSE))
+    is_fixed = np.zeros(len(timed), bool)
+    if not is_rough:
+        timed = refine_poses(timed, is_fixed, settings, ON_NEIGHBOURS)[0]
+    timed = refine_poses(timed, is_fixed, settings, ROUGH if is_rough else COARSE)[0]
+    fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
+    n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
+    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
+    return np.log(np.array([fit.thickness for fit in fits]) / share)
+
+
+def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
+    """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
+    if guess.source == "none":
+        return raw
+    times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
+    return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)

@@ -12,8 +12,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import se3_exp
-from automos.odometry.surfels import find_slot, voxel_key
+from automos.odometry.surfels import find_slot, rows_of_first_in_voxel, voxel_key
 from automos.scan import Points, Pose
 
 Array = npt.NDArray[np.float64]
@@ -26,9 +25,7 @@ FORGET_EVERY = 0.1
 """Of the map's range, that the sensor moves on before what is out of range is forgotten."""
 MAX_ITERATIONS = 500
 """Of one registration (the authors' value)."""
-AROUND = np.array(
-    sorted(((x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)), key=lambda v: np.abs(v).sum())
-)
+AROUND = np.array(sorted(np.ndindex(3, 3, 3), key=lambda v: np.abs(np.array(v) - 1).sum())) - 1
 """A voxel and its neighbours, nearest first."""
 
 
@@ -93,39 +90,9 @@ class Icp:
         return T
 
     def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
-        nearest = np.full((len(source), 3), np.nan)
-        asked_at, margin = np.zeros((len(source), 3)), np.full(len(source), -1.0)
-        for _ in range(MAX_ITERATIONS):
-            H, g = np.zeros((6, 6)), np.zeros(6)
-            _lay(source, T, self._map.arrays, nearest, asked_at, margin, 3.0 * threshold, threshold, H, g)
-            if H[0, 0] == 0.0:  # nothing lies near anything
-                return T
-            step = np.linalg.lstsq(H, -g, rcond=None)[0]
-            change = se3_exp(step)  # about the sensor's position
-            T = np.vstack([np.hstack([change[:3, :3] @ T[:3, :3], (T[:3, 3] + change[:3, 3])[:, None]]), T[3:]])
-            if np.linalg.norm(step) < self._convergence:
-                break
+        T = np.array(T)
+        _align(source, T, self._map.arrays, 3.0 * threshold, threshold, self._convergence)
         return T
-
-
-def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32]:
-    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
-    return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
-
-
-@numba.njit(cache=True, nogil=True)
-def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
-    keys = np.full(size, -1, np.int64)
-    rows = np.empty(len(points), np.int32)
-    n = 0
-    for i in range(len(points)):
-        key = voxel_key(float(points[i, 0]), float(points[i, 1]), float(points[i, 2]), 0, inverse_voxel)
-        slot = find_slot(keys, key)
-        if keys[slot] == -1:
-            keys[slot] = key
-            rows[n] = i
-            n += 1
-    return rows[:n]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -166,10 +133,10 @@ def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _find_nearest(x, y, z, local_map, max_distance, nearest):  # type: ignore[no-untyped-def]
+def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
     """Write the nearest point in a voxel or its neighbours to `nearest`; return how far it and the next one are.
 
-    What lies farther away than `max_distance`, or in no neighbour, is no nearer than the second.
+    What lies in no neighbour is no nearer than the second.
     """
     keys, rows, cells, counts, voxel = local_map
     center = voxel_key(x, y, z, 0, 1.0 / voxel)
@@ -200,12 +167,36 @@ def _find_nearest(x, y, z, local_map, max_distance, nearest):  # type: ignore[no
 
 
 @numba.njit(cache=True, nogil=True)
+def _align(source, T, local_map, max_distance, kernel, convergence):  # type: ignore[no-untyped-def]
+    """Move `T` until the points lie on the map."""
+    nearest, asked_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
+    margin = np.full(len(source), -1.0)
+    H, g = np.empty((6, 6)), np.empty(6)
+    for _ in range(MAX_ITERATIONS):
+        _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g)
+        if H[0, 0] == 0.0:  # nothing lies near anything
+            return
+        for k in range(6):
+            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # a single point can be turned about
+        step = np.linalg.solve(H, -g)  # of the sensor's position, and a turn about it
+        angle = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+        if angle > 1e-12:
+            x, y, z = step[3] / angle, step[4] / angle, step[5] / angle
+            K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+            R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+            T[:3, :3] = R @ np.ascontiguousarray(T[:3, :3])
+        T[:3, 3] += step[:3]
+        if np.sqrt((step * step).sum()) < convergence:
+            break
+
+
+@numba.njit(cache=True, nogil=True)
 def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g):  # type: ignore[no-untyped-def]
-    """Add the normal equations of a small motion of the points about the sensor's position that brings them together.
+    """Write the normal equations of a small motion of the points about the sensor's position that brings them together.
 
     `nearest`, `asked_at` and `margin` remember each point's partner: it is kept while no other can be nearer.
     """
-    W = 0.0
+    H[:], g[:], W = 0.0, 0.0, 0.0
     s, r, first, cross, second = np.empty(3), np.empty(3), np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for i in range(len(source)):
         px, py, pz = float(source[i, 0]), float(source[i, 1]), float(source[i, 2])
@@ -216,7 +207,7 @@ def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, 
         r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
         distance = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         if not distance <= margin[i] - moved:  # true of NaN
-            distance, margin[i] = _find_nearest(x, y, z, local_map, max_distance, nearest[i])
+            distance, margin[i] = _find_nearest(x, y, z, local_map, nearest[i])
             asked_at[i, 0], asked_at[i, 1], asked_at[i, 2] = x, y, z
             r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
         if not distance < max_distance:
@@ -233,8 +224,7 @@ def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, 
         cross[2] += w * (s[0] * r[1] - s[1] * r[0])
     trace = second[0, 0] + second[1, 1] + second[2, 2]
     for k in range(3):
-        H[k, k] = W
-        g[3 + k] = cross[k]
+        H[k, k], g[3 + k] = W, cross[k]
         for j in range(3):
             H[3 + k, 3 + j] = (trace if k == j else 0.0) - second[k, j]
     H[0, 4], H[0, 5], H[1, 3] = first[2], -first[1], -first[2]

@@ -14,7 +14,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.covariances import across, eigenvalues, eigenvector, variance_along
+from automos.odometry.surfels import Surfels, find_slot, level_of, voxel_key
 from automos.scan import Points, Pose
 
 VOXEL = 0.8
@@ -152,60 +153,12 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
 
 
 @numba.njit(cache=True, nogil=True)
-def _eigen(c, values, vectors):  # type: ignore[no-untyped-def]
-    """Eigenvalues (ascending) and eigenvectors (rows) of a symmetric 3 x 3 matrix, by Jacobi rotations."""
-    a00, a01, a02, a11, a12, a22 = c[0], c[1], c[2], c[3], c[4], c[5]
-    A = np.empty((3, 3))
-    A[0, 0], A[0, 1], A[0, 2] = a00, a01, a02
-    A[1, 0], A[1, 1], A[1, 2] = a01, a11, a12
-    A[2, 0], A[2, 1], A[2, 2] = a02, a12, a22
-    V = np.zeros((3, 3))
-    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
-    for _ in range(12):
-        off = A[0, 1] ** 2 + A[0, 2] ** 2 + A[1, 2] ** 2
-        if off < 1e-20:
-            break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if abs(A[p, q]) < 1e-30:
-                    continue
-                theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
-                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-                if theta < 0.0:
-                    t = -t
-                cos = 1.0 / np.sqrt(t * t + 1.0)
-                sin = t * cos
-                for k in range(3):
-                    akp, akq = A[k, p], A[k, q]
-                    A[k, p], A[k, q] = cos * akp - sin * akq, sin * akp + cos * akq
-                for k in range(3):
-                    apk, aqk = A[p, k], A[q, k]
-                    A[p, k], A[q, k] = cos * apk - sin * aqk, sin * apk + cos * aqk
-                for k in range(3):
-                    vkp, vkq = V[k, p], V[k, q]
-                    V[k, p], V[k, q] = cos * vkp - sin * vkq, sin * vkp + cos * vkq
-    i0, i2 = 0, 0
-    for k in range(1, 3):
-        if A[k, k] < A[i0, i0]:
-            i0 = k
-        if A[k, k] >= A[i2, i2]:
-            i2 = k
-    if i0 == i2:
-        i0, i2 = 0, 2
-    i1 = 3 - i0 - i2
-    for row, col in ((0, i0), (1, i1), (2, i2)):
-        values[row] = max(A[col, col], 0.0)
-        for k in range(3):
-            vectors[row, k] = V[k, col]
-
-
-@numba.njit(cache=True, nogil=True)
 def _shape_voxels(sums):  # type: ignore[no-untyped-def]
     n = len(sums)
     mean = np.empty((n, 3), np.float32)
     axes = np.zeros((n, 2, 3), np.float32)
     variance = np.full((n, 2), -1.0, np.float32)
-    c, values, vectors = np.empty(6), np.empty(3), np.empty((3, 3))
+    c, along, first, second = np.empty(6), np.empty(3), np.empty(3), np.empty(3)
     for i in range(n):
         row = sums[i]
         w = 1.0 / row[0]
@@ -215,18 +168,18 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
             continue
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
-        _eigen(c, values, vectors)
-        edge = VOXEL * (1 << level_of(x, y, z))
-        wide = (0.12 * edge) ** 2
-        if values[1] > wide:
-            directions = 1 if values[0] < 0.1 * values[1] else 0  # a plane
-        else:
-            is_upright = values[1] < 0.1 * values[2] and abs(vectors[2, 2]) > 0.8
-            directions = 2 if values[2] > wide and is_upright else 0  # an upright edge
-        for k in range(directions):
-            variance[i, k] = values[k]
-            for j in range(3):
-                axes[i, k, j] = vectors[k, j]
+        low, middle, high = eigenvalues(c)
+        wide = (0.12 * VOXEL * (1 << level_of(x, y, z))) ** 2
+        if middle > wide:
+            if low < 0.1 * middle:  # a plane
+                eigenvector(c, low, first)
+                variance[i, 0] = low
+                axes[i, 0] = first
+        elif high > wide and middle < 0.1 * high:
+            eigenvector(c, high, along)
+            if abs(along[2]) > 0.8:  # an upright edge
+                variance[i, 0], variance[i, 1] = across(c, along, first, second)
+                axes[i, 0], axes[i, 1] = first, second
     return mean, axes, variance
 
 

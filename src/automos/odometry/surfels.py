@@ -25,6 +25,8 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should show."""
 MIN_SURFEL_POINTS = 3
 """Points without which a surfel has no extent."""
+FEW = 3000
+"""Surfels of a scan at most with which hypotheses are compared: more cost time and tell nothing new."""
 BODY_RANGE = 6.0
 """Metres within which the vehicle's own body is looked for: a long one's ends."""
 BODY_VOXEL = 0.4
@@ -80,6 +82,12 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
 
 
+def few_surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+    """Return as many of them as hypotheses are compared with."""
+    surfels = surfels_of(points, times)
+    return surfels[:: -(-len(surfels) // FEW) or 1]
+
+
 def without_body(surfels: list[Surfels]) -> list[Surfels]:
     """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
 
@@ -109,6 +117,11 @@ def without_body(surfels: list[Surfels]) -> list[Surfels]:
 def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     k = np.floor(points / BODY_VOXEL).astype(np.int64) + (1 << 20)
     return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]
+
+
+def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32]:
+    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
+    return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
 
 
 @numba.njit(cache=True, nogil=True)
@@ -141,15 +154,6 @@ def find_slot(keys, key):  # type: ignore[no-untyped-def]
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot
-
-
-@numba.njit(cache=True, nogil=True)
-def variance_along(c, a):  # type: ignore[no-untyped-def]
-    """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
-    x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
-    y = a[0] * c[1] + a[1] * c[3] + a[2] * c[4]
-    z = a[0] * c[2] + a[1] * c[4] + a[2] * c[5]
-    return a[0] * x + a[1] * y + a[2] * z
 
 
 @numba.njit(cache=True, nogil=True)
@@ -208,3 +212,18 @@ def _finish_moments(sums):  # type: ignore[no-untyped-def]
         count[i] = row[0]
         time[i] = row[10] * w
     return mean, covariance, count, time
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
+    keys = np.full(size, -1, np.int64)
+    rows = np.empty(len(points), np.int32)
+    n = 0
+    for i in range(len(points)):
+        key = voxel_key(float(points[i, 0]), float(points[i, 1]), float(points[i, 2]), 0, inverse_voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot] = key
+            rows[n] = i
+            n += 1
+    return rows[:n]

@@ -71,13 +71,15 @@ class PointOrder:
 
 def learn_order(sequence: Sequence) -> PointOrder | None:
     """Return how the azimuth runs along the files of `sequence`; None where order says nothing of time."""
-    n = len(sequence)
-    firsts = np.unique(np.linspace(0, max(n - 2, 0), SAMPLES).round().astype(int))
-    found = []
-    for i in firsts:
-        pair = [_read(sequence[j]) for j in range(int(i), min(int(i) + 2, n))]
-        if len(pair) == 2 and None not in pair and pair[0][:2] == pair[1][:2]:  # type: ignore[index]
-            found.append((*pair[0], pair[1][2]))  # type: ignore[misc, index]
+    firsts = _sample(sequence)
+    found: list[tuple[Literal["firing", "beam"], int, float, float, float]] = []
+    for n_seen, i in enumerate(firsts):
+        if n_seen - len(found) >= len(firsts) / 2:  # the others cannot make up for it
+            return None
+        first = _read(sequence[i])
+        second = None if first is None else _read(sequence[i + 1])
+        if first is not None and second is not None and first[:2] == second[:2]:
+            found.append((*first, second[2]))
     if 2 * len(found) <= len(firsts):
         return None
     kinds = [f[:2] for f in found]
@@ -99,17 +101,20 @@ def learn_drifting_gap(sequence: Sequence) -> int:
 
     Whoever cuts the stream before a turn is complete leaves out a sector, and the next scan begins with it.
     """
-    n = len(sequence)
     turns = []
-    for i in np.unique(np.linspace(0, max(n - 2, 0), SAMPLES).round().astype(int)):
-        if i + 1 >= n:
-            return 0
-        (low, high), (next_low, next_high) = (gap_edges(sequence[int(j)].points) for j in (i, i + 1))
+    for i in _sample(sequence):
+        (low, high), (next_low, next_high) = (gap_edges(sequence[j].points) for j in (i, i + 1))
         width, step = 0.5 * (high - low + next_high - next_low), 0.5 * (next_low - low + next_high - high)
         step -= round(step)
         is_next = MIN_GAP < width < 0.8 and abs(abs(step) - width) < 0.3 * width
         turns.append((-1 if step > 0.0 else 1) if is_next else 0)
     return max((-1, 0, 1), key=turns.count) if turns else 0
+
+
+def _sample(sequence: Sequence) -> list[int]:
+    """Return a few scans that have a next one."""
+    last = len(sequence) - 2
+    return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
 
 
 def gap_edges(points: Points) -> tuple[float, float]:
@@ -142,7 +147,7 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     return np.maximum(turned + np.float32(late - round(late)), np.float32(0.0))
 
 
-def _read(scan: Scan) -> tuple[str, int, float, float] | None:
+def _read(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, float] | None:
     """Return what one scan's order says: by what, which way, azimuth of the first point and turns spanned (turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, concentration = block_azimuths(scan.points, block)
@@ -160,7 +165,7 @@ def _read(scan: Scan) -> tuple[str, int, float, float] | None:
     return _read_by_beam(scan)
 
 
-def _read_by_beam(scan: Scan) -> tuple[str, int, float, float] | None:
+def _read_by_beam(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, float] | None:
     """Return the same of a file sorted by beam whose beams span more than a turn; others tell nothing new."""
     valid = np.flatnonzero(scan.is_valid)
     if len(valid) < N_BLOCKS:

@@ -19,11 +19,8 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists
-from automos.odometry.moving_windows import MovingWindow, moving_windows
-from automos.odometry.refine import refine_poses
-from automos.odometry.surfels import Surfels
+from automos.odometry.motion import SweepTiming
+from automos.odometry.moving_windows import MovingWindow, measure_misfits, moving_windows
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
@@ -31,7 +28,7 @@ from automos.settings import OdometrySettings
 _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
-"""Azimuths at which sweeps are tried to start."""
+"""Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
 N_LIKELY = 3
@@ -46,8 +43,6 @@ GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
 """By which more for what is seldom true: halved or reversed sweeps."""
-ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
-"""Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,7 @@ def choose_timing(
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
         return TimingChoice(SweepTiming())
-    timed = _told_by_the_recording(sequence, clock, wanted)
+    timed = _recorded_timings(sequence, clock, wanted)
     if wanted in ("file", "order"):
         return TimingChoice(timed[0])
     is_round = _sees_all_round(sequence)
@@ -119,7 +114,8 @@ class _Search:
 
     def __init__(self, windows: list[MovingWindow], settings: OdometrySettings, pool: ThreadPoolExecutor | None):
         self._map: Callable = map if pool is None else pool.map
-        self._misfit = functools.cache(lambda guess, k, is_rough: _link_misfits(windows[k], guess, settings, is_rough))
+        measure = functools.cache(measure_misfits)
+        self._misfit = lambda guess, k, is_rough: measure(windows[k], guess, settings, is_rough)
         self.misfits: dict[str, float] = {}
         as_they_came = self._map(lambda k: self._misfit(SweepTiming(), k, True), range(len(windows)))
         self._windows = [k for k, found in enumerate(as_they_came) if np.isfinite(found).sum() >= LEAST_LINKS]
@@ -137,10 +133,10 @@ class _Search:
         return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
-        """Return the `n` of `guesses` under which the windows fit best as their poses are."""
+        """Return the `n` of `guesses` under which the windows fit best as their poses are, in their order."""
         misfits = self._ask(guesses, is_rough=True)
         found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
-        return [guesses[i] for i in np.argsort(found, kind="stable")[:n]]
+        return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
 
     def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
         """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
@@ -171,9 +167,10 @@ def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) 
     if turn := learn_drifting_gap(sequence):
         return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    found = search.best([*untimed, *search.likeliest(circle, N_LIKELY)])
-    if found is None or found.source == "none":
+    likely = search.likeliest(circle, N_LIKELY)
+    if (found := search.best([*untimed, *likely])) == SweepTiming():
         return found
+    found = search.best(likely) or _rear()  # where two seams tell no difference, the more usual one
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
     return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
 
@@ -190,7 +187,7 @@ def _rear() -> SweepTiming:
     return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
 
 
-def _told_by_the_recording(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
+def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
     """Return the timings that follow from the file's times and from the order of its points, as far as they are wanted.
 
     Raises
@@ -230,34 +227,3 @@ def _sees_all_round(sequence: Sequence) -> bool:
     scan = sequence[len(sequence) // 2]
     x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30
-
-
-def _link_misfits(
-    window: MovingWindow, guess: SweepTiming, settings: OdometrySettings, is_rough: bool
-) -> npt.NDArray[np.float64]:
-    """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
-
-    A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
-    neighbours keep their steps, in a third of the time.
-    """
-    twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    raw = window.surfels.get(guess.source, window.surfels["raw"])
-    surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
-    timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
-    links = list(choose_links(timed, COARSE))
-    is_fixed = np.zeros(len(timed), bool)
-    if not is_rough:
-        timed = refine_poses(timed, is_fixed, settings, ON_NEIGHBOURS)[0]
-    timed = refine_poses(timed, is_fixed, settings, COARSE)[0]
-    fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
-    n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
-    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
-    return np.log(np.array([fit.thickness for fit in fits]) / share)
-
-
-def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
-    """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
-    if guess.source == "none":
-        return raw
-    times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
-    return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)

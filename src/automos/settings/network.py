@@ -17,7 +17,7 @@ class ImageSettings(Group):
     )
     width: int = Field(2048, ge=16, multiple_of=16, description="columns; more show smaller things and take longer")
     residuals: int = Field(
-        8, ge=0, description="residual images, one each for as many tenths of a second; more show slower motion"
+        8, ge=0, description="residual images, one each for as many fifths of a second; more show slower motion"
     )
 
 
@@ -48,6 +48,9 @@ class TrainingSettings(Group):
     )
     epochs: int = Field(150, ge=1, description="at most; more take longer and cost nothing else: the best is kept")
     samples: int = Field(0, ge=0, description="scans an epoch, drawn anew each time; 0: every scan once")
+    sector: int = Field(
+        0, ge=0, multiple_of=16, description="columns of an image that are trained on; 0: all; fewer make cheaper steps"
+    )
     batch: int = Field(8, ge=1, description="scans a step and device; more take more memory and make fewer steps")
     augment: bool = Field(True, description="turn, mirror, shift and thin scans; without, few scans are learnt by rote")
     use_confidence: bool = Field(False, description="weigh every point's loss by the confidence of its label")

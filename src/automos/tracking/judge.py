@@ -69,7 +69,12 @@ _ENDS, _AROUND = 5, 3
 """Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
-def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
+def judge_by_evidence(
+    tracks: Tracks,
+    detections: Sequence[Detections],
+    settings: JudgeSettings,
+    is_asked: npt.NDArray[np.bool_] | None = None,
+) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
     The confidence is the probability that the verdict is right. What was seen once is static.
@@ -77,8 +82,9 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
     Parameters
     ----------
     detections : per scan, its segments.
+    is_asked : per scan, whether others from a second or more were asked about it; all were where not given.
     """
-    log_odds = PRIOR + track_terms(tracks, detections) @ np.array(list(WEIGHTS.values()))
+    log_odds = PRIOR + track_terms(tracks, detections, is_asked) @ np.array(list(WEIGHTS.values()))
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
     probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
@@ -88,17 +94,28 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
 
 def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
     """Return the tracks, and the verdicts on them, of all but what has stayed in every scan and does not move."""
-    stays = np.ones(len(tracks), np.bool_)
-    for scan, segment, rows in _observed(tracks, len(detections)):
-        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
-    is_kept = ~stays | verdicts.is_moving
+    is_kept = ~is_scenery(tracks, verdicts, detections)
     number = np.cumsum(is_kept) - 1
     kept = tracks[np.flatnonzero(is_kept[tracks.track])]
     return replace(kept, track=number[kept.track]), Verdicts(verdicts.verdict[is_kept], verdicts.confidence[is_kept])
 
 
-def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray[np.float64]:
-    """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`."""
+def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> npt.NDArray[np.bool_]:
+    """Return (T,) which tracks have stayed in every scan and do not move."""
+    stays = np.ones(len(tracks), np.bool_)
+    for scan, segment, rows in _observed(tracks, len(detections)):
+        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
+    return stays & ~verdicts.is_moving
+
+
+def track_terms(
+    tracks: Tracks, detections: Sequence[Detections], is_asked: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.float64]:
+    """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`.
+
+    What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`). Until then
+    the known points speak, split as the same distributions say, for as much of the thing as they are.
+    """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 3))
     for scan, segment, rows in _observed(tracks, len(detections)):
@@ -109,6 +126,8 @@ def track_terms(tracks: Tracks, detections: Sequence[Detections]) -> npt.NDArray
         length, width, height = boxes.size.T
         half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
         unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
+        if is_asked is not None and not is_asked[scan]:
+            unknown = -np.maximum(unknown, 1e-9)
         about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
         columns[rows] = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)[segment]
     seen = np.flatnonzero(tracks.is_observed)
@@ -139,6 +158,8 @@ def _add_up(first, center, half, counts, columns, terms):  # type: ignore[no-unt
         a, b = first[k], first[k + 1]
         for i in range(a, b):
             ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
+            if counts[i, 2] < 0.0:  # as much as is known of it
+                ratio *= counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
             terms[k, 0] += math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY) / (b - a)
         terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
         way, scatter = 0.0, np.zeros((2, 3))
@@ -174,9 +195,13 @@ def _scatter(path):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _log_dirichlet(counts, prior):  # type: ignore[no-untyped-def]
-    """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`."""
-    total = prior[0] + prior[1] + prior[2]
-    value = math.lgamma(total) - math.lgamma(total + counts.sum())
-    for c in range(3):
+    """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`.
+
+    A negative last count is left out: the shares of the others among themselves do not depend on it.
+    """
+    n = 2 if counts[2] < 0.0 else 3
+    total = prior[0] + prior[1] + (prior[2] if n == 3 else 0.0)
+    value = math.lgamma(total) - math.lgamma(total + counts[:n].sum())
+    for c in range(n):
         value += math.lgamma(prior[c] + counts[c]) - math.lgamma(prior[c])
     return value

@@ -57,6 +57,47 @@ class Objects:
         return Objects(belief, *(np.concatenate([getattr(self, c), getattr(other, c)]) for c in columns))
 
 
+LogEntry = tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]
+"""Of one scan: the objects' numbers (K,), the scan, the segment of each (K,), -1 if missed, their means (K, 10)."""
+
+
+class Tracker:
+    """The objects that are followed, moved on by one scan at a time. Copies go their own ways: a step changes no array.
+
+    Attributes
+    ----------
+    next_track : the number that the next new object gets.
+    """
+
+    def __init__(self, settings: TrackingSettings, first_track: int = 0):
+        """Begin with no objects; the first new one gets the number `first_track`."""
+        self.next_track = first_track
+        self._settings, self._scan = settings, 0
+        self._alive: Objects | None = None
+        self._last_stamp: float | None = None
+
+    def step(self, stamp: float, found: Detections) -> LogEntry:
+        """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
+        settings, born = self._settings, _start(found, self._settings)
+        alive = born[np.zeros(0, np.int64)] if self._alive is None else self._alive
+        dt = 0.0 if self._last_stamp is None else stamp - self._last_stamp
+        alive = _predict(alive, dt, settings)
+        matched, detected = assign(_cost(alive, found, settings))
+        _update(alive, found, matched, detected, settings)
+        segment = np.full(len(alive), -1)
+        segment[matched] = detected
+
+        new = np.setdiff1d(np.arange(len(found)), detected)
+        born = born[new]
+        born.track[:] = self.next_track + np.arange(len(new))
+        self.next_track += len(new)
+        keep = np.flatnonzero((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap))
+        alive = alive[keep].joined(born)
+        scan, self._scan = self._scan, self._scan + 1
+        self._alive, self._last_stamp = alive, stamp
+        return alive.track, scan, np.concatenate([segment[keep], new]), alive.belief.mean.copy()
+
+
 def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
     """Return the tracks of all detected objects.
 
@@ -67,28 +108,8 @@ def track_objects(detections: Iterable[tuple[float, Detections]], settings: Trac
     ----------
     detections : per scan, in time order, its time in seconds and its segments (level frame); row j is segment j.
     """
-    log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]] = []
-    alive, next_track, last_stamp = None, 0, None
-    for scan, (stamp, found) in enumerate(detections):
-        born = _start(found, settings)
-        if alive is None:
-            alive = born[np.zeros(0, np.int64)]
-        dt = 0.0 if last_stamp is None else stamp - last_stamp
-        last_stamp = stamp
-        alive = _predict(alive, dt, settings)
-        matched, detected = assign(_cost(alive, found, settings))
-        _update(alive, found, matched, detected, settings)
-        segment = np.full(len(alive), -1)
-        segment[matched] = detected
-
-        new = np.setdiff1d(np.arange(len(found)), detected)
-        born = born[new]
-        born.track[:] = next_track + np.arange(len(new))
-        next_track += len(new)
-        keep = np.flatnonzero((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap))
-        alive = alive[keep].joined(born)
-        log.append((alive.track, scan, np.concatenate([segment[keep], new]), alive.belief.mean.copy()))
-    return _as_table(log)
+    tracker = Tracker(settings)
+    return as_table([tracker.step(stamp, found) for stamp, found in detections])
 
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
@@ -125,7 +146,7 @@ def _update(
     alive.count[matched] = found.n_points[detected]
 
 
-def _as_table(log: list[tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]]) -> Tracks:
+def as_table(log: list[LogEntry]) -> Tracks:
     """Return the log as tracks, without the misses after each track's last observation."""
     if not log:
         log = [(np.zeros(0, np.int64), 0, np.zeros(0, np.int64), np.zeros((0, 10)))]

@@ -156,7 +156,9 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
     truth = run.sequence.truth(index)
     kinds = point_kinds(labels, truth)
     shown = np.flatnonzero(scan.is_valid)
-    shown = np.sort(np.concatenate([shown[kinds[shown] >= MOVING], _thin(shown[kinds[shown] < MOVING], max_static)]))
+    shown = np.sort(
+        np.concatenate([shown[kinds[shown] >= MOVING], thin_rows(shown[kinds[shown] < MOVING], max_static)])
+    )
     radii = rr.Radius.ui_points(np.where(kinds[shown] >= MOVING, 1.8, 1.0))
     stream.log("world/points", rr.Points3D(points[shown], class_ids=kinds[shown], radii=radii))
     confidence = _confidence(run, index)
@@ -227,7 +229,8 @@ def _confidence(run: RunFiles, index: int) -> npt.NDArray[np.float64] | None:
     return stage.load(run.names[index], "confidence")["confidence"] / 255.0
 
 
-def _thin(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:
+def thin_rows(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:
+    """Return at most `most` of the rows, evenly."""
     return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
 
 

@@ -12,11 +12,15 @@ import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.visualization.rerun_log import load_rerun, log_run, make_recording
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
 
 HOST = "127.0.0.1"
 START = 20.0
@@ -48,8 +52,10 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
 class Viewer:
     """A running viewer that recordings can be sent to; a context that ends it."""
 
-    def __init__(self, web: bool = False, port: int = 0):
+    def __init__(self, web: bool = False, port: int = 0, memory: str = "75%"):
         """Start the viewer: in a window, or `web` to be shown by a browser at `url` (its `port`, 0: any free one).
+
+        Of what it was sent it keeps the latest that fits into `memory`.
 
         Raises
         ------
@@ -61,7 +67,16 @@ class Viewer:
         program = _program()
         self._port = _free_port()
         self.url = None
-        arguments = ["--bind", HOST, "--port", str(self._port), "--server-memory-limit", "75%"]
+        arguments = [
+            "--bind",
+            HOST,
+            "--port",
+            str(self._port),
+            "--server-memory-limit",
+            memory,
+            "--memory-limit",
+            memory,
+        ]
         if web:
             page = port or _free_port()
             arguments += ["--serve-web", "--web-viewer-port", str(page)]
@@ -70,7 +85,11 @@ class Viewer:
             arguments += ["--expect-data-soon", "--hide-welcome-screen"]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the viewer)
         self._process = subprocess.Popen(
-            [program, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said
+            [program, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            start_new_session=True,  # Ctrl-C is for the one who sends: he ends the viewer when he is done
         )
         try:
             for listening in [self._port, *([page] if web else [])]:
@@ -82,12 +101,21 @@ class Viewer:
             self.close()
             raise
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def connect(self, stream: RecordingStream) -> None:
+        """Let all that is logged to `stream` go to the viewer."""
+        stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
+
     def send(self, run: RunFiles, max_static: int) -> None:
         """Send `run` to the viewer, scan after scan; errors are those of `log_run`."""
         stream = make_recording(run)
-        stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
+        self.connect(stream)
         log_run(run, stream, max_static)
-        while self._process.poll() is None:  # a viewer that was closed takes no more
+        while self.is_open:  # a viewer that was closed takes no more
             with suppress(RuntimeError):  # not all was taken within a second
                 stream.flush(timeout_sec=1.0)
                 break

@@ -1,0 +1,91 @@
+"""What `all.py` runs: one script of this folder each, with fixed arguments, whole or in a short form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Job:
+    """One script with fixed arguments; `DRIVE_0005` and `CACHE` in them are replaced.
+
+    Attributes
+    ----------
+    name, script, arguments : the whole of it.
+    quick : arguments of a short form, which `--quick` runs instead.
+    rooms : the parts of the package that its result is of, all where none are named.
+    """
+
+    name: str
+    script: str
+    arguments: tuple[str, ...]
+    quick: tuple[str, ...]
+    rooms: tuple[str, ...] = ()
+
+    @property
+    def needs_drive(self) -> bool:
+        return "DRIVE_0005" in self.arguments
+
+    def command(self, is_quick: bool) -> str:
+        return f"python benchmarks/{self.script} {' '.join(self.quick if is_quick else self.arguments)}"
+
+
+RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m_detector", "hmm_mos")
+PRESETS = ("paper", "default")
+RIVAL_ROOMS = (
+    *("baselines/", "evaluation/", "candidates/erasor", "candidates/ground", "candidates/region_ground"),
+    *("candidates/submaps", "candidates/voxel_map", "candidates/free_space_pattern", "instances/voxels"),
+)
+"""What the other methods are made of. The poses that they are given are those of `default` when they were run."""
+
+_DRIVE = ("DRIVE_0005", "--scenarios", "none", "--cache", "CACHE/table1")
+_WORLDS = ("--seed", "60", "--cache", "CACHE/table1")
+_FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
+
+JOBS = {
+    job.name: job
+    for job in (
+        Job(
+            "rivals",
+            "table1.py",
+            (*_DRIVE, "--repeat", "3", "--methods", *RIVALS),
+            (*_DRIVE, "--methods", *RIVALS),
+            RIVAL_ROOMS,
+        ),
+        Job(
+            "presets",
+            "table1.py",
+            (*_DRIVE, "--repeat", "3", "--methods", *PRESETS),
+            (*_DRIVE, "--methods", *PRESETS),
+        ),
+        Job(
+            "rivals-worlds",
+            "table1.py",
+            (*_WORLDS, "--scans", "40", "--methods", *RIVALS),
+            (*_WORLDS, *_FEW, "--methods", *RIVALS),
+            RIVAL_ROOMS,
+        ),
+        Job(
+            "presets-worlds",
+            "table1.py",
+            (*_WORLDS, "--scans", "40", "--methods", *PRESETS),
+            (*_WORLDS, *_FEW, "--methods", *PRESETS),
+        ),
+        Job("speed", "speed.py", ("DRIVE_0005", "--repeat", "3"), ("DRIVE_0005",)),
+        Job(
+            "speed-paper",
+            "speed.py",
+            ("DRIVE_0005", "--repeat", "3", "--preset", "paper"),
+            ("DRIVE_0005", "--preset", "paper"),
+        ),
+        Job("robustness", "robustness.py", ("DRIVE_0005",), ("DRIVE_0005", "--scans", "60")),
+        Job("ablation", "ablation.py", ("DRIVE_0005",), ("DRIVE_0005", "--scans", "60")),
+        Job(
+            "suite",
+            "suite.py",
+            ("--seed", "60", "--cache", "CACHE/suite"),
+            ("--seed", "60", "--cache", "CACHE/suite", *_FEW),
+        ),
+    )
+}
+"""Seed 60 of the simulator is for these tables: nothing was chosen on it."""

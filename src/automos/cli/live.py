@@ -1,0 +1,149 @@
+"""The command for a sensor that is running: parse, start what was asked for, label until the end."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from automos.cli.consoles import console, output
+from automos.cli.options import Format, Overrides, SettingsFile
+
+if TYPE_CHECKING:
+    from automos.live.run import Sink, Tally
+
+live_app = typer.Typer()
+
+
+@live_app.command()
+def live(
+    source: Annotated[str, typer.Argument(help="udp://HOST:PORT of a sensor's packets, or a recording to replay")],
+    sensor: Annotated[str | None, typer.Option(help="whose packets come: velodyne or ouster")] = None,
+    metadata: Annotated[Path | None, typer.Option(help="ouster: the sensor's metadata, a JSON file")] = None,
+    lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their scan")] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="results folder to write labels, poses and tracks to")] = None,
+    send: Annotated[str | None, typer.Option(help="udp://HOST:PORT that is sent a message of every scan")] = None,
+    view: Annotated[bool, typer.Option("--view", help="show it in the viewer, in a window")] = False,
+    web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web; 0: any free one")] = 0,
+    browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
+    points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 20_000,
+    speed: Annotated[float, typer.Option(min=0.0, help="of a replay; 0: as fast as it goes, nothing left out")] = 1.0,
+    timeout: Annotated[float, typer.Option(min=0.1, help="seconds without packets after which it ends")] = 10.0,
+    format: Format = None,
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+) -> None:
+    """Label what a sensor sends now, scan by scan; show it, write it, send it on. Ctrl-C ends it.
+
+    [bold]Examples[/bold]
+
+    automos live udp://127.0.0.1:2368 --sensor velodyne --view
+
+    automos live udp://0.0.0.0:7502 --sensor ouster --metadata os1.json --lag 0.5 --send udp://127.0.0.1:9050
+
+    automos live my_log/ --web                     a recording, replayed at its own pace
+    """
+    import automos
+    from automos.compiling import LINE, is_cold
+    from automos.errors import InputError
+    from automos.live.opening import open_feed
+    from automos.live.run import get_ready, run_live
+    from automos.settings import load_settings, read_overrides
+
+    if not 0.0 <= lag < float("inf"):
+        raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
+    chosen = load_settings("default", settings, read_overrides(set_))
+    feed = open_feed(source, sensor, metadata, speed, timeout, format)
+    names: list[str] = []
+    with ExitStack() as stack, _told_warnings():
+        stack.callback(feed.stop)
+        console.print(LINE if is_cold() else "getting ready", markup=False)
+        get_ready(automos.Labeler(chosen, lag=lag))
+        labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
+        sinks: list[Sink] = []
+        if out is not None:
+            from automos.online.segment import ResultsWriter
+
+            writer = ResultsWriter(out, names, chosen)
+            sinks.append(lambda scan, given: writer.write(given))
+        if send is not None:
+            sinks.append(_sending(send, stack))
+        if view or web:
+            sinks.append(_showing(feed.name, web, port, browser, points, stack))
+        tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
+        if out is not None:
+            writer.finish(_about(feed.name, tally, lag))
+    output.print(tally.sentence(feed.name))
+    for sentence in (feed.summary(), f"labels in {out}/predictions" if out is not None else ""):
+        if sentence:
+            output.print(sentence)
+
+
+def _about(name: str, tally: Tally, lag: float) -> dict[str, Any]:
+    """Return what run.json says of a live run."""
+    return {"recording": {"name": name, "scans": tally.labelled, "left_out": tally.left_out}, "lag_seconds": lag}
+
+
+def _sending(address: str, stack: ExitStack) -> Sink:
+    from automos.live.message import Sender
+    from automos.live.udp import parse_address
+
+    sender = stack.enter_context(Sender(*parse_address(address)))
+    return lambda scan, given: sender.send(given)
+
+
+def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack: ExitStack) -> Sink:
+    from automos.visualization.live import LiveView
+    from automos.visualization.viewer import Viewer
+
+    viewer = stack.enter_context(Viewer(web, port, memory="1GB"))
+    if viewer.url is not None:
+        output.print(viewer.url)
+        if browser:
+            typer.launch(viewer.url)
+    shown = LiveView(viewer, name, points)
+    stack.callback(shown.close)  # before the viewer itself
+    return shown.show
+
+
+@contextmanager
+def _told_warnings() -> Iterator[None]:
+    """Print the library's warnings as sentences as they come."""
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: console.print(f"warning: {record.getMessage()}", markup=False, soft_wrap=True)  # type: ignore[method-assign]
+    log = logging.getLogger("automos")
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        log.removeHandler(handler)
+
+
+class _Line:
+    """Says every few seconds how it goes, where nobody looks at a viewer."""
+
+    EVERY = 5.0
+
+    def __init__(self, name: str):
+        self._name, self._next = name, 0.0
+
+    def __call__(self, tally: Tally) -> None:
+        if tally.labelled == 0 and not self._next:
+            console.print(f"{self._name}: waiting for scans (Ctrl-C ends it)", markup=False)
+        elif time.monotonic() >= self._next:
+            console.print(
+                f"{tally.labelled} scans labelled, {tally.left_out} left out, {tally.milliseconds[-1]:.0f} ms the last",
+                markup=False,
+            )
+        else:
+            return
+        self._next = time.monotonic() + self.EVERY

@@ -1,0 +1,241 @@
+"""The same method at the pace of the sensor: scans in, labels out some time later, or at once.
+
+    labeler = automos.Labeler(lag=0.5)
+    for scan in robot:
+        for done in labeler.push(scan):         # the scans whose half second is over
+            publish(done.labels, done.objects)
+    publish_all(labeler.finish())
+
+With `lag=0` every scan is labelled from itself and the past; half a second later much more is known; with `math.inf`
+the labels are those of `automos.label`. Memory holds some seconds, whatever the recording's length.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.array_sequence import ArraySequence
+from automos.errors import InputError
+from automos.labels import Label
+from automos.online.intake import Intake, Kind
+from automos.online.stream import OBJECT_FIELDS, Painted, Stream
+from automos.parallel import available_cores
+from automos.scan import Pose, Scan
+from automos.settings import Settings, load_settings
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledScan:
+    """A scan as it is given back: every point in its place.
+
+    Attributes
+    ----------
+    index : how many scans were pushed before it.
+    stamp : seconds.
+    pose : (4, 4) float64, T_world_sensor at mid-sweep. The world has z up and the ground under the first scan at z = 0.
+    labels : (N,) uint8 of `Label`: 251 moving, 9 static, 0 what is no point, what rides along and what is not known
+        yet: places that were never seen before.
+    track_ids : (N,) int32, the moving object each point belongs to, -1 for none. An object keeps its number.
+    confidence : (N,) float32 in [0, 1], how sure a label is; of points that are not known yet, how likely they stay.
+    objects : (K,) structured, one row for each moving object in this scan, in the world frame: `track`, its number,
+        `center` (3) and `size` (3: length, width, height) metres, `yaw` radians, `velocity` (3) m/s.
+    """
+
+    index: int
+    stamp: float
+    pose: Pose
+    labels: npt.NDArray[np.uint8]
+    track_ids: npt.NDArray[np.int32]
+    confidence: npt.NDArray[np.float32]
+    objects: npt.NDArray
+
+    def __repr__(self) -> str:
+        n_moving = int(np.count_nonzero(self.labels == Label.MOVING))
+        return f"<LabelledScan {self.index}: {len(self.labels)} points, {n_moving} moving, {len(self.objects)} objects>"
+
+
+class Labeler:
+    """Labels scans as they come, each `lag` seconds after it was taken.
+
+    What was given back does not change. A scan that cannot be used (empty, late, come twice) is given back like any
+    other, in its place, with a warning in the log.
+    """
+
+    def __init__(
+        self,
+        settings: Settings | None = None,
+        *,
+        lag: float = 0.0,
+        is_compensated: bool | None = None,
+        threads: int = 0,
+    ):
+        """Take what shapes the labels and how long they may wait.
+
+        Parameters
+        ----------
+        settings : as `automos.label` takes them; the default preset where not given.
+        lag : seconds by which labels may come later than their scan; `math.inf`: all at `finish`.
+        is_compensated : whether the sensor's motion during the sweep was taken out; None where that is not known.
+        threads : to work with; 0 takes one per core. The labels do not depend on it.
+
+        Raises
+        ------
+        InputError : the lag is no time, or the settings name a method that needs the whole recording.
+        """
+        if not lag >= 0.0:
+            raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag}")
+        self.settings = settings or load_settings("default")
+        self.lag = lag
+        if math.isfinite(lag):
+            _check_methods(self.settings)
+        self._is_compensated = is_compensated
+        self._pool = ThreadPoolExecutor(threads or available_cores())
+        self._threads = threads
+        self._intake = Intake()
+        self._n = 0
+        self._scans: list[Scan] = []
+        self._ready: dict[int, LabelledScan] = {}
+        self._pending: deque[tuple[int, Kind, float, int]] = deque()  # index, what it is, stamp, points
+        self._stream: Stream | None = None
+        self._last_given: LabelledScan | None = None
+
+    def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:
+        """Take the next scan; return those whose lag is over, in the order in which they came.
+
+        Parameters
+        ----------
+        scan : a `Scan`, or an (N, 3) or (N, 4: x, y, z, intensity) array, metres, sensor frame.
+        stamp : seconds; the scan's own where not given, and a tenth of a second after the last where it has none.
+
+        Raises
+        ------
+        InputError : this is no scan.
+        """
+        scan = as_scan(scan, stamp)
+        if math.isinf(self.lag):
+            self._scans.append(scan)
+            return []
+        index, self._n = self._n, self._n + 1
+        taken = self._intake.take(scan)
+        if taken.warning:
+            _log.warning("scan %d: %s", index, taken.warning)
+        if taken.kind is Kind.RESTART:
+            self._end_stream()
+        self._pending.append((index, taken.kind, taken.stamp, len(scan)))
+        if taken.kind in (Kind.NEXT, Kind.RESTART):
+            stream = self._begin_stream()
+            self._keep(stream.push(index, replace(scan, stamp=taken.stamp)))
+        return self._in_order()
+
+    def finish(self) -> list[LabelledScan]:
+        """Return the scans that were not given back yet; afterwards a new recording may begin."""
+        if math.isinf(self.lag):
+            return self._label_all()
+        if self._stream is not None:
+            self._keep(self._stream.finish())
+        rest = self._in_order()
+        self._stream, self._intake, self._n, self._last_given = None, Intake(), 0, None
+        return rest
+
+    def _begin_stream(self) -> Stream:
+        if self._stream is None:
+            self._stream = Stream(self.settings, self.lag, self._pool, self._is_compensated)
+        return self._stream
+
+    def _end_stream(self) -> None:
+        """Give back what waits, and begin anew where the sensor was last."""
+        if self._stream is None:
+            return
+        self._keep(self._stream.finish())
+        before = self._stream
+        self._stream = Stream(
+            self.settings, self.lag, self._pool, self._is_compensated, before.T_world_sensor, before.next_track
+        )
+
+    def _keep(self, painted: Iterable[Painted]) -> None:
+        for p in painted:
+            self._ready[p.number] = LabelledScan(
+                p.number, p.stamp, p.pose, p.labels, p.track_ids, p.confidence, p.objects
+            )
+
+    def _in_order(self) -> list[LabelledScan]:
+        """Return what is ready, up to the first scan that is not."""
+        done = []
+        while self._pending:
+            index, kind, stamp, n = self._pending[0]
+            if kind in (Kind.NEXT, Kind.RESTART):
+                if index not in self._ready:
+                    break
+                given = self._ready.pop(index)
+            else:
+                given = _without_evidence(index, kind, stamp, n, self._last_given)
+            if kind is not Kind.LATE:
+                self._last_given = given
+            self._pending.popleft()
+            done.append(given)
+        return done
+
+    def _label_all(self) -> list[LabelledScan]:
+        """Return all scans, labelled as `automos.label` does."""
+        from automos.pipeline import label
+
+        scans, self._scans = self._scans, []
+        if not scans:
+            return []
+        recording = ArraySequence(scans, is_compensated=self._is_compensated)
+        result = label(recording, self.settings, workers=self._threads)
+        out = []
+        for i in range(len(scans)):
+            track = result.track_ids(i)
+            rows = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
+            objects = np.zeros(len(rows), OBJECT_FIELDS)
+            for name in ("track", "center", "size", "yaw", "velocity"):
+                objects[name] = getattr(result.tracks, name)[rows]
+            pose = result.trajectory.T_level_sensor[i]
+            stamp = float(result.trajectory.stamps[i])
+            out.append(LabelledScan(i, stamp, pose, result.labels(i), track, result.confidence(i), objects))
+        return out
+
+
+def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
+    """Return a scan, an array made one, with `stamp` seconds if given.
+
+    Raises
+    ------
+    InputError : an array that holds no points.
+    """
+    if not isinstance(scan, Scan):
+        try:
+            scan = ArraySequence([scan])[0]
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a scan is a Scan or an (N, 3) array, metres: {error}") from None
+    return scan if stamp is None else replace(scan, stamp=float(stamp))
+
+
+def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: LabelledScan | None) -> LabelledScan:
+    """Return a scan that could not be used; one that came twice has the labels of the first."""
+    if kind is Kind.REPEAT and before is not None and len(before.labels) == n:
+        return replace(before, index=index, stamp=stamp)
+    pose = np.eye(4) if before is None else before.pose
+    nothing = np.zeros(n, np.uint8), np.full(n, -1, np.int32), np.zeros(n, np.float32)
+    return LabelledScan(index, stamp, pose, *nothing, np.zeros(0, OBJECT_FIELDS))
+
+
+def _check_methods(settings: Settings) -> None:
+    chosen = {"candidates": settings.candidates.method, "tracking": settings.tracking.method}
+    able = {"candidates": "free_space", "tracking": "evidence"}
+    for stage, method in chosen.items():
+        if method != able[stage]:
+            raise InputError(
+                f"{stage}.method {method} needs the whole recording: set it to {able[stage]}, or lag to math.inf"
+            )

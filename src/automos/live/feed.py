@@ -1,0 +1,101 @@
+"""Where scans come from: a thread that puts them in as they come, and a recording replayed at its own pace."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+
+from automos.errors import AutomosError, InputError
+from automos.live.latest import Latest
+from automos.odometry.clock import USUAL_PERIOD
+from automos.scan import Scan, Sequence
+
+
+class Feed:
+    """A thread that receives scans; a context that ends it. What goes wrong in it is raised by `take`."""
+
+    name: str = "feed"
+    is_compensated: bool | None = False
+
+    def __init__(self) -> None:
+        self.latest = Latest()
+        self._stop = threading.Event()
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._receive, name="automos-live", daemon=True)
+
+    def receive(self) -> None:
+        """Put scans into `latest` until there are no more, or `_stop` is set."""
+        raise NotImplementedError
+
+    def summary(self) -> str:
+        """Return what came beside scans, in a sentence; empty where there is nothing to tell."""
+        return ""
+
+    def take(self, seconds: float) -> Scan | None:
+        """Return the next scan, None where none comes within `seconds`.
+
+        Raises
+        ------
+        AutomosError : what stopped the feed.
+        """
+        scan = self.latest.take(seconds)
+        if scan is None and self._error is not None:
+            raise self._error
+        return scan
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no scan will come any more."""
+        return self.latest.is_over and self._error is None
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stop.set()
+        self.latest.close()
+        if self._thread.ident is not None:
+            self._thread.join(timeout=5.0)
+
+    def __enter__(self) -> Feed:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
+
+    def _receive(self) -> None:
+        try:
+            self.receive()
+        except (AutomosError, OSError) as error:
+            self._error = error
+        except Exception as error:  # what others' libraries raise at what anyone may send
+            self._error = InputError(f"{self.name}: what comes cannot be read ({type(error).__name__}: {error})")
+        finally:
+            self.latest.close()
+
+
+class Replay(Feed):
+    """A recording at its own pace, as if it came from the sensor now."""
+
+    def __init__(self, sequence: Sequence, speed: float = 1.0):
+        """Take how many times as fast; 0: every scan as soon as the one before was taken, so none is left out."""
+        super().__init__()
+        self.name, self.is_compensated = sequence.name, sequence.is_compensated
+        self._sequence, self._speed = sequence, speed
+
+    def receive(self) -> None:
+        """Put in every scan when its time has come."""
+        stamps = self._sequence.stamps
+        begin, first = time.monotonic(), None
+        for i, name in enumerate(self._sequence.names):
+            scan = self._sequence[i]
+            stamp = USUAL_PERIOD * i if stamps is None else float(stamps[i])
+            first = stamp if first is None else first
+            if self._speed > 0.0:
+                due = begin + (stamp - first) / self._speed
+                if self._stop.wait(max(due - time.monotonic(), 0.0)):
+                    return
+            if self._stop.is_set():
+                return
+            known = None if stamps is None else stamp
+            self.latest.put(replace(scan, stamp=known, name=name), wait=self._speed == 0.0)

@@ -1,0 +1,146 @@
+"""The loop: the latest scan in, labels out to whoever wants them, until the feed is over or Ctrl-C."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from automos.labels import Label
+from automos.live.feed import Feed
+from automos.live.labelled import Labelled, LabelsScans
+from automos.scan import Scan
+
+_log = logging.getLogger(__name__)
+
+Sink = Callable[[Scan, Labelled], None]
+"""Takes a scan and its labels."""
+
+LOOK = 0.2
+"""Seconds after which it is looked whether the feed is over."""
+TELL = 5.0
+"""Seconds between two sentences about scans that are left out."""
+
+
+@dataclass
+class Tally:
+    """What came of a live run.
+
+    Attributes
+    ----------
+    labelled, left_out : scans.
+    points, moving : points of the labelled scans, and those of them that move.
+    milliseconds : what labelling took, of the latest thousand scans.
+    """
+
+    labelled: int = 0
+    left_out: int = 0
+    points: int = 0
+    moving: int = 0
+    milliseconds: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+
+    def sentence(self, name: str) -> str:
+        """Return it as a sentence for a terminal."""
+        share = 100.0 * self.moving / max(self.points, 1)
+        spent = ""
+        if self.milliseconds:
+            median, p99 = np.percentile(self.milliseconds, [50, 99])
+            spent = f", {median:.0f} ms a scan (99 %: {p99:.0f})"
+        return (
+            f"{name}: {self.labelled} scans labelled, {self.left_out} left out, {self.points:,} points, {share:.2f} % "
+            f"moving{spent}"
+        )
+
+
+def run_live(
+    feed: Feed,
+    labeler: LabelsScans,
+    sinks: Iterable[Sink],
+    names: list[str] | None = None,
+    tell: Callable[[Tally], None] | None = None,
+) -> Tally:
+    """Label what `feed` brings until it is over; Ctrl-C ends it too, and what was pushed is still given back.
+
+    Parameters
+    ----------
+    sinks : each is given every labelled scan, in order.
+    names : is appended the name of every scan that is pushed.
+    tell : is called before the first and after every scan.
+
+    Raises
+    ------
+    AutomosError : what stopped the feed; what was pushed has been given to the sinks then.
+    """
+    tally, watch = Tally(), _Watch()
+    waiting: dict[int, Scan] = {}  # pushed and not yet given back: as many as the lag holds
+    sinks = list(sinks)
+    n_pushed = 0
+
+    def give(done: Iterable[Labelled]) -> None:
+        for given in done:
+            scan = waiting.pop(given.index)
+            tally.labelled += 1
+            tally.points += len(given.labels)
+            tally.moving += int(np.count_nonzero(given.labels == Label.MOVING))
+            for sink in sinks:
+                sink(scan, given)
+
+    try:
+        if tell is not None:
+            tell(tally)
+        with feed:
+            while not feed.is_over:
+                scan = feed.take(LOOK)
+                if scan is None:
+                    continue
+                waiting[n_pushed] = scan
+                if names is not None:
+                    names.append(scan.name)
+                n_pushed += 1
+                start = time.perf_counter()
+                done = labeler.push(scan)
+                tally.milliseconds.append(1e3 * (time.perf_counter() - start))
+                give(done)
+                tally.left_out = feed.latest.left_out
+                watch.look(tally, feed.latest.offered)
+                if tell is not None:
+                    tell(tally)
+    except KeyboardInterrupt:
+        _log.info("ended by Ctrl-C")
+    finally:
+        feed.stop()
+        tally.left_out = feed.latest.left_out
+        give(labeler.finish())
+    return tally
+
+
+def get_ready(labeler: LabelsScans, n_scans: int = 16) -> None:
+    """Label a small made-up recording with a labeler of its own, so that no kernel is compiled or loaded later.
+
+    That takes seconds, on the first run more than a minute: too long for the first scan of a sensor.
+    """
+    from automos.compiling import made_up_sweep
+
+    for i in range(n_scans):
+        labeler.push(Scan(made_up_sweep(0.1 * i).astype(np.float32), stamp=0.1 * i))
+    labeler.finish()
+
+
+class _Watch:
+    """Says when scans are left out, not more often than every few seconds."""
+
+    def __init__(self) -> None:
+        self._told, self._at = 0, -np.inf
+
+    def look(self, tally: Tally, offered: int) -> None:
+        now = time.monotonic()
+        if tally.left_out > self._told and now - self._at > TELL:
+            _log.warning(
+                "too slow: %d of %d scans were left out so far; labelling one takes %.0f ms",
+                *(tally.left_out, offered, float(np.median(tally.milliseconds))),
+            )
+            self._told, self._at = tally.left_out, now

@@ -1,0 +1,78 @@
+"""Packets of a Velodyne as they arrive: cut into sweeps and decoded exactly as those of a capture are."""
+
+from __future__ import annotations
+
+from itertools import count, pairwise
+
+import numpy as np
+
+from automos.datasets.pcap import Datagrams, join
+from automos.datasets.velodyne_decoder import FACTORY, SweepDecoder, tells_calibration
+from automos.datasets.velodyne_sweeps import PACKET, SweepCutter, is_of_points
+from automos.scan import Scan
+
+CALIBRATION = 4160 + 16
+"""Packets in which an HDL-64E tells its whole calibration; its first seconds are spent on that."""
+TOLD = 5
+"""Packets that show whether it does."""
+LONGEST_SWEEP = 4000
+"""Packets: no sweep has more; a sensor that stands still would fill memory."""
+
+
+class VelodyneAssembler:
+    """Sweeps of one Velodyne."""
+
+    kind = "Velodyne"
+
+    def __init__(self) -> None:
+        self._cutter, self._parts = SweepCutter(), list[Datagrams]()
+        self._first: list[bytes] = []
+        self._decoder: SweepDecoder | None = None
+        self._is_telling = False
+        self._stamp, self._number = 0.0, count()
+
+    def add(self, payloads: list[bytes], seconds: list[float]) -> tuple[list[Scan], int]:
+        """Take packets and when each came; return the scans they complete, and how many were no such packets."""
+        rows = [i for i, payload in enumerate(payloads) if self._is_own(payload)]
+        if not rows:
+            return [], len(payloads)
+        packets = Datagrams(
+            np.zeros(len(rows), np.int64),
+            np.frombuffer(b"".join(payloads[i] for i in rows), np.uint8).reshape(-1, PACKET),
+            np.array([seconds[i] for i in rows]),
+            np.zeros(len(rows), np.int64),
+        )
+        self._learn(packets)
+        is_first, stamps = self._cutter.cut(packets)
+        scans = []
+        bounds = [0, *np.flatnonzero(is_first).tolist(), len(packets)]
+        for a, b in pairwise(bounds):
+            if is_first[a]:
+                scans += self.rest()
+                self._stamp = float(stamps[a])
+            if b > a and sum(map(len, self._parts)) < LONGEST_SWEEP:
+                self._parts.append(packets[np.arange(a, b)])
+        return scans, len(payloads) - len(rows)
+
+    def rest(self) -> list[Scan]:
+        """Return the scan that was begun, if there is one."""
+        parts, self._parts = self._parts, []
+        if not parts or self._decoder is None or (self._is_telling and len(self._first) < CALIBRATION):
+            return []
+        return [self._decoder.scan(join(parts), self._stamp, f"{next(self._number):06d}")]
+
+    def _is_own(self, payload: bytes) -> bool:
+        if len(payload) != PACKET or not is_of_points(np.frombuffer(payload, np.uint8)[None])[0]:
+            return False
+        return self._decoder is None or self._is_telling or payload[FACTORY] == self._first[0][FACTORY]
+
+    def _learn(self, packets: Datagrams) -> None:
+        """Keep the packets that tell the model, and of an HDL-64E its calibration."""
+        wanted = CALIBRATION if self._is_telling else TOLD
+        for payload in packets.payloads:
+            if len(self._first) < wanted:
+                self._first.append(payload.tobytes())
+                if len(self._first) == TOLD:
+                    self._is_telling = tells_calibration(self._first)
+                    wanted = CALIBRATION if self._is_telling else TOLD
+                    self._decoder = SweepDecoder(self._first, "what comes")

@@ -1,0 +1,136 @@
+"""Objects of the last seconds and the verdicts on them, as far as the scans so far tell.
+
+The tracker moves on once the evidence of a scan is complete. The scans after it are followed anew each time from there,
+with what is known of them today, because the next scan may tell more. A track is judged by its last seconds; one that
+had moved by then has moved, however long it waits.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.detections import Detections
+from automos.settings import TrackingSettings
+from automos.tracking.judge import is_scenery, judge_by_evidence
+from automos.tracking.smoothing import smooth_tracks
+from automos.tracking.tracker import LogEntry, Tracker, as_table
+from automos.tracking.tracks import Tracks
+from automos.tracking.unfollowed import LONGEST_STEP
+from automos.tracking.verdict import Verdict, Verdicts
+
+MEMORY = 8.0
+"""Seconds of its past by which a track is judged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The objects of one scan.
+
+    Attributes
+    ----------
+    here : their rows in that scan; `track` counts from 0 and is the row of what follows.
+    verdicts : on each of them.   numbers : (T,) int64, the number by which each is known from scan to scan.
+    is_followed : whether scans come fast enough for tracks to be trusted.
+    """
+
+    here: Tracks
+    verdicts: Verdicts
+    numbers: npt.NDArray[np.int64]
+    is_followed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    stamp: float
+    found: Detections
+    entry: LogEntry
+    is_asked: bool = False
+
+
+class Following:
+    """The tracks of one stream."""
+
+    def __init__(self, settings: TrackingSettings, first_track: int = 0):
+        """Take the tracking's settings, and the number that the first new object gets."""
+        self._settings = settings
+        self._tracker = Tracker(settings, first_track)
+        self._steps: deque[_Step] = deque()
+        self._moved: dict[int, float] = {}
+        self._has_forgotten = False
+
+    @property
+    def next_track(self) -> int:
+        """The number that the next new object gets."""
+        return self._tracker.next_track
+
+    def add(self, stamp: float, found: Detections, is_asked: bool) -> None:
+        """Follow all objects to the next scan, whose segments `found` will not change any more.
+
+        is_asked : whether others from a second or more were asked about it.
+        """
+        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), is_asked))
+        while self._steps[0].stamp < stamp - MEMORY:
+            self._steps.popleft()
+            self._has_forgotten = True
+
+    def renew(self, stamp: float, found: Detections) -> None:
+        """Take over what is known now of the segments of the scan at `stamp`, as far as that is remembered."""
+        for k, step in enumerate(self._steps):
+            if step.stamp == stamp:
+                self._steps[k] = replace(step, found=found, is_asked=True)
+
+    def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
+        """Return the objects of the scan at `stamp`; `ahead` are those that were not added yet, with their times."""
+        tracker = copy.copy(self._tracker)
+        steps = [*self._steps, *(_Step(t, found, tracker.step(t, found)) for t, found in ahead)]
+        scan = next(k for k, step in enumerate(steps) if step.stamp == stamp)
+        stamps = np.array([step.stamp for step in steps])
+        is_followed = len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
+        tracks, numbers = _through(steps, scan)
+        detections = [step.found for step in steps]
+        is_asked = np.array([step.is_asked for step in steps])
+        verdicts = judge_by_evidence(tracks, detections, self._settings.judge, is_asked)
+        verdicts = self._with_memory(verdicts, numbers)
+        begins = np.full(len(numbers), len(steps))
+        np.minimum.at(begins, tracks.track, tracks.scan)
+        self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
+        if not is_followed:
+            verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
+        kept = ~is_scenery(tracks, verdicts, detections)
+        rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
+        smooth = smooth_tracks(tracks, verdicts.is_moving, detections, stamps, self._settings.smoothing)
+        return Followed(smooth[rows], verdicts, numbers, is_followed)
+
+    def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:
+        """Return the verdicts, moving for what had moved before."""
+        before = np.array([self._moved.get(int(number), 0.0) for number in numbers])
+        forgotten = (before > 0.0) & ~verdicts.is_moving
+        return Verdicts(
+            np.where(forgotten, np.int8(Verdict.MOVING), verdicts.verdict),
+            np.where(forgotten, before, verdicts.confidence),
+        )
+
+    def _remember(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64], is_old: npt.NDArray[np.bool_]) -> None:
+        """Keep in mind which tracks move whose beginning is being forgotten."""
+        alive = set(numbers.tolist())
+        self._moved = {number: p for number, p in self._moved.items() if number in alive}
+        for k in np.flatnonzero(is_old & verdicts.is_moving):
+            self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))
+
+
+def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
+    """Return all rows of the tracks that are in step number `scan`, and the number of each track (T,)."""
+    wanted = np.unique(steps[scan].entry[0])
+    log = []
+    for k, step in enumerate(steps):
+        number, _, segment, mean = step.entry
+        rows = np.flatnonzero(np.isin(number, wanted))
+        log.append((np.searchsorted(wanted, number[rows]), k, segment[rows], mean[rows]))
+    tracks = as_table(log)
+    here, track = np.unique(tracks.track, return_inverse=True)
+    return replace(tracks, track=track.astype(np.int64)), wanted[here]

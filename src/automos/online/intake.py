@@ -1,0 +1,90 @@
+"""What comes in from a sensor: the next scan, or one that cannot be used, and when to begin anew.
+
+Drivers send scans twice, late, empty; cables are pulled, clocks set, sensors changed. None of it must stop a robot:
+what cannot be used is left out, and where the stream breaks off it begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+
+from automos.odometry.clock import USUAL_PERIOD
+from automos.scan import Points, Scan
+
+LONGEST_GAP = 0.8
+"""Seconds without scans after which no object is followed any more, and another sensor may have taken over."""
+USUAL_GAPS = 3.0
+"""Times as long as usual that this must be: some sensors take a scan a second."""
+MOST_LATE = 5
+"""Scans in a row that are older than what came before: then the clock was set back."""
+
+
+class Kind(Enum):
+    """What a scan is to the stream."""
+
+    NEXT, RESTART, REPEAT, LATE, EMPTY = auto(), auto(), auto(), auto(), auto()
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a scan is, its time in seconds, and a sentence where something is wrong that was not wrong before."""
+
+    kind: Kind
+    stamp: float
+    warning: str = ""
+
+
+class Intake:
+    """Looks at every scan before anything is made of it."""
+
+    def __init__(self) -> None:
+        self._stamp: float | None = None
+        self._points: Points | None = None
+        self._steps: deque[float] = deque(maxlen=20)
+        self._n_late = 0
+        self._trouble: Kind | None = None
+
+    def take(self, scan: Scan) -> Taken:
+        """Return what the scan is. Trouble that goes on is told once."""
+        stamp, own = self._stamp_of(scan), scan.stamp
+        kind, why = self._judge(scan, stamp)
+        if kind in (Kind.NEXT, Kind.RESTART):
+            if self._stamp is not None and kind is Kind.NEXT:
+                self._steps.append(stamp - self._stamp)
+            self._stamp, self._points, self._n_late = stamp, scan.points, 0
+        if kind is Kind.RESTART:
+            self._steps.clear()
+        is_new = kind is not self._trouble or kind is Kind.RESTART
+        self._trouble = None if kind is Kind.NEXT else kind
+        if own is not None and not math.isfinite(own) and not why:
+            why = f"its stamp is {own}, which is no time; it is taken to have come in its turn"
+        return Taken(kind, stamp, why if is_new else "")
+
+    def _stamp_of(self, scan: Scan) -> float:
+        if scan.stamp is not None and math.isfinite(scan.stamp):
+            return float(scan.stamp)
+        period = float(np.median(self._steps)) if self._steps else USUAL_PERIOD
+        return 0.0 if self._stamp is None else self._stamp + period
+
+    def _judge(self, scan: Scan, stamp: float) -> tuple[Kind, str]:
+        if not scan.is_valid.any():
+            return Kind.EMPTY, "it holds no points that can be used; it is given back unlabelled"
+        if self._stamp is None or self._points is None:
+            return Kind.NEXT, ""
+        if len(scan) == len(self._points) and np.array_equal(scan.points, self._points):
+            return Kind.REPEAT, "it is the scan before once more; it gets the same labels"
+        if stamp <= self._stamp:
+            self._n_late += 1
+            if self._n_late < MOST_LATE:
+                return Kind.LATE, f"it is {self._stamp - stamp:.3f} s older than the scan before; left out, unlabelled"
+            return Kind.RESTART, f"the clock has gone back to {stamp:.3f} s; everything begins anew"
+        gap = stamp - self._stamp
+        usual = float(np.median(self._steps)) if self._steps else LONGEST_GAP
+        if gap > max(LONGEST_GAP, USUAL_GAPS * usual):
+            return Kind.RESTART, f"nothing came for {gap:.1f} s; everything begins anew"
+        return Kind.NEXT, ""

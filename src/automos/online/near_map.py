@@ -1,0 +1,37 @@
+"""The last scans as a voxel map on which a scan is registered from further off, with KISS-ICP (Vizzo et al., 2023)."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from automos.geometry import transform
+from automos.odometry.kiss import START_CONVERGENCE, UNKNOWN_MOTION
+from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.surfels import Surfels
+from automos.scan import Points, Pose
+from automos.settings import OdometrySettings
+
+N_SCANS = 10
+"""Of the past that make the map."""
+
+
+class NearMap:
+    """Keeps the last scans and makes a map of them only when it is needed."""
+
+    def __init__(self, settings: OdometrySettings):
+        self._settings = settings
+        self._scans: deque[tuple[Pose, Points]] = deque(maxlen=N_SCANS)
+
+    def add(self, T_world_sensor: Pose, surfels: Surfels) -> None:
+        """Remember a scan at its pose."""
+        self._scans.append((T_world_sensor, surfels.mean))
+
+    def register(self, surfels: Surfels, expected: Pose) -> Pose:
+        """Return the (4, 4) T_world_sensor of a scan that is expected about `expected`."""
+        s = self._settings
+        local_map = LocalMap(s.voxel or s.max_range / 100.0, s.points_per_voxel, s.max_range)
+        for T, points in self._scans:
+            local_map.add(transform(T, points.astype(np.float64)), T[:3, 3])
+        return Icp(local_map, UNKNOWN_MOTION, s.max_range, START_CONVERGENCE).register(surfels.mean, expected)

@@ -1,0 +1,163 @@
+"""Where a scan lies on what was seen half a second to two before it.
+
+Registration to the scans just before lets errors add up, and rings of a spinning sensor lie on rings wherever it goes:
+it would rather stand still. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; of that, this
+is the part that needs no future.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.odometry.links import MIN_MATCHED, Alignment
+from automos.odometry.motion import compensate
+from automos.odometry.refine import CONVERGED, INFORMATION
+from automos.odometry.submap import Fit, Submap, fit_surfels, make_submap
+from automos.odometry.surfels import Surfels
+from automos.scan import Pose
+from automos.settings import OdometrySettings
+
+Array = npt.NDArray[np.float64]
+ON_PAST = Alignment()
+FIRST_MOTION = np.array([2.0, 0.2])
+"""Metres and radians that the sensor may move from the first scan to the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    stamp: float
+    T_world_sensor: Pose
+    surfels: Surfels
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    stamp: float
+    T_world_center: Pose
+    submap: Submap
+
+
+@dataclass(frozen=True, eq=False)
+class Come:
+    """What is known of how the sensor has come to a scan.
+
+    Attributes
+    ----------
+    stamp : seconds.
+    T_world_last : (4, 4) of the scan before, `gap` usual times earlier.
+    twist : (6,) expected motion per usual time between scans, `period` seconds.
+    share : of a sweep in the time between scans.
+    is_first : whether `twist` is a guess, because nothing came before.
+    """
+
+    stamp: float
+    T_world_last: Pose
+    gap: float
+    twist: Array
+    period: float
+    share: float
+    is_first: bool
+
+    def evenness(self, settings: OdometrySettings) -> Array:
+        """Return (6,) inverse variances of the motion around what is expected."""
+        usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])
+        spread = usual * self.period**2 * self.gap
+        return 1.0 / np.repeat(np.maximum(spread, FIRST_MOTION) if self.is_first else spread, 3) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
+
+    share : of the surfels, those that lie on a surface; 0 where nothing is there to lie on.
+    """
+
+    T_world_sensor: Pose
+    surfels: Surfels
+    share: float
+
+
+class PastSubmaps:
+    """Submaps of the last seconds, made of scans whose poses will not change any more."""
+
+    def __init__(self, settings: OdometrySettings):
+        self._settings = settings
+        self._kept: deque[_Kept] = deque()
+        self._places: deque[_Place] = deque()
+
+    def add(self, stamp: float, T_world_sensor: Pose, surfels: Surfels, period: float) -> None:
+        """Remember a scan at its final pose; every now and then a submap is made of the last few."""
+        half = int(ON_PAST.submap_length / period / 2.0)
+        self._kept.append(_Kept(stamp, T_world_sensor, surfels))
+        while len(self._kept) > 2 * half + 1:
+            self._kept.popleft()
+        is_first = not self._places
+        center = self._kept[-1 if is_first else len(self._kept) // 2]
+        is_due = is_first or center.stamp >= self._places[-1].stamp + ON_PAST.submap_every - 0.5 * period
+        if is_due and (is_first or len(self._kept) == 2 * half + 1):
+            T_center_parts = inverse(center.T_world_sensor) @ np.array([k.T_world_sensor for k in self._kept])
+            parts = [k.surfels for k in self._kept]
+            submap = make_submap(parts, T_center_parts)
+            self._places.append(_Place(center.stamp, center.T_world_sensor, submap))
+        reach = max(ON_PAST.lags) + ON_PAST.submap_every
+        while self._places[0].stamp < stamp - reach and len(self._places) > 1:
+            self._places.popleft()
+
+    def lay(self, guesses: list[Pose], surfels: Surfels, come: Come) -> Laid:
+        """Return where a scan lies best, from each of the `guesses`, (4, 4) T_world_sensor.
+
+        surfels : of the scan, compensated for `come.share` times the motion `come.twist`.
+        """
+        places = self._near(come.stamp, guesses[0])
+        if not places:
+            return Laid(guesses[0], surfels, 0.0)
+        return max((self._descend(places, guess, surfels, come) for guess in guesses), key=lambda laid: laid.share)
+
+    def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> Laid:
+        """Return where the scan comes to lie from the guess `T`."""
+        used, nothing = come.twist, Laid(T, surfels, 0.0)
+        for kernel in ON_PAST.kernels:
+            fits = self._fit(places, T, surfels, kernel)
+            A = adjoint(np.array([inverse(place.T_world_center) @ T for place in places]))
+            weights = INFORMATION * np.array([fit.n_matched >= MIN_MATCHED for fit in fits])
+            H = np.einsum("k,kji,kjl,klm->im", weights, A, np.array([fit.H for fit in fits]), A)
+            g = np.einsum("k,kji,kj->i", weights, A, np.array([fit.g for fit in fits]))
+            if not H.any():
+                return nothing
+            off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
+            even = come.evenness(self._settings)
+            step = -np.linalg.solve(H + np.diag(even), g + even * off)
+            T = T @ se3_exp(step)
+            twist = se3_log(inverse(come.T_world_last) @ T) / come.gap
+            surfels = _compensated(surfels, come.share * (twist - used))
+            used = twist
+            if np.abs(step[:3]).max() < CONVERGED:
+                break
+        fits = self._fit(places, T, surfels, ON_PAST.kernels[-1])
+        return Laid(T, surfels, sum(fit.n_close for fit in fits) / sum(fit.n_surfels for fit in fits))
+
+    def _near(self, stamp: float, T: Pose) -> list[_Place]:
+        """Return the submaps nearest to each lag, the oldest where the past is shorter than that."""
+        chosen = {}
+        for lag in ON_PAST.lags:
+            near = min(self._places, key=lambda place: abs(place.stamp - (stamp - lag)), default=None)
+            if near is not None and np.linalg.norm(near.T_world_center[:3, 3] - T[:3, 3]) < ON_PAST.max_distance:
+                chosen[near.stamp] = near
+        return list(chosen.values())
+
+    def _fit(self, places: list[_Place], T: Pose, surfels: Surfels, kernel: float) -> list[Fit]:
+        every = max(-(-len(surfels) // ON_PAST.max_surfels), 1)  # another part for each submap: all have a say
+        return [
+            fit_surfels(
+                place.submap, surfels[k % every :: every], inverse(place.T_world_center) @ T, kernel)
+            for k, place in enumerate(places)
+        ]  # fmt: skip
+
+
+def _compensated(surfels: Surfels, change: Array) -> Surfels:
+    return Surfels(compensate(surfels.mean, surfels.time, change), surfels.covariance, surfels.count, surfels.time)

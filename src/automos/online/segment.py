@@ -1,0 +1,165 @@
+"""`automos segment`: a recording labelled as a robot would have labelled it, results as `automos label` writes them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos import __version__
+from automos.atomic import atomic_path, remove_parts, write_text
+from automos.errors import InputError
+from automos.export.tracks_file import write_tracks
+from automos.geometry import inverse
+from automos.labeler import Labeler, LabelledScan
+from automos.labels import Label, pack
+from automos.odometry import Trajectory
+from automos.odometry.motion import SweepTiming
+from automos.pose_files import write_kitti, write_tum
+from automos.run import Progress
+from automos.scan import Scan, Sequence
+from automos.settings import Settings, dump_yaml
+from automos.workspace import RUN_FILE
+
+
+def segment_recording(
+    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Label every scan of `sequence` `lag` seconds after it was taken; return what run.json says of it.
+
+    Labels, poses, tracks.json and run.json go to `folder`.
+
+    Raises
+    ------
+    InputError : the folder holds another program's labels, or cannot be written.
+    """
+    writer = ResultsWriter(folder, sequence.names, settings)
+    labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
+    milliseconds = []
+    for i, scan in enumerate(stamped(sequence)):
+        start = time.perf_counter()
+        done = labeler.push(scan)
+        milliseconds.append(1e3 * (time.perf_counter() - start))
+        for given in done:
+            writer.write(given)
+        if progress is not None:
+            progress("segment", i + 1, len(sequence))
+    for given in labeler.finish():
+        writer.write(given)
+    spent = {
+        "median": round(float(np.median(milliseconds)), 2),
+        "p99": round(float(np.percentile(milliseconds, 99)), 2),
+    }
+    about = {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()}
+    return writer.finish({"recording": about, "lag_seconds": lag, "milliseconds": {"all": spent}})
+
+
+class ResultsWriter:
+    """Writes scans as they are given back: labels at once, what belongs to all of them at the end."""
+
+    def __init__(self, folder: Path, names: list[str] | None, settings: Settings):
+        """Take the results folder and the scans' names, their numbers where there are none.
+
+        Raises
+        ------
+        InputError : the folder holds another program's labels.
+        """
+        self._folder, self._names, self._settings = folder, names, settings
+        claim(folder, ["predictions", *(["confidences"] if settings.output.confidence else [])])
+        self._written: list[str] = []
+        self._poses: list[np.ndarray] = []
+        self._stamps: list[float] = []
+        self._boxes: dict[int, list[dict[str, Any]]] = {}
+        self._counts = dict.fromkeys((label.name.lower() for label in Label), 0)
+
+    def write(self, given: LabelledScan) -> None:
+        """Write one scan; scans come in their order."""
+        name = f"{given.index:06d}" if self._names is None else self._names[given.index]
+        output = self._settings.output
+        instances = given.track_ids + 1 if output.track_ids else None
+        with atomic_path(self._folder / "predictions" / f"{name}.label") as temporary:
+            pack(given.labels, instances).tofile(temporary)
+        if output.confidence:
+            with atomic_path(self._folder / "confidences" / f"{name}.npy") as temporary, temporary.open("wb") as file:
+                np.save(file, given.confidence)
+        for label in Label:
+            self._counts[label.name.lower()] += int((given.labels == label).sum())
+        for row in given.objects:
+            self._boxes.setdefault(int(row["track"]), []).append(_box(row, len(self._written), given.stamp))
+        self._written.append(name)
+        self._poses.append(given.pose)
+        self._stamps.append(given.stamp)
+
+    def finish(self, about: dict[str, Any]) -> dict[str, Any]:
+        """Write what belongs to all scans, and run.json with `about` in it; return what it says."""
+        folder = self._folder
+        T_level_sensor = np.array(self._poses).reshape(-1, 4, 4)
+        T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
+        poses, stamps = inverse(T_level_world) @ T_level_sensor, np.array(self._stamps)
+        trajectory = Trajectory(poses, stamps, np.zeros((len(poses), 6)), SweepTiming(), T_level_world)
+        write_kitti(folder / "poses.txt", poses)
+        write_tum(folder / "poses.tum", poses, stamps)
+        write_text(folder / "settings.yaml", dump_yaml(self._settings))
+        write_tracks(folder / "tracks.json", trajectory, self._written, self._entries())
+        tracks = {"total": len(self._boxes), "moving": len(self._boxes)}
+        run = {**about, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
+        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        return run
+
+    def _entries(self) -> Iterator[dict[str, Any]]:
+        for track, boxes in sorted(self._boxes.items()):
+            confidence = float(np.mean([box.pop("confidence", 1.0) for box in boxes]))
+            yield {"id": track + 1, "verdict": "moving", "confidence": round(confidence, 3), "boxes": boxes}
+
+
+def claim(folder: Path, places: list[str]) -> None:
+    """Make the folders `places` of a results folder that is about to be written; an earlier run.json is removed.
+
+    Raises
+    ------
+    InputError : the folder holds labels that automos segment did not write.
+    """
+    if (folder / "stages").exists() or (any(folder.glob("predictions/*.label")) and not (folder / RUN_FILE).exists()):
+        raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
+    for place in places:
+        (folder / place).mkdir(parents=True, exist_ok=True)
+        remove_parts(folder / place)
+    (folder / RUN_FILE).unlink(missing_ok=True)
+
+
+def stamped(sequence: Sequence) -> Iterator[Scan]:
+    """Yield the scans with the recording's clock."""
+    stamps = sequence.stamps
+    for i in range(len(sequence)):
+        scan = sequence[i]
+        yield scan if stamps is None else replace(scan, stamp=float(stamps[i]))
+
+
+def summary(run: dict[str, Any], folder: Path) -> str:
+    """Return what was done in a few lines for a terminal."""
+    points = run["points"]
+    total, spent = max(sum(points.values()), 1), run["milliseconds"]["all"]
+    return (
+        f"{run['recording']['name']}: {run['recording']['scans']} scans, {total:,} points, {points['moving']:,} moving "
+        f"({100 * points['moving'] / total:.2f} %) on {run['tracks']['moving']} objects, "
+        f"{points['unlabeled']:,} not known\n"
+        f"lag {run['lag_seconds']:g} s, ms a scan, median/p99: {spent['median']:.0f}/{spent['p99']:.0f}\n"
+        f"labels in {folder}/predictions"
+    )
+
+
+def _box(row: np.ndarray, scan: int, stamp: float) -> dict[str, Any]:
+    return {
+        "scan": scan,
+        "stamp": round(stamp, 6),
+        "observed": True,
+        "center": np.round(row["center"], 3).tolist(),
+        "size": np.round(row["size"], 3).tolist(),
+        "yaw": round(float(row["yaw"]), 3),
+        "velocity": np.round(row["velocity"], 3).tolist(),
+    }

@@ -1,0 +1,231 @@
+"""The loop and the feeds, with a labeler that does as it is told."""
+
+import socket
+import threading
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from automos.array_sequence import ArraySequence
+from automos.errors import InputError
+from automos.live.feed import Feed, Replay
+from automos.live.latest import Latest
+from automos.live.opening import open_feed
+from automos.live.run import get_ready, run_live
+from automos.live.udp import UdpFeed, parse_address
+from automos.live.velodyne import VelodyneAssembler
+from automos.scan import Scan
+
+
+@dataclass
+class Given:
+    index: int
+    stamp: float = 0.0
+    pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    labels: np.ndarray = field(default_factory=lambda: np.array([9, 251], np.uint8))
+    track_ids: np.ndarray = field(default_factory=lambda: np.array([-1, 4]))
+    confidence: np.ndarray = field(default_factory=lambda: np.ones(2))
+    objects: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class Slow:
+    """Takes its time, and gives every scan back `late` scans later."""
+
+    def __init__(self, seconds: float = 0.0, late: int = 0):
+        self.seconds, self.late, self.n, self.kept = seconds, late, 0, []
+
+    def push(self, scan: Scan) -> list[Given]:
+        time.sleep(self.seconds)
+        self.kept.append(Given(self.n))
+        self.n += 1
+        n = max(len(self.kept) - self.late, 0)
+        done, self.kept = self.kept[:n], self.kept[n:]
+        return done
+
+    def finish(self) -> list[Given]:
+        done, self.kept = self.kept, []
+        return done
+
+
+def recording(n: int, step: float = 0.1) -> ArraySequence:
+    return ArraySequence([np.full((2, 3), i + 1.0) for i in range(n)], step * np.arange(n))
+
+
+def collect(seen: list) -> object:
+    return lambda scan, given: seen.append((scan.name, given.index))
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_every_scan_reaches_every_sink_in_order(late):
+    seen, names = [], []
+    tally = run_live(Replay(recording(8), speed=0), Slow(late=late), [collect(seen)], names)
+    assert seen == [(f"{i:06d}", i) for i in range(8)]
+    assert names == [name for name, _ in seen]
+    assert (tally.labelled, tally.left_out, tally.points, tally.moving) == (8, 0, 16, 8)
+
+
+def test_a_replay_keeps_the_recordings_pace():
+    begin = time.monotonic()
+    tally = run_live(Replay(recording(6), speed=2.0), Slow(), [])
+    assert time.monotonic() - begin > 5 * 0.1 / 2.0
+    assert tally.labelled + tally.left_out == 6
+
+
+def test_what_is_too_much_is_left_out_counted_and_said(caplog):
+    seen = []
+    tally = run_live(Replay(recording(40, 0.01)), Slow(0.05), [collect(seen)])
+    assert tally.left_out > 10
+    assert tally.labelled + tally.left_out == 40
+    assert [index for _, index in seen] == list(range(tally.labelled))
+    assert [name for name, _ in seen] == sorted({name for name, _ in seen})  # later ones only, none twice
+    assert "too slow" in caplog.text
+    assert "scans were left out so far" in caplog.text
+
+
+def test_the_room_for_scans_holds_one():
+    latest = Latest()
+    for i in range(1000):
+        latest.put(Scan(np.full((1, 3), float(i), np.float32)))
+    assert latest.left_out == 999
+    assert latest.take(0.0).points[0, 0] == 999
+    assert latest.take(0.0) is None
+    assert not latest.is_over
+    latest.close()
+    assert latest.is_over
+
+
+def test_ctrl_c_gives_back_what_was_pushed_and_tells():
+    class Interrupted(Slow):
+        def push(self, scan):
+            if self.n == 5:
+                raise KeyboardInterrupt
+            return super().push(scan)
+
+    seen = []
+    tally = run_live(Replay(recording(100), speed=0), Interrupted(late=2), [collect(seen)])
+    assert [index for _, index in seen] == [0, 1, 2, 3, 4]
+    assert "5 scans labelled, 0 left out" in tally.sentence("street")
+    assert not [t for t in threading.enumerate() if t.name == "automos-live"]
+
+
+@pytest.mark.parametrize("error", [InputError("the cable is cut"), KeyError("the cable is cut")])
+def test_what_stops_the_feed_is_told_after_what_was_pushed_is_given_back(error):
+    class Broken(Feed):
+        def receive(self):
+            self.latest.put(Scan(np.ones((2, 3), np.float32)), wait=True)
+            raise error
+
+    seen = []
+    with pytest.raises(InputError, match="the cable is cut"):
+        run_live(Broken(), Slow(late=1), [collect(seen)])
+    assert [index for _, index in seen] == [0]
+
+
+# --------------------------------------------------------------------------------------------------------- addresses
+def test_an_address_without_a_host_is_this_machine():
+    assert parse_address("udp://:2368") == ("127.0.0.1", 2368)
+    assert parse_address("udp://10.0.0.5:2368/") == ("10.0.0.5", 2368)
+
+
+@pytest.mark.parametrize("text", ["udp://127.0.0.1", "tcp://127.0.0.1:80", "udp://127.0.0.1:99999", "udp://a:1/b"])
+def test_what_is_no_address_is_told(text):
+    with pytest.raises(InputError, match=r"is no address: write udp://127.0.0.1:2368"):
+        parse_address(text)
+
+
+@pytest.mark.parametrize(("sensor", "said"), [(None, "--sensor velodyne or"), ("livox", "ouster, not livox")])
+def test_a_sensor_that_is_not_known_is_told(sensor, said):
+    with pytest.raises(InputError, match=said):
+        open_feed("udp://127.0.0.1:0", sensor)
+
+
+def test_an_ouster_without_metadata_is_told():
+    with pytest.raises(InputError, match="need its metadata"):
+        open_feed("udp://127.0.0.1:0", "ouster")
+
+
+def test_a_port_in_use_is_told():
+    first = UdpFeed("127.0.0.1", 0, VelodyneAssembler())
+    said = rf"udp://127.0.0.1:{first.port} cannot be listened at .*in use"
+    with first, pytest.raises(InputError, match=said):
+        UdpFeed("127.0.0.1", first.port, VelodyneAssembler())
+
+
+def test_an_address_of_another_machine_is_told():
+    with pytest.raises(InputError, match=r"udp://203.0.113.7:2368 cannot be listened at"):
+        UdpFeed("203.0.113.7", 2368, VelodyneAssembler())
+
+
+# ----------------------------------------------------------------------------------------------------------- packets
+def run_in_background(feed, labeler, sinks):
+    box = {}
+
+    def run():
+        try:
+            box["tally"] = run_live(feed, labeler, sinks)
+        except InputError as error:
+            box["error"] = error
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread, box
+
+
+def send_all(port, payloads, pause=0.0005):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for payload in payloads:
+            out.sendto(payload, ("127.0.0.1", port))
+            time.sleep(pause)
+
+
+def test_packets_over_loopback_become_scans(packets):
+    pytest.importorskip("velodyne_decoder")
+    feed, points = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=1.0), []
+    thread, box = run_in_background(feed, Slow(), [lambda scan, given: points.append(len(scan))])
+    send_all(feed.port, [payload for _, payload in packets])
+    thread.join(30)
+    assert box["tally"].labelled + box["tally"].left_out >= 6
+    assert min(points[1:-1]) > 10_000
+    assert feed.summary() == ""
+
+
+def test_foreign_packets_are_told_once_and_counted(packets, caplog):
+    pytest.importorskip("velodyne_decoder")
+    feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=1.0)
+    thread, box = run_in_background(feed, Slow(), [])
+    send_all(feed.port, [x for _, payload in packets for x in (payload, b"\0" * 512, b"")], 0.0002)
+    thread.join(30)
+    assert box["tally"].labelled + box["tally"].left_out >= 6
+    assert caplog.text.count("they are left out") == 1
+    assert f"{2 * len(packets):,} of {3 * len(packets):,} packets were not the sensor's" in feed.summary()
+
+
+def test_no_packets_are_told():
+    feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=0.3)
+    with pytest.raises(InputError, match=r"no packets of a Velodyne came to udp://127.0.0.1:0 for 0.3 s; look at"):
+        run_live(feed, Slow(), [])
+
+
+def test_packets_of_another_maker_alone_are_told():
+    feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=0.5)
+    thread, box = run_in_background(feed, Slow(), [])
+    send_all(feed.port, [b"\1" * 3392] * 50)
+    thread.join(30)
+    assert "but 50 of another kind or sensor did; is --sensor right?" in str(box["error"])
+
+
+def test_getting_ready_labels_something_made_up():
+    labeler = Slow(late=2)
+    get_ready(labeler, 4)
+    assert (labeler.n, labeler.kept) == (4, [])
+
+
+def test_packets_of_a_model_that_nobody_knows_are_told(packets):
+    pytest.importorskip("velodyne_decoder")
+    feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=2.0)
+    thread, box = run_in_background(feed, Slow(), [])
+    send_all(feed.port, [payload[:-1] + b"\x99" for _, payload in packets])
+    thread.join(30)
+    assert "what comes cannot be decoded as packets of a Velodyne" in str(box["error"])

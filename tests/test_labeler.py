@@ -1,0 +1,203 @@
+"""The same method at any lag: what comes back when, what never changes, and what bad input does."""
+
+import logging
+import math
+
+import numpy as np
+import pytest
+from worlds import iou_of_moving, lane, street
+
+import automos
+from automos.errors import InputError
+from automos.labels import Label
+from automos.scan import Scan
+
+STREET = street(24)
+SCANS = list(STREET.sequence)
+
+
+def run(scans, lag=0.0, **kwargs):
+    labeler = automos.Labeler(lag=lag, is_compensated=True, **kwargs)
+    return [given for scan in scans for given in labeler.push(scan)] + labeler.finish()
+
+
+@pytest.fixture(scope="module")
+def at_once():
+    return run(SCANS)
+
+
+def test_every_scan_comes_back_once_in_order_when_its_lag_is_over():
+    labeler, came = automos.Labeler(lag=0.3, is_compensated=True), []
+    for i, scan in enumerate(SCANS[:8]):
+        given = labeler.push(scan)
+        assert [g.index for g in given] == ([i - 3] if i >= 3 else [])
+        came += given
+    came += labeler.finish()
+    assert [g.index for g in came] == list(range(8))
+    assert [g.stamp for g in came] == pytest.approx([scan.stamp for scan in SCANS[:8]])
+    assert [len(g.labels) for g in came] == [len(scan) for scan in SCANS[:8]]
+
+
+def test_what_moves_is_found_at_once_and_better_later(at_once):
+    assert [g.index for g in at_once] == list(range(len(SCANS)))
+    now = iou_of_moving([g.labels for g in at_once][8:], STREET.truth[8:])
+    later = iou_of_moving([g.labels for g in run(SCANS, 0.5)][8:], STREET.truth[8:])
+    assert now > 0.7
+    assert later > max(now - 0.02, 0.8)
+
+
+def test_the_whole_recording_as_lag_gives_the_labels_of_label():
+    result = automos.label(automos.ArraySequence(SCANS, is_compensated=True))
+    given = run(SCANS, math.inf)
+    same = sum(np.count_nonzero(g.labels == result.labels(i)) for i, g in enumerate(given))
+    assert same >= 0.999 * sum(len(scan) for scan in SCANS)
+    for i, g in enumerate(given):
+        np.testing.assert_array_equal(g.track_ids, result.track_ids(i))
+        np.testing.assert_allclose(g.pose, result.trajectory.T_level_sensor[i])
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_later_scans_change_nothing_that_was_given_back(lag):
+    other_end = [*SCANS[:14], *(Scan(scan.points[::-1], stamp=1.4 + 0.1 * k) for k, scan in enumerate(SCANS[:4]))]
+    labeler, changed = (automos.Labeler(lag=lag, is_compensated=True) for _ in range(2))
+    first = [given for scan in SCANS[:20] for given in labeler.push(scan)]
+    second = [given for scan in other_end for given in changed.push(scan)]
+    n = 14 - round(lag / 0.1)
+    assert len(first) >= n
+    for a, b in zip(first[:n], second[:n], strict=True):
+        for name in ("index", "stamp", "pose", "labels", "track_ids", "confidence", "objects"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_what_was_never_seen_before_is_not_known_yet_rather_than_static(at_once):
+    first = at_once[0]
+    stands = STREET.truth[0] == Label.STATIC
+    is_object = first.labels == Label.UNLABELED
+    assert not (first.labels == Label.MOVING).any()
+    assert 0.1 < is_object.mean() < 0.9
+    assert (first.labels[~is_object] == Label.STATIC).all()
+    assert stands[~is_object].mean() > 0.95
+    known = np.mean([(g.labels != Label.UNLABELED).mean() for g in at_once[8:]])
+    assert known > 0.95
+
+
+def test_objects_are_those_of_the_points_with_their_velocities(at_once):
+    given = at_once[-1]
+    assert set(given.objects["track"]) == set(given.track_ids[given.track_ids >= 0].tolist())
+    ends = given.track_ids
+    speeds = np.linalg.norm(given.objects["velocity"][:, :2], axis=1)
+    assert len(speeds) >= 3
+    assert np.median(np.abs(speeds - 5.5)) < 2.5  # the riders have 4 to 7 m/s
+    points = SCANS[-1].points @ given.pose[:3, :3].T + given.pose[:3, 3]
+    for row in given.objects:
+        own = points[ends == row["track"]]
+        assert np.linalg.norm(own[:, :2].mean(axis=0) - row["center"][:2]) < 1.0
+        assert own[:, 2].min() > -0.3
+
+
+def test_points_that_are_none_are_unlabelled_and_all_others_keep_their_places():
+    broken = []
+    for scan in SCANS[:10]:
+        points = scan.points.copy()
+        points[3], points[7] = np.nan, 0.0
+        broken.append(Scan(points, stamp=scan.stamp))
+    for given, scan in zip(run(broken), broken, strict=True):
+        assert len(given.labels) == len(given.confidence) == len(given.track_ids) == len(scan)
+        assert given.labels[[3, 7]].tolist() == [0, 0]
+        assert given.confidence[[3, 7]].tolist() == [0.0, 0.0]
+
+
+def test_moving_now_leaves_out_what_waits():
+    settings = automos.load_settings("default", None, {"labels.moving": "now", "labels.now_speed": 100.0})
+    assert not any((given.labels == Label.MOVING).any() for given in run(SCANS[:14], settings=settings))
+
+
+def test_arrays_and_stamps_are_scans_too():
+    labeler = automos.Labeler(is_compensated=True)
+    given = [labeler.push(scan.points, scan.stamp)[0] for scan in SCANS[:4]]
+    assert [g.stamp for g in given] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    without = automos.Labeler(is_compensated=True)
+    assert [without.push(scan.points)[0].stamp for scan in SCANS[:3]] == pytest.approx([0.0, 0.1, 0.2])
+    with pytest.raises(InputError, match="a scan is a Scan or an"):
+        labeler.push(np.zeros((5, 2)))
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"lag": -1.0}, "lag must be 0 or more"),
+        ({"lag": float("nan")}, "lag must be 0 or more"),
+        ({"settings": automos.load_settings("paper")}, r"candidates.method erasor needs the whole recording"),
+    ],
+)
+def test_what_cannot_be_done_is_said(kwargs, message):
+    with pytest.raises(InputError, match=message):
+        automos.Labeler(**kwargs)
+
+
+def damaged(what: str) -> list[Scan]:
+    """Return the street's scans with one kind of damage at scan 10."""
+    scans = [Scan(scan.points, stamp=scan.stamp) for scan in SCANS]
+    late = Scan(SCANS[7].points[::-1], stamp=SCANS[7].stamp)
+    others = {
+        "twice": [*scans[:10], scans[9], *scans[10:]],
+        "late": [*scans[:10], late, *scans[10:]],
+        "swapped": [*scans[:10], scans[11], scans[10], *scans[12:]],
+        "empty": [*scans[:10], Scan(np.zeros((0, 3), np.float32), stamp=0.98), *scans[10:]],
+        "nothing but zeros": [*scans[:10], Scan(np.zeros((500, 3), np.float32), stamp=0.98), *scans[10:]],
+        "no time": [*scans[:10], Scan(scans[10].points, stamp=float("nan")), *scans[11:]],
+    }
+    return others[what]
+
+
+@pytest.mark.parametrize("what", ["twice", "late", "swapped", "empty", "nothing but zeros", "no time"])
+def test_a_scan_that_cannot_be_used_costs_one_warning_and_no_state(what, at_once, caplog):
+    scans = damaged(what)
+    with caplog.at_level(logging.WARNING, "automos"):
+        given = run(scans)
+    assert len(caplog.records) == 1
+    assert [g.index for g in given] == list(range(len(scans)))
+    assert [len(g.labels) for g in given] == [len(scan) for scan in scans]
+    labels = {id(scan.points): g.labels for scan, g in zip(scans, given, strict=True)}
+    rest = [(labels[id(scan.points)], t) for scan, t in zip(SCANS, STREET.truth, strict=True)][14:]
+    usual = iou_of_moving([g.labels for g in at_once][14:], STREET.truth[14:])
+    assert iou_of_moving(*zip(*rest, strict=True)) > usual - 0.1
+
+
+def test_a_scan_that_came_twice_has_the_labels_of_the_first():
+    scans = damaged("twice")
+    for lag in (0.0, 0.3):
+        given = run(scans, lag)
+        np.testing.assert_array_equal(given[10].labels, given[9].labels)
+
+
+@pytest.mark.parametrize(
+    ("gap", "reason"),
+    [(1.0, "nothing came for 1.0 s"), (30.0, "nothing came for 30.0 s"), (-50.0, "gone back")],
+)
+def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, caplog):
+    world = lane(24)
+    begin = SCANS[11].stamp + gap
+    other = [Scan(scan.points, stamp=begin + 0.1 * k) for k, scan in enumerate(world.sequence)]
+    labeler = automos.Labeler(is_compensated=True)
+    with caplog.at_level(logging.WARNING, "automos"):
+        before = [given for scan in SCANS[:12] for given in labeler.push(scan)]
+        after = [given for scan in other for given in labeler.push(scan)]
+    told = [record.message for record in caplog.records]
+    assert reason in told[-1]
+    assert len(told) == (1 if gap > 0.0 else 2)  # of late scans, then of the clock
+    assert [len(g.labels) for g in after] == [len(scan) for scan in other]
+    alone = run([Scan(scan.points, stamp=scan.stamp) for scan in world.sequence])
+    usual = iou_of_moving([g.labels for g in alone][20:], world.truth[20:])
+    assert usual > 0.5
+    assert iou_of_moving([g.labels for g in after][20:], world.truth[20:]) > usual - 0.1
+    ids = {t for g in before for t in g.objects["track"]}
+    assert ids.isdisjoint(t for g in after for t in g.objects["track"])
+
+
+def test_an_interruption_moves_the_sensor_nowhere():
+    scans = [Scan(scan.points, stamp=scan.stamp + (40.0 if i >= 8 else 0.0)) for i, scan in enumerate(SCANS[:12])]
+    given = run(scans, 0.2)
+    step = np.linalg.norm(given[8].pose[:3, 3] - given[7].pose[:3, 3])
+    assert step < 0.5
+    assert given[8].pose[2, 3] == pytest.approx(given[0].pose[2, 3], abs=0.2)
