@@ -14,13 +14,13 @@ import numpy as np
 from automos import __version__
 from automos.atomic import atomic_path, remove_parts, write_text
 from automos.errors import InputError
-from automos.export.tracks_file import write_tracks
 from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
 from automos.labels import Label, pack
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
 from automos.pose_files import write_kitti, write_tum
+from automos.results.tracks_file import write_tracks
 from automos.run import Progress
 from automos.scan import Scan, Sequence
 from automos.settings import Settings, dump_yaml
