@@ -29,17 +29,23 @@ MAX_SWEEP = 2.0
 
 
 def to_scan(
-    columns: Columns, path: Path, name: str = "", stamp: float | None = None, time_unit: float | None = None
+    columns: Columns,
+    path: Path,
+    name: str = "",
+    stamp: float | None = None,
+    time_unit: float | None = None,
+    unit: float = 1.0,
 ) -> Scan:
     """Return the scan that `columns` hold, in their order.
 
     Parameters
     ----------
-    columns : each (N,), any numeric type; x, y, z in metres, sensor frame.
+    columns : each (N,), any numeric type; x, y, z in the sensor frame.
     path : the file they came from, for messages.
     name, stamp : the scan's.
     time_unit : seconds per count of the time column, 0 where it is not to be used; none: found from the span of this
         scan's times.
+    unit : metres per unit of the coordinates.
 
     Raises
     ------
@@ -47,17 +53,10 @@ def to_scan(
         If x, y or z is missing.
     """
     columns = {_plain(key): column for key, column in columns.items()}
-    missing = [axis for axis in "xyz" if axis not in columns]
-    if missing:
-        raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
-    stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
-    if stray is not None:
-        raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
+    points = _coordinates(columns, path)
     columns = {key: column for key, column in columns.items() if column.dtype.kind in "fiu"}
-    points = np.empty((len(columns["x"]), 3), np.float32)
-    with np.errstate(over="ignore"):  # beyond what float32 holds is beyond what any sensor sees
-        for i, axis in enumerate("xyz"):
-            points[:, i] = columns[axis]
+    if unit != 1.0:
+        points *= np.float32(unit)
     _refuse_map(points, path)
     intensity = _first(columns, _INTENSITY)
     return Scan(
@@ -68,6 +67,25 @@ def to_scan(
         stamp=stamp,
         name=name,
     )
+
+
+def coordinates(columns: Columns, path: Path) -> Points:
+    """Return the (N, 3) float32 coordinates among `columns`, in the file's unit; errors are those of `to_scan`."""
+    return _coordinates({_plain(key): column for key, column in columns.items()}, path)
+
+
+def _coordinates(columns: Columns, path: Path) -> Points:
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
+    stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
+    if stray is not None:
+        raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
+    points = np.empty((len(columns["x"]), 3), np.float32)
+    with np.errstate(over="ignore"):  # beyond what float32 holds is beyond what any sensor sees
+        for i, axis in enumerate("xyz"):
+            points[:, i] = columns[axis]
+    return points
 
 
 def _refuse_map(points: Points, path: Path) -> None:

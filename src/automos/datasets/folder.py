@@ -14,13 +14,14 @@ import numpy.typing as npt
 from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
-from automos.datasets.columns import sensor_column, time_column, to_scan
+from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
 from automos.datasets.files import find_repeats, holds_point_files, list_scans
 from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
 from automos.datasets.time_order import put_in_order
+from automos.datasets.units import unit_of
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.label_files import read_labels
@@ -81,8 +82,8 @@ class FolderSequence(Sequence):
         columns = read_columns(path, self._codec)
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
-        unit = (self._point_times.unit or 0.0) if has_time else None
-        scan = to_scan(columns, path, self._names[index], stamp, unit)
+        time_unit = (self._point_times.unit or 0.0) if has_time else None
+        scan = to_scan(columns, path, self._names[index], stamp, time_unit, self._unit[0])
         return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
 
     @property
@@ -97,8 +98,8 @@ class FolderSequence(Sequence):
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong with the order of the files and the times of their points."""
-        return [*self._warnings, *self._point_times.warnings]
+        """What is wrong with the order of the files, the times of their points and their unit."""
+        return [*self._warnings, *self._point_times.warnings, *self._unit[1]]
 
     @cached_property
     def repeats(self) -> Mask:
@@ -201,6 +202,12 @@ class FolderSequence(Sequence):
         if self._codec in WIDTHS:
             return (self._folder / self._files[index]).stat().st_size // (4 * WIDTHS[self._codec])
         return len(self[index])
+
+    @cached_property
+    def _unit(self) -> tuple[float, list[str]]:
+        """Metres per unit of the coordinates, and what to say of it."""
+        few = [self._paths[i] for i in np.unique(np.linspace(0, len(self) - 1, 3).astype(int))]
+        return unit_of([coordinates(read_columns(path, self._codec), path) for path in few])
 
     @cached_property
     def _point_times(self) -> PointTimes:
