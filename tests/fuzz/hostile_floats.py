@@ -25,7 +25,15 @@ from automos.baselines import (
     yoon,
 )
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates import ego_body, erasor, erasor_bins, free_space_looks, free_space_vote, free_space_weigh
+from automos.candidates import (
+    ego_body,
+    ego_body_ranges,
+    erasor,
+    erasor_bins,
+    free_space_looks,
+    free_space_vote,
+    free_space_weigh,
+)
 from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -117,8 +125,8 @@ def _free_space(points: np.ndarray) -> None:
 
 def _ego_body(points: np.ndarray) -> None:
     rows, image = _pattern().row_of_sine, np.zeros((16, 64), np.float32)
-    ego_body._nearest_ranges(points, np.float32(8.0), rows, image)
-    ego_body._find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
+    ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
+    ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
         ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
 
