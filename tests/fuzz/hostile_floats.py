@@ -198,7 +198,7 @@ def _odometry(points: np.ndarray) -> None:
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
-    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0, 1e-3)
+    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
     surfels = make_surfels(points, times)
