@@ -46,7 +46,7 @@ from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, facing, level, registration
+from automos.odometry import azimuths, covariances, facing, level, registration
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
@@ -201,6 +201,9 @@ def _odometry(points: np.ndarray) -> None:
     icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
+    covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
+    covariances.eigenvector(covariance, covariances.eigenvalues(covariance)[0], axes[0])
+    covariances.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
