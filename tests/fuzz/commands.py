@@ -105,7 +105,7 @@ def _require_whole(folder: Path, log: Path) -> None:
     """Raise where `folder` passes for results though it has not a label for each point."""
     if not (folder / "run.json").exists():
         raise WrongError("a run ended well and left no run.json")
-    for path in sorted((log / "velodyne").iterdir()):
+    for path in filter(Path.is_file, sorted((log / "velodyne").iterdir())):
         labels = folder / "predictions" / f"{path.stem}.label"
         if not labels.is_file() or labels.stat().st_size * 4 != path.stat().st_size:
             raise WrongError(f"{labels.name} has not a label for each point")
