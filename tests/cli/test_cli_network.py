@@ -105,11 +105,33 @@ def test_train_segment_and_evaluate_from_the_command_line(automos, labelled):
     assert "all points" in out
 
 
+def test_a_recording_is_segmented_by_the_evidence_at_a_lag(automos, log):
+    code, out, error = automos("segment", log, "--lag", "0.2", "--out", "run")
+    assert code == 0, error
+    assert "lag 0.2 s" in out
+    assert sorted(p.stem for p in Path("run/predictions").iterdir()) == [f"{i:06d}" for i in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--method", "magic"), "there is no method 'magic': choose evidence or lmnet"),
+        (("--method", "evidence", "--weights", "none.pt"), "--weights and --probabilities are the network's"),
+        (("--method", "lmnet", "--lag", "1"), "the network labels every scan at once"),
+        (("--lag=-1",), "lag must be 0 or more seconds"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(automos, log, words, message):
+    code, _, error = automos("segment", log, *words)
+    assert code == 2
+    assert message in " ".join(error.split())
+
+
 @pytest.mark.skipif(not HAS_SHIPPED, reason="no network came along")
 def test_a_recording_is_segmented_out_of_the_box(automos, log):
     if not any(find_spec(name) for name in ("openvino", "onnxruntime")):
         pytest.skip("running the network that came along needs OpenVINO or ONNX Runtime: pip install '.[deploy]'")
-    code, out, error = automos("segment", log, "--out", "run")
+    code, out, error = automos("segment", log, "--method", "lmnet", "--out", "run")
     assert code == 0, error
     for name in ("000000", "000004"):
         labels = np.fromfile(f"run/predictions/{name}.label", np.uint32)

@@ -1,0 +1,56 @@
+import json
+
+import numpy as np
+import pytest
+from worlds import lane, write_bins
+
+from automos import Labeler, load_settings, open_sequence
+from automos.errors import InputError
+from automos.online.segment import segment_recording, stamped, summary
+from automos.pose_files import read_poses
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return open_sequence(write_bins(lane(10).sequence, tmp_path_factory.mktemp("lane")))
+
+
+def test_what_is_written_is_what_the_labeler_gives_back(recording, tmp_path):
+    settings = load_settings("default", None, {"output.track_ids": True, "output.confidence": True})
+    run = segment_recording(recording, tmp_path / "run", settings, lag=0.3)
+    labeler = Labeler(settings, lag=0.3)
+    given = [g for scan in stamped(recording) for g in labeler.push(scan)] + labeler.finish()
+    poses = read_poses(tmp_path / "run" / "poses.txt", len(recording), None, None, recording.names)
+    np.testing.assert_allclose(poses[0], np.eye(4), atol=1e-6)
+    tracks = {}
+    for name, one, pose in zip(recording.names, given, poses, strict=True):
+        written = np.fromfile(tmp_path / "run" / "predictions" / f"{name}.label", np.uint32)
+        np.testing.assert_array_equal(written & 0xFFFF, one.labels)
+        np.testing.assert_array_equal((written >> 16).astype(int) - 1, one.track_ids)
+        np.testing.assert_array_equal(np.load(tmp_path / "run" / "confidences" / f"{name}.npy"), one.confidence)
+        np.testing.assert_allclose(pose, np.linalg.inv(given[0].pose) @ one.pose, atol=1e-5)
+        for row in one.objects:
+            tracks.setdefault(int(row["track"]) + 1, []).append(int(one.index))
+    document = json.loads((tmp_path / "run" / "tracks.json").read_text())
+    assert {t["id"]: [box["scan"] for box in t["boxes"]] for t in document["tracks"]} == tracks
+    assert len(tracks) >= 2
+    assert run["points"]["moving"] == sum(int((g.labels == 251).sum()) for g in given)
+    assert run["lag_seconds"] == 0.3
+    assert "2 objects" in summary(run, tmp_path / "run") or len(tracks) > 2
+
+
+def test_labels_of_another_program_are_not_overwritten(recording, tmp_path):
+    (tmp_path / "predictions").mkdir()
+    (tmp_path / "predictions" / "000000.label").write_bytes(b"1234")
+    with pytest.raises(InputError, match="holds labels that automos segment did not write"):
+        segment_recording(recording, tmp_path, load_settings("default"))
+    assert (tmp_path / "predictions" / "000000.label").read_bytes() == b"1234"
+
+
+def test_a_second_run_replaces_the_first(recording, tmp_path):
+    settings = load_settings("default")
+    segment_recording(recording, tmp_path / "run", settings)
+    first = (tmp_path / "run" / "predictions" / "000009.label").read_bytes()
+    segment_recording(recording, tmp_path / "run", settings, lag=0.5)
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["lag_seconds"] == 0.5
+    assert len((tmp_path / "run" / "predictions" / "000009.label").read_bytes()) == len(first)
