@@ -45,12 +45,15 @@ _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--sc
 JOBS = {
     job.name: job
     for job in (
-        Job(
-            "rivals",
-            "table1.py",
-            (*_DRIVE, "--repeat", "3", "--methods", *RIVALS),
-            (*_DRIVE, "--methods", *RIVALS),
-            RIVAL_ROOMS,
+        *(
+            Job(
+                f"drive-{rival}",
+                "table1.py",
+                (*_DRIVE, "--repeat", "3", "--methods", rival),
+                (*_DRIVE, "--methods", rival),
+                RIVAL_ROOMS,
+            )
+            for rival in RIVALS
         ),
         Job(
             "presets",

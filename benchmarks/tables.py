@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from jobs import JOBS, Job
+from jobs import JOBS, RIVALS, Job
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results" / "tables"
@@ -125,7 +125,7 @@ def _speed(result: list[dict]) -> Rows:
 
 TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "presets-drive": (("presets",), _presets_of_drive),
-    "methods-drive": (("rivals", "presets"), _methods_of_drive),
+    "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), _methods_of_drive),
     "methods-worlds": (("rivals-worlds", "presets-worlds"), _methods_of_worlds),
     "suite-default": (("suite",), _suite("default")),
     "suite-paper": (("suite",), _suite("paper")),
@@ -164,15 +164,29 @@ def _made(stored: dict) -> str:
     return f"{stored['commit']}, {stored['date']}"
 
 
-def _said(job: Job, stored: dict) -> str:
-    """Return in a line what made a result."""
-    short = f"; a part of `{job.command(False)}`" if stored["is_quick"] else ""
-    return f"`{job.command(stored['is_quick'])}`, {_made(stored)}{short}."
+def _said(names: Iterable[str], results: dict[str, dict]) -> list[str]:
+    """Return in a line or more what made a table, and which of its jobs were not run."""
+    made = [name for name in names if name in results]
+    if len(made) <= 2:
+        said = []
+        for name in made:
+            job, stored = JOBS[name], results[name]
+            short = f"; a part of `{job.command(False)}`" if stored["is_quick"] else ""
+            said.append(f"`{job.command(stored['is_quick'])}`, {_made(stored)}{short}.")
+    else:
+        states: dict[str, list[str]] = {}
+        for name in made:
+            form = ", short form" if results[name]["is_quick"] else ""
+            states.setdefault(_made(results[name]) + form, []).append(f"`{name}`")
+        said = [f"`benchmarks/all.py`, {state}: {', '.join(which)}." for state, which in states.items()]
+    missing = [name for name in names if name not in results]
+    return [*said, *([_to_run(missing).rstrip()] if missing else [])]
 
 
-def _to_run(name: str, results: dict[str, dict]) -> str:
-    missing = [JOBS[job].command(False) for job in TABLES[name][0] if job not in results]
-    return f"Not run for this state: `{'`, `'.join(missing)}`.\n"
+def _to_run(missing: list[str]) -> str:
+    if len(missing) > 2:
+        return f"Not run for this state: {', '.join(f'`{name}`' for name in missing)} of `benchmarks/all.py`.\n"
+    return f"Not run for this state: `{'`, `'.join(JOBS[name].command(False) for name in missing)}`.\n"
 
 
 def _overview(results: dict[str, dict]) -> Rows:
@@ -187,15 +201,19 @@ def _overview(results: dict[str, dict]) -> Rows:
 
 
 def markdown(name: str, results: dict[str, dict]) -> str | None:
-    """Return table `name` of its jobs' stored results, with the states they are of; None where one was never run."""
+    """Return table `name` of its jobs' stored results, with the states they are of; None where none was ever run.
+
+    Jobs that were not run are named below it. A table of two jobs, whose columns are the same worlds, waits for both.
+    """
     if name == OVERVIEW:
         (heading, *rows), said, numbers = _overview(results), [], "---"
     else:
         jobs, make = TABLES[name]
-        if not set(jobs) <= set(results):
+        made = [job for job in jobs if job in results]
+        if not made or (len(made) < len(jobs) == 2):
             return None
-        heading, *rows = make(*(results[job]["result"] for job in jobs))
-        said, numbers = [_said(JOBS[job], results[job]) for job in jobs], "---:"
+        heading, *rows = make(*(results[job]["result"] for job in made))
+        said, numbers = _said(jobs, results), "---:"
     lines = [heading, ["---", *[numbers] * (len(heading) - 1)], *rows]
     table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
     return table + "".join(f"\n{line}\n" for line in said)
@@ -208,7 +226,9 @@ def with_tables(page: str, results: dict[str, dict]) -> str:
         made = markdown(mark["name"], results)
         if made is None and mark["shown"].startswith("|"):
             return mark[0]
-        return mark["head"] + (made or _to_run(mark["name"], results)) + mark["end"]
+        if made is None:
+            made = _to_run([job for job in TABLES[mark["name"]][0] if job not in results])
+        return mark["head"] + made + mark["end"]
 
     return MARK.sub(replaced, page)
 

@@ -1,6 +1,7 @@
 """Makes the pictures of the docs from a simulated street: the steps of the method, and the pages a user sees.
 
     python docs/pictures.py            writes docs/images/{step_*,report,review,viewer}.png
+    python docs/pictures.py review     that one alone
 
 The steps need nothing but AutoMOS; the pages need chromium, chromium-driver and selenium, the viewer rerun-sdk too.
 """
@@ -8,6 +9,7 @@ The steps need nothing but AutoMOS; the pages need chromium, chromium-driver and
 from __future__ import annotations
 
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -38,14 +40,19 @@ GREEN, GREY, AMBER, FAINT = COLORS["true moving"], "#9aa0a6", "#d98a00", "#e3e6e
 
 
 def main() -> None:
-    """Simulate, label, and draw everything."""
+    """Simulate, label, and draw everything, or what is named."""
+    wanted = sys.argv[1:] or ["steps", "report", "review", "viewer"]
     with tempfile.TemporaryDirectory() as folder:
         recording, run = Path(folder) / "street", Path(folder) / "run"
         simulation.write(simulation.simulate("city", "HDL-64E", SCANS, 3), recording)
         label_recording(open_sequence(recording), run, load_settings("default"))
-        draw_steps(RunStages(run, open_sequence(recording)), open_sequence(recording))
-        write_report(open_run(run), run / "report.html")
-        draw_pages(run)
+        if "steps" in wanted:
+            draw_steps(RunStages(run, open_sequence(recording)), open_sequence(recording))
+        shot = Browser()
+        for draw in (draw_report, draw_review, draw_viewer):
+            if draw.__name__.removeprefix("draw_") in wanted:
+                draw(run, shot)
+        shot.page.quit()
 
 
 # ------------------------------------------------------------------------------------------------- steps
@@ -113,30 +120,38 @@ class Picture:
 
 
 # ------------------------------------------------------------------------------------------------- pages
-def draw_pages(run: Path) -> None:
-    """Take pictures of the pages of report, review and viewer."""
-    shot = Browser()
+def draw_report(run: Path, shot: Browser) -> None:
+    """Take a picture of the report."""
+    write_report(open_run(run), run / "report.html")
     shot.open((run / "report.html").as_uri(), 1.5)
     shot.take("report", 1280, 960)
 
+
+def draw_review(run: Path, shot: Browser) -> None:
+    """Take a picture of the review, at something large that moves."""
     session = Session(open_run(run))
     moving = [track for track in session.overview()["items"] if track.get("verdict") == "moving"]
     telling = max(moving, key=lambda track: track["seen"] * track["size"][0])["id"]
     server = ReviewServer(session)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     shot.open(server.url, 3.0)
+    shot.page.execute_script("document.getElementById('over-back').click()")
+    chips = "[...document.querySelectorAll('#filters button')]"
+    shot.page.execute_script(f"{chips}.find((chip) => chip.textContent.startsWith('moving')).click()")
     shot.page.execute_script(f"document.querySelector('#queue [data-id=\"{telling}\"]').click()")
     time.sleep(3.0)
     shot.page.execute_script("document.getElementById('play').click()")
     shot.take("review", 1280, 800)
     server.shutdown()
 
+
+def draw_viewer(run: Path, shot: Browser) -> None:
+    """Take a picture of the viewer."""
     with Viewer(web=True) as viewer:
         viewer.send(open_run(run), 40_000)
         shot.open(viewer.url, 60.0)
         shot.take("viewer", 1280, 800)
         _fewer_colors(IMAGES / "viewer.png")
-    shot.page.quit()
 
 
 class Browser:

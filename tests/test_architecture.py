@@ -36,6 +36,7 @@ MAY_IMPORT = {
     "evaluation": {*BASE, "evaluation", "pose_files", "workspace"},
     "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
     "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
+    "live": {*BASE, "live", "datasets", "odometry", "compiling", "labeler"},
     "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
     "results": {
         *BASE,
@@ -49,7 +50,7 @@ MAY_IMPORT = {
         "recording_warnings",
         "workspace",
     },
-    "visualization": {*BASE, "visualization", "evaluation", "export", "results", "workspace"},
+    "visualization": {*BASE, "visualization", "evaluation", "export", "labeler", "results", "workspace"},
     "scale": {
         *BASE,
         "scale",

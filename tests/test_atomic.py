@@ -2,6 +2,7 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -93,3 +94,9 @@ def test_texts_are_utf_8_whatever_the_system_speaks(tmp_path):
     plain = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "utf-8"}
     subprocess.run([sys.executable, "-X", "utf8=0", "-c", code], cwd=tmp_path, env=plain, check=True)
     assert (tmp_path / "a.txt").read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "/"])
+def test_what_has_no_name_of_a_file_is_told(name):
+    with pytest.raises(InputError, match="give the name of a file"):
+        write_text(Path(name), "text")

@@ -87,11 +87,20 @@ def test_a_short_form_is_said_to_be_one_and_what_was_not_run_is_named():
     assert "| `suite` | not run: `" in written
 
 
-def test_a_table_of_two_jobs_waits_for_both():
-    page = "<!-- table methods-drive -->\n<!-- end -->\n"
-    written = tables.with_tables(page, {"presets": stored(0.9)})
-    assert f"Not run for this state: `{jobs.JOBS['rivals'].command(False)}`.\n" in written
-    assert tables.with_tables(written, {"presets": stored(0.9)}) == written
+def test_a_table_of_worlds_waits_for_both_of_its_jobs():
+    page = "<!-- table methods-worlds -->\n<!-- end -->\n"
+    written = tables.with_tables(page, {"presets-worlds": stored(0.9)})
+    assert f"Not run for this state: `{jobs.JOBS['rivals-worlds'].command(False)}`.\n" in written
+    assert tables.with_tables(written, {"presets-worlds": stored(0.9)}) == written
+
+
+def test_a_table_of_many_jobs_shows_those_that_were_run_and_names_the_others():
+    cost = {"seconds_per_scan": 1.0, "runs": 1, "cpu_seconds_per_scan": None, "peak_mb": None, "needs_future": True}
+    one = stored(0.9)
+    one["result"] = {"drive": {"n_scans": 2, "methods": {"yoon": one["result"]["drive"]["methods"]["paper"] | cost}}}
+    written = tables.with_tables("<!-- table methods-drive -->\n<!-- end -->\n", {"drive-yoon": one})
+    assert "| X | 90.0 | 100.0 | 90.0 |" in written
+    assert "Not run for this state: `drive-octomap`, " in written
 
 
 def test_worlds_in_which_nothing_moves_count_false_points():

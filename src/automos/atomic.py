@@ -19,6 +19,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
     ------
     InputError : the disk is full or the folder cannot be written; nothing half-written stays.
     """
+    if path.name in ("", ".."):
+        raise InputError(f"{path} is a folder: give the name of a file to write")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield temporary

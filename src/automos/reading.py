@@ -13,7 +13,7 @@ import os
 import stat
 import struct
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -133,12 +133,26 @@ def read_array(path: Path) -> npt.NDArray[Any]:
     """Return the array in a NumPy file; ValueError where it is none or not whole, InputError if it is no plain file."""
     require_regular(path)
     try:
-        _require_whole(path)
-        return np.load(path, allow_pickle=False)
+        parsed_again(lambda: _require_whole(path))
+        return parsed_again(lambda: np.load(path, allow_pickle=False))
     except OSError:
         raise
     except Exception as error:  # damaged headers, which are Python, break their parser in many ways
         raise ValueError(" ".join(str(error).split())) from None
+
+
+def parsed_again(read: Callable[[], T]) -> T:
+    """Return what `read` gives; once more where Python stumbles over its own counting, not over the file.
+
+    Headers of arrays are Python, and 3.11 at times ends with "AST constructor recursion depth mismatch" while several
+    threads parse such.
+    """
+    for _ in range(20):
+        try:
+            return read()
+        except SystemError:
+            continue
+    return read()
 
 
 def _require_whole(path: Path) -> None:

@@ -166,7 +166,7 @@ def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str],
     else:
         verdicts = judge_by_evidence(tracks, detections, tracking.judge)
         tracks, verdicts = without_scenery(tracks, verdicts, detections)
-        tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps, tracking.smoothing)
+        tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
     return {**tracks.to_arrays(), **verdicts.to_arrays()}
 
 

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
-from automos.reading import DAMAGE, read_json, require_regular
+from automos.reading import DAMAGE, parsed_again, read_json, require_regular
 
 Arrays = Mapping[str, npt.NDArray]
 RUN_FILE = "run.json"
@@ -131,12 +131,16 @@ class _FolderStage(Stage):
         path = self._folder / f"{name}.npz"
         try:
             require_regular(path)
-            with np.load(path, allow_pickle=False) as archive:
-                return {key: archive[key] for key in keys or archive.files}
+            return parsed_again(lambda: _arrays_in(path, keys))
         except (OSError, ZlibError, *DAMAGE) as error:
             raise InputError(
                 f"{path} is damaged ({error}): delete {self._folder} and run the same command again"
             ) from error
+
+
+def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
+    with np.load(path, allow_pickle=False) as archive:
+        return {key: archive[key] for key in keys or archive.files}
 
 
 class Workspace:

@@ -121,6 +121,30 @@ def test_what_is_missing_or_damaged_is_told_with_the_file(tmp_path):
         open_sequence(folder)
 
 
+@pytest.mark.parametrize(
+    ("file", "columns", "said"),
+    [
+        ("calibration/egovehicle_SE3_sensor.feather", {"sensor_name": None}, "has no column sensor_name"),
+        ("city_SE3_egovehicle.feather", {"qw": None}, "has no column qw"),
+        ("city_SE3_egovehicle.feather", {"timestamp_ns": ["x"]}, "timestamp_ns holds something else than numbers"),
+        ("annotations.feather", {"length_m": [float("nan")]}, "has a box without a size"),
+        ("annotations.feather", {"length_m": [[1.0]]}, "length_m holds something else than numbers"),
+    ],
+)
+def test_columns_that_are_gone_or_of_another_kind_are_told_with_the_file(tmp_path, file, columns, said):
+    folder = write_log(tmp_path / "7fab", street_log())
+    table = feather.read_table(folder / file)
+    for name, value in columns.items():
+        table = table.drop_columns([name])
+        if value is not None:
+            table = table.append_column(name, pyarrow.array(value * len(table)))
+    feather.write_feather(table, folder / file)
+    sequence = open_sequence(folder)
+    with pytest.raises(InputError, match=said) as told:
+        (sequence.reference_poses, sequence.truth(0))
+    assert file in str(told.value)
+
+
 def test_a_log_without_the_extra_names_the_command_to_install_it(folder, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.feather", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[arrow\]'"):

@@ -90,3 +90,12 @@ def test_scans_with_stamps_come_in_the_order_of_time(tmp_path):
     names, _, stamps = list_scans(touch(tmp_path, "10.2.bin", "10.3.bin", "10.25.bin", "9.9.bin"))
     assert names == ["9.9.bin", "10.2.bin", "10.25.bin", "10.3.bin"]
     np.testing.assert_allclose(stamps, [9.9, 10.2, 10.25, 10.3])
+
+
+def test_a_folder_of_a_scans_number_is_told_not_left_out(tmp_path):
+    touch(tmp_path, "0.bin", "2.bin")
+    (tmp_path / "1.bin").mkdir()
+    with pytest.raises(InputError, match=r"1\.bin is a folder among scans"):
+        list_scans(tmp_path)
+    (tmp_path / "1.bin").rename(tmp_path / "maps.ply")
+    assert list_scans(tmp_path)[0] == ["0.bin", "2.bin"]

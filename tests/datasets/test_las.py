@@ -53,3 +53,16 @@ def test_a_map_and_a_damaged_file_are_told(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "laspy", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[las\]'"):
         open_sequence(tmp_path / "cut")[0]
+
+
+def test_a_table_of_packed_points_that_cannot_be_is_told_before_memory_is_taken_for_it(tmp_path):
+    path = tmp_path / "log" / "0.laz"
+    write_las(path, street_log().scans[0])
+    whole = path.read_bytes()
+    start = int.from_bytes(whole[96:100], "little")
+    table = int.from_bytes(whole[start : start + 8], "little")
+    assert len(open_sequence(tmp_path / "log")[0]) > 0
+    for at, number in ((table + 4, b"\xff" * 4), (start, b"\xff" * 7 + b"\x7f"), (start, bytes(8))):
+        path.write_bytes(whole[:at] + number + whole[at + len(number) :])
+        with pytest.raises(InputError, match="a table of its packed points that is not there"):
+            open_sequence(tmp_path / "log")[0]

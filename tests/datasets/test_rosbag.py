@@ -1,3 +1,4 @@
+import os
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
@@ -177,6 +178,16 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
         InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2 .*; .*/imu \(sensor_msgs/msg/Imu\)"
     ):
         open_sequence(tmp_path / "log")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of this kind are Unix's")
+def test_a_pipe_in_a_bags_folder_is_refused_not_waited_for(tmp_path):
+    bag = write_bag(tmp_path / "log", {"/points": messages_of(street_log(4))})
+    (storage,) = bag.glob("*.mcap")
+    storage.unlink()
+    os.mkfifo(storage)
+    with pytest.raises(InputError, match="is a pipe"):
+        open_sequence(bag)
 
 
 def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monkeypatch):

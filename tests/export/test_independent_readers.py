@@ -103,7 +103,7 @@ def test_trackeval_reads_kitti_tracking(run, tmp_path):
     told = reader._load_raw_file("out", "street", is_gt=False)
     assert [ids.tolist() for ids in told["tracker_ids"]] == [[1, 2], [2], [2]]
     assert [classes.tolist() for classes in told["tracker_classes"]] == [[1, 0], [0], [0]]
-    assert all(((0.0 <= sure) & (sure <= 1.0)).all() for sure in told["tracker_confidences"])
+    assert all(((sure >= 0.0) & (sure <= 1.0)).all() for sure in told["tracker_confidences"])
 
 
 def test_the_devkit_reads_boxes_of_kitti_tracking(run, tmp_path):

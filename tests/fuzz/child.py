@@ -24,7 +24,7 @@ logging.disable(logging.CRITICAL)
 import numpy as np
 import yaml
 from bases import write_all
-from commands import COMMANDS, LAST, Requests, WrongError, fuzz_command, fuzz_values
+from commands import COMMANDS, LAST, Requests, WrongError, fuzz_command, fuzz_list, fuzz_values
 from commands import write_all as write_commands
 from damage import NUMBERS, change, damage
 
@@ -147,7 +147,7 @@ class Kinds:
         self._bases = write_all(root / "bases")
         self._own = {
             "settings": fuzz_settings, "poses": fuzz_poses, "edits": self._edits, "label": fuzz_label,
-            "values": self._values, "requests": self._ask, **dict.fromkeys(COMMANDS, self._command),
+            "values": self._values, "list": self._list, "requests": self._ask, **dict.fromkeys(COMMANDS, self._command),
         }  # fmt: skip
         self.names = [*sorted(self._bases), *self._own]
 
@@ -171,6 +171,9 @@ class Kinds:
 
     def _values(self, rng: random.Random, work: Path) -> None:
         fuzz_values(self._commands(), rng, work)
+
+    def _list(self, rng: random.Random, work: Path) -> None:
+        fuzz_list(self._commands(), rng, work)
 
     def _ask(self, rng: random.Random, work: Path) -> None:
         self._requests = self._requests or Requests(self._commands(), self._root)

@@ -237,6 +237,16 @@ def fuzz_values(bases: Path, rng: random.Random, work: Path) -> None:
     call(*given)
 
 
+def fuzz_list(bases: Path, rng: random.Random, work: Path) -> None:
+    """Give a list of recordings with one line or byte changed; what would be done is said, nothing is."""
+    names = ["logs/a", "# all of them", "logs/b", "log", rng.choice(_WORDS).replace("{log}", "log")]
+    (work / "list").mkdir()
+    path = work / "list" / "list.txt"
+    path.write_text("".join(f"{bases / name}\n" for name in names), errors="surrogateescape")
+    LAST.append(f"{names[-1][:50]!r}, {damage(work / 'list', rng)}")
+    call("label", path, "--dry-run")
+
+
 def _filled(word: str, root: Path) -> str:
     for name in ("log", "run", "out"):
         word = word.replace(f"{{{name}}}", str(root / name))

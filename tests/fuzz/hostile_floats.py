@@ -38,7 +38,7 @@ from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, facing, level
+from automos.odometry import azimuths, facing, level, registration
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
@@ -190,6 +190,9 @@ def _odometry(points: np.ndarray) -> None:
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
+    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0, 1e-3)
+    for T in (np.eye(4), np.eye(4), hostile_T):
+        icp.register(points, T)
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from velodyne_packets import udp, write_pcap
+from velodyne_packets import hdl64e_packets, udp, write_pcap
 
 from automos.datasets import open_sequence
 from automos.live.velodyne import VelodyneAssembler
@@ -55,3 +55,16 @@ def test_a_clock_that_stands_still_does_not_fill_memory(packets):
     for _ in range(6000):
         assembler.add([packets[0][1]], [100.0])
     assert sum(map(len, assembler._parts)) <= 4000
+
+
+def test_an_hdl_64e_is_decoded_once_it_has_told_its_calibration(tmp_path):
+    azimuth = 0.17 * np.arange(6 * 5400)
+    distance = np.random.default_rng(0).integers(2000, 30000, (len(azimuth), 64)) * 0.002
+    packets = hdl64e_packets(distance, azimuth)
+    path = write_pcap(tmp_path / "drive.pcap", [(seconds, udp(payload)) for seconds, payload in packets])
+    wanted = {round(scan.stamp, 4): scan for scan in open_sequence(path)}
+    got, n_foreign = assembled(packets, 100)
+    assert n_foreign == 0
+    assert 2 <= len(got) < len(wanted)  # the first three seconds went by
+    for scan in got[:-1]:
+        np.testing.assert_array_equal(scan.points, wanted[round(scan.stamp, 4)].points)

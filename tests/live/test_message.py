@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from automos.errors import InputError
+from automos.labeler import LabelledScan
 from automos.live.message import LARGEST, OBJECT, Sender, decode, encode
+from automos.online.stream import OBJECT_FIELDS
 
-labeler = pytest.importorskip("automos.labeler")
-OBJECT_FIELDS = pytest.importorskip("automos.online.stream").OBJECT_FIELDS
 EXAMPLE = Path(__file__).parents[2] / "examples" / "live_receiver.py"
 
 
@@ -28,7 +28,7 @@ def labelled(n=1000, noisy=False):
     objects["size"], objects["velocity"] = [4.5, 1.8, 1.5], [[10, 0, 0], [0, -2, 0.5]]
     pose = np.eye(4)
     pose[:3, 3] = [100.0, -20.0, 1.5]
-    return labeler.LabelledScan(41, 12.25, pose, labels, np.full(n, -1, np.int32), np.ones(n, np.float32), objects)
+    return LabelledScan(41, 12.25, pose, labels, np.full(n, -1, np.int32), np.ones(n, np.float32), objects)
 
 
 def test_what_is_sent_comes_back():

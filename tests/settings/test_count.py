@@ -9,8 +9,8 @@ from pydantic import BaseModel
 import automos
 from automos.settings import Settings
 
-MOST = 235
-"""As many as there are today. It may only shrink, until it is 120."""
+MOST = 120
+"""What one who changes settings can keep in mind; a constant beside its code is better than one more."""
 
 SOURCE = Path(automos.__file__).parent
 

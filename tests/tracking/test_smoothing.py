@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.settings import SmoothingSettings
-from automos.tracking.smoothing import smooth
+from automos.tracking.smoothing import ACCELERATION, smooth
 
 T = np.cumsum(np.r_[0.0, 0.1 + 0.05 * np.random.default_rng(0).random(19)])
 
@@ -50,7 +49,7 @@ def test_it_is_the_least_squares_estimate_with_and_without_gaps():
 def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
     z = 1.0 - 4.0 * T
     z[8:14] = z[:2] = np.nan
-    x, v = smooth(T, z, 0.15**2, SmoothingSettings().acceleration ** 2)
+    x, v = smooth(T, z, 0.15**2, ACCELERATION**2)
     np.testing.assert_allclose(x, 1.0 - 4.0 * T, atol=1e-3)
     np.testing.assert_allclose(v, -4.0, atol=1e-2)
 
@@ -58,7 +57,7 @@ def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
 def test_a_stop_is_seen_in_time():
     t = 0.1 * np.arange(60)
     z = np.minimum(t, 3.0) * 5.0 + 0.1 * np.random.default_rng(2).standard_normal(60)
-    _, v = smooth(t, z, 0.15**2, SmoothingSettings().acceleration ** 2)
+    _, v = smooth(t, z, 0.15**2, ACCELERATION**2)
     assert abs(v[:20]).min() > 4.0
     assert abs(v[42:]).max() < 0.7
 

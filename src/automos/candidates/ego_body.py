@@ -34,6 +34,26 @@ _ASKED = 20_000
 _VOXEL = 0.3
 """Metres: points in neighbouring voxels hang together."""
 STEADIEST = 25
+MAX_SCANS = 40
+"""Scans looked at, spread over the recording."""
+MIN_SCANS = 9
+"""With fewer scans apart from each other nothing is called body."""
+MIN_DISTANCE = 0.5
+"""Metres: how far apart the sensor must be in scans looked at."""
+MIN_OVERLAP = 0.8
+"""Share of a part at the ends of the recording that must be there at both."""
+MAX_DRIFT = 0.025
+"""Metres: of a part's range from the first third of the recording to the last."""
+BEYOND = 0.5
+"""M beyond the body's reach from which what is seen shows the world."""
+WORLD_DISTANCE = 0.25
+"""M between a place and what is seen there from elsewhere."""
+WORLD_SHARE = 0.05
+"""Share of hits among such looks that make it the world's."""
+MIN_CELLS = 4
+"""Neighbouring rays that a part of the body must be met by."""
+ATTACHED_SHARE = 0.15
+"""Of what hangs together that must be body for all of it to be; 1: nothing hangs."""
 """Percentile of a part's drift that counts: what hangs on a hinge is steady beside it, traffic is so nowhere."""
 GRAZING = 0.15
 """Of a range, by which the next ray's may differ on the same face, met at a grazing angle; more is an edge."""
@@ -72,11 +92,11 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     """Return the body that a handful of `frames`, spread over the recording, show."""
     shape = (pattern.n_rows, pattern.n_columns)
     nobody = EgoBody(np.zeros(shape, np.float32), pattern)
-    sample = _scans_apart(frames, settings)
+    sample = _scans_apart(frames)
     origins = frames.T_level_sensor[sample, :3, 3]
     # Nearer than half the way, all of the world is looked at from elsewhere at some time.
     max_range = min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(origins, axis=0))))
-    if len(sample) < settings.min_scans or max_range < settings.near_reach:
+    if len(sample) < MIN_SCANS or max_range < settings.near_reach:
         return nobody
     with ThreadPoolExecutor(threads) as pool:
         ranges = np.stack(list(pool.map(lambda i: _look(frames[i], pattern, max_range), sample)))
@@ -86,11 +106,11 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
         _find_near(part, settings.near_reach, settings.min_share, near[k])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     asked = [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
-    is_world = _is_in_world([frames[i] for i in asked], pattern, np.maximum(ends.max(axis=0), near), settings)
+    is_world = _is_in_world([frames[i] for i in asked], pattern, np.maximum(ends.max(axis=0), near))
     ends[:, is_world], near[is_world] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     reach = np.where(is_world, 0.0, _grow(reach)).astype(np.float32)
-    return EgoBody(reach, pattern, settings.attached_share)
+    return EgoBody(reach, pattern, ATTACHED_SHARE)
 
 
 def _look(frame: Frame, pattern: BeamPattern, max_range: float) -> npt.NDArray[np.float32]:
@@ -100,14 +120,14 @@ def _look(frame: Frame, pattern: BeamPattern, max_range: float) -> npt.NDArray[n
     return image
 
 
-def _scans_apart(frames: Frames, settings: EgoBodySettings) -> list[int]:
+def _scans_apart(frames: Frames) -> list[int]:
     """Return up to `max_scans` of `frames`, evenly spread, each some way from the one before."""
     origins = frames.T_level_sensor[:, :3, 3]
     sample: list[int] = []
-    for i in np.unique(np.linspace(0, len(frames) - 1, 2 * settings.max_scans).astype(int)):
-        if not sample or np.linalg.norm(origins[i] - origins[sample[-1]]) > settings.min_distance:
+    for i in np.unique(np.linspace(0, len(frames) - 1, 2 * MAX_SCANS).astype(int)):
+        if not sample or np.linalg.norm(origins[i] - origins[sample[-1]]) > MIN_DISTANCE:
             sample.append(int(i))
-    return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, settings.max_scans).astype(int))]
+    return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, MAX_SCANS).astype(int))]
 
 
 def _stays_put(
@@ -129,11 +149,11 @@ def _stays_put(
     overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)
     drift = np.where(is_there[:, v, u].all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
     drift *= settings.tolerance / np.maximum(slack[v, u], settings.tolerance)
-    is_body = (overlap >= settings.min_overlap) & (size >= settings.min_cells)
+    is_body = (overlap >= MIN_OVERLAP) & (size >= MIN_CELLS)
     for k in np.flatnonzero(is_body):
         of_part = drift[part == k]
         of_part = of_part[np.isfinite(of_part)]
-        is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= settings.max_drift
+        is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= MAX_DRIFT
     is_part[v, u] = is_body[part]
     return is_part
 
@@ -148,9 +168,7 @@ def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
     return parts[tuple(voxels.T)], n_parts + 1
 
 
-def _is_in_world(
-    frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[np.float32], settings: EgoBodySettings
-) -> Mask:
+def _is_in_world(frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[np.float32]) -> Mask:
     """Return (H, W) bool: cells at whose points other `frames`, from elsewhere, hit something again."""
     pyramid, n_cells = pyramid_shape(pattern), reach.size
     raws = [raw_points(frame) for frame in frames]
@@ -158,7 +176,7 @@ def _is_in_world(
         make_image(project(raw, np.ones(len(raw), np.bool_), pattern), np.full(len(raw), OBJECT, np.uint8), pyramid)
         for raw in raws
     ]
-    tolerances = tuple(np.float32(x) for x in (0.2, 0.005, settings.world_distance, 0.01, 0.2))
+    tolerances = tuple(np.float32(x) for x in (0.2, 0.005, WORLD_DISTANCE, 0.01, 0.2))
     hits, told = np.zeros((2, n_cells))
     for frame, raw in zip(frames, raws, strict=True):
         cell = np.full(len(raw), -1, np.int64)
@@ -169,15 +187,15 @@ def _is_in_world(
         codes, (ranges, misses) = np.empty(len(rows), np.uint8), np.empty((2, len(rows)), np.float32)
         for other, image in zip(frames, images, strict=True):
             T = inverse(other.T_level_sensor) @ frame.T_level_sensor
-            if np.linalg.norm(T[:3, 3]) < settings.min_distance:
+            if np.linalg.norm(T[:3, 3]) < MIN_DISTANCE:
                 continue
             motion = np.zeros(6) if other.sweep_motion is None or other.sweep_time is None else other.sweep_motion
             scan = (np.asarray(motion, np.float32), pattern, pyramid, image)
             look_through(points, T[:3].astype(np.float32), *scan, tolerances, codes, ranges, misses)
-            is_far = ranges > float(reach.max()) + settings.beyond
+            is_far = ranges > float(reach.max()) + BEYOND
             hits += np.bincount(cell[rows], is_far & (codes == HIT), n_cells)
             told += np.bincount(cell[rows], is_far & (codes >= EDGE), n_cells)
-    return ((hits > settings.world_share * told) & (hits > 0)).reshape(reach.shape)
+    return ((hits > WORLD_SHARE * told) & (hits > 0)).reshape(reach.shape)
 
 
 def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float, share: float) -> None:

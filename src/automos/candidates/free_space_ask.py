@@ -25,6 +25,12 @@ from automos.settings import FreeSpaceSettings
 Array = npt.NDArray[np.float64]
 _PARTS = 4
 """Into which a scan's points are cut where threads share the work."""
+SPAN_TOLERANCE = 0.25
+"""Of a span, how far off the asked scan may be."""
+FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)
+"""Seconds: asked first; what they agree to have hit has stayed."""
+SURE_HITS = 2
+"""Hits without a see-through after which no more scans are asked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +63,11 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
     """
     spans, far = np.asarray(settings.spans), np.flatnonzero(is_far)
     is_long = spans > settings.far_from
-    near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long], settings)
-    return np.union1d(near_ids, _nearest(stamp, stamps, far, spans[is_long], settings))
+    near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long])
+    return np.union1d(near_ids, _nearest(stamp, stamps, far, spans[is_long]))
 
 
-def _nearest(
-    stamp: float, stamps: Array, ids: npt.NDArray[np.int64], spans: Array, settings: FreeSpaceSettings
-) -> npt.NDArray[np.int64]:
+def _nearest(stamp: float, stamps: Array, ids: npt.NDArray[np.int64], spans: Array) -> npt.NDArray[np.int64]:
     """Return those of scans `ids` that are nearest to `spans` before and after `stamp`, if near enough."""
     if len(ids) == 0:
         return ids
@@ -71,7 +75,7 @@ def _nearest(
     stamps = stamps[ids]
     nearest = np.searchsorted(0.5 * (stamps[1:] + stamps[:-1]), wanted)
     off = np.abs(stamps[nearest] - wanted)
-    return ids[nearest[off <= settings.span_tolerance * np.abs(wanted - stamp)]]
+    return ids[nearest[off <= SPAN_TOLERANCE * np.abs(wanted - stamp)]]
 
 
 def ask(
@@ -133,11 +137,11 @@ def _ask_part(
     ids = np.arange(n)
     own_ranges = np.linalg.norm(mine.objects, axis=0)
     votes = np.zeros((len(others), n), np.int8)
-    first = _first_asked(offsets, settings)
+    first = _first_asked(offsets)
     for k in np.flatnonzero(first):
         _add_votes(mine, ids, own_ranges, heights, others[k], lidars, settings, votes[k])
     # Most points are hit by all who see them: the others need not be asked about those.
-    ids = find_open(votes, first, settings.sure_hits)
+    ids = find_open(votes, first, SURE_HITS)
     for k in np.flatnonzero(~first):
         _add_votes(mine, ids, own_ranges, heights, others[k], lidars, settings, votes[k])
 
@@ -149,11 +153,11 @@ def _ask_part(
     return net, through, hits
 
 
-def _first_asked(offsets: Array, settings: FreeSpaceSettings) -> npt.NDArray[np.bool_]:
+def _first_asked(offsets: Array) -> npt.NDArray[np.bool_]:
     """Return which of the scans at `offsets` (P,) are nearest to the spans that are asked first."""
     first = np.zeros(len(offsets), np.bool_)
     if len(offsets):
-        spans = np.asarray(settings.first_spans)
+        spans = np.asarray(FIRST_SPANS)
         for span in (*-spans, *spans):
             first[np.argmin(np.abs(offsets - span))] = True
     return first

@@ -17,6 +17,23 @@ import numpy.typing as npt
 from automos.scan import Mask
 from automos.settings import GroundSettings
 
+SECTORS = 360
+"""Sectors around the sensor."""
+START_RANGE = 10.0
+"""Metres: the ground's height is first taken from within this."""
+STEP = 0.12
+"""Metres: ground may rise or fall by this at once (a kerb)."""
+MAX_BEND = 0.06
+"""Metres per metre: how fast the ground's slope may change."""
+MAX_STEP = 0.3
+"""Metres: most that ground may differ from what is expected, however far on."""
+MAX_SLOPE = 0.35
+"""Steepest ground, rise over run."""
+GHOST_DEPTH = 0.15
+"""Metres: a sight this far under nearer ground is a mirror image."""
+MAX_DEPTH = 0.3
+"""Metres: points further below the surface than this are not ground."""
+
 
 @dataclass(frozen=True, eq=False)
 class GroundSurface:
@@ -50,7 +67,7 @@ def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: G
     """
     origin = np.asarray(origin_level, np.float64)
     n_rings = int(np.ceil(settings.max_range / settings.cell))
-    lowest = np.full((settings.sectors, n_rings), np.float32(np.inf))
+    lowest = np.full((SECTORS, n_rings), np.float32(np.inf))
     highest = np.full_like(lowest, -np.inf)
     _fill_sectors(points_level, origin, settings.cell, lowest, highest)
     is_ground = np.zeros(lowest.shape, np.bool_)
@@ -59,18 +76,18 @@ def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: G
         highest,
         _start_height(lowest, settings),
         settings.cell,
-        settings.step,
-        settings.max_bend,
-        settings.max_step,
-        settings.max_slope,
-        settings.ghost_depth,
+        STEP,
+        MAX_BEND,
+        MAX_STEP,
+        MAX_SLOPE,
+        GHOST_DEPTH,
         is_ground,
     )
     # A whole number of cells, so that the map does not shift under the world from scan to scan.
     n = 2 * n_rings
     corner = (np.floor(origin[:2] / settings.cell) - n_rings) * settings.cell
     sums, counts = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
-    _add_ground_points(points_level, origin, lowest, is_ground, settings.step, corner, settings.cell, sums, counts)
+    _add_ground_points(points_level, origin, lowest, is_ground, STEP, corner, settings.cell, sums, counts)
     height = _fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
     return GroundSurface(corner, settings.cell, height)
 
@@ -99,7 +116,7 @@ def is_on_ground(
         surface.height,
         settings.tolerance,
         settings.tolerance_per_metre,
-        settings.max_depth,
+        MAX_DEPTH,
         is_ground,
     )
     return is_ground
@@ -107,7 +124,7 @@ def is_on_ground(
 
 def _start_height(lowest: npt.NDArray, settings: GroundSettings) -> float:
     """Return the height from which the walk begins: low among what each sector has near the sensor."""
-    near = lowest[:, : max(int(settings.start_range / settings.cell), 1)].min(axis=1)
+    near = lowest[:, : max(int(START_RANGE / settings.cell), 1)].min(axis=1)
     near = near[np.isfinite(near)]
     return float(np.percentile(near, 30)) if len(near) else 0.0
 

@@ -53,6 +53,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     if not names:
         kind = "" if codec is None else f" for format {codec!r}"
         raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
+    _require_no_folder(folder, _suffix(names[0]))
     counts = Counter(_suffix(name) for name in names)
     if len(counts) > 1:
         listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
@@ -93,6 +94,15 @@ def _require_sound(names: Sequence[str], folder: Path) -> None:
         twin = known.setdefault(os.path.splitext(name)[0], name)
         if twin != name:
             raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
+
+
+def _require_no_folder(folder: Path, suffix: str) -> None:
+    """Raise where a folder has a scan's number: that scan would be left out in silence."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            stem, own = os.path.splitext(entry.name)
+            if own.lower() == suffix and stem.isdecimal() and entry.is_dir():
+                raise InputError(f"{folder / entry.name} is a folder among scans; rename or remove it")
 
 
 def is_text(name: str) -> bool:

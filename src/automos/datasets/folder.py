@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 from concurrent.futures import ThreadPoolExecutor
@@ -206,8 +207,11 @@ class FolderSequence(Sequence):
     @cached_property
     def _unit(self) -> tuple[float, list[str]]:
         """Metres per unit of the coordinates, and what to say of it."""
-        few = [self._paths[i] for i in np.unique(np.linspace(0, len(self) - 1, 3).astype(int))]
-        return unit_of([coordinates(read_columns(path, self._codec), path) for path in few])
+        clouds = []
+        for i in np.unique(np.linspace(0, len(self) - 1, 3).astype(int)):
+            with contextlib.suppress(InputError):  # told when the scan itself is read
+                clouds.append(coordinates(read_columns(self._paths[i], self._codec), self._paths[i]))
+        return unit_of(clouds)
 
     @cached_property
     def _point_times(self) -> PointTimes:

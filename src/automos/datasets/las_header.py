@@ -32,11 +32,13 @@ def require_whole(path: Path) -> int:
         extended, n_extended, n_points = struct.unpack_from("<QIQ", head, 235)
     packed = size - start
     is_packed = form & 0xC0 != 0
+    n_chunks = _count_chunks(path, start, size) if is_packed and start + 8 <= size else 0
     needs = 0 if is_packed else n_points * width
     left = (extended if n_extended else size) - start - needs
     faults = {
         f"{n_records} records before its points": header_size + n_records * _VLR > start,
         f"points from byte {start}": not _HEADER <= header_size <= start <= size,
+        "a table of its packed points that is not there": n_chunks > max(packed, 0),
         f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
         f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
@@ -46,3 +48,18 @@ def require_whole(path: Path) -> int:
     if fault is not None:
         raise InputError(f"{path} is cut short or damaged: its header tells of {fault}, in {size} bytes; copy it again")
     return int(n_points)
+
+
+def _count_chunks(path: Path, start: int, size: int) -> int:
+    """Return of how many chunks the table of a LAZ file tells, more than there are bytes where it has none."""
+    with path.open("rb") as file:
+        file.seek(start)
+        (table,) = struct.unpack("<q", file.read(8))
+        if table == -1:  # written before it was known; it is said at the end
+            file.seek(size - 8)
+            (table,) = struct.unpack("<q", file.read(8))
+        if not start + 8 <= table <= size - 8:
+            return size + 1
+        file.seek(table)
+        _, n_chunks = struct.unpack("<II", file.read(8))
+    return int(n_chunks)

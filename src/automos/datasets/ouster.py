@@ -20,6 +20,7 @@ from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
+from automos.reading import require_regular
 from automos.scan import Scan, Sequence
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
@@ -111,6 +112,8 @@ class OusterSequence(Sequence):
         """The opened and indexed file; one for each thread, as readers are not made to be shared."""
         if not hasattr(self._threads, "reader"):
             pcap = import_extra("ouster.sdk.pcap", "ouster")
+            for file in (self.source, *self._metadata):
+                require_regular(file)
             try:
                 metadata = [str(file) for file in self._metadata]
                 self._threads.reader = pcap.PcapScanSource(str(self.source), meta=metadata, index=True)

@@ -27,6 +27,7 @@ from automos.datasets.point_cloud2 import read_columns
 from automos.datasets.point_times import PointTimes, judge_times
 from automos.datasets.time_order import put_in_order
 from automos.errors import AutomosError, InputError
+from automos.reading import require_regular
 from automos.scan import Mask, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -100,8 +101,7 @@ class RosbagSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
-        files = sorted(self.source.iterdir()) if self.source.is_dir() else [self.source]
-        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(files)}"
+        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(_files(self.source))}"
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key != "_threads"}
@@ -117,6 +117,8 @@ class RosbagSequence(Sequence):
             anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
             # Bags of early ROS 2 do not tell their types; this one has not changed since.
             types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+            for file in _files(self.source):
+                require_regular(file)
             reader = anyreader.AnyReader([self.source], default_typestore=types)
             reader.open()
             self._threads.reader = reader
@@ -186,6 +188,11 @@ class RosbagSequence(Sequence):
 
     def _where(self, index: int | None = None) -> Path:
         return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")
+
+
+def _files(bag: Path) -> list[Path]:
+    """Return what a bag is made of: the file itself, or what lies in its folder beside other folders."""
+    return sorted(file for file in bag.iterdir() if not file.is_dir()) if bag.is_dir() else [bag]
 
 
 def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:

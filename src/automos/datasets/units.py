@@ -1,7 +1,7 @@
 """The unit of a file's coordinates: metres, but for recorders that write centimetres or millimetres.
 
-What a LiDAR sees lies between a step and a few hundred metres around it, some of it near. Ranges of thousands that begin
-near the origin are not metres; the unit under which they are those of a LiDAR is taken instead, with a warning.
+What a LiDAR sees lies between a step and a few hundred metres around it, some of it near. Ranges of thousands that
+begin near the origin are not metres; the unit under which they are those of a LiDAR is taken instead, with a warning.
 Coordinates of a map are far away from its origin, all of them, and in metres.
 """
 

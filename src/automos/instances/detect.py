@@ -20,6 +20,15 @@ from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.settings import DetectSettings
 
+TORN_SHARE = 0.1
+"""Of its evidence: a segment with more than this both moved and stayed is torn."""
+TORN_POINTS = 20
+"""Points, and at least as many as this."""
+TORN_GAP = 0.3
+"""Metres: at which it is split, if its parts are not torn then."""
+SILENCE = 0.2
+"""Stayed, of all points: up to this a segment is unknown, not static."""
+
 
 def detect_objects(
     points: npt.NDArray,
@@ -99,7 +108,7 @@ def _speaks_once(
     count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings
 ) -> npt.NDArray[np.bool_]:
     """Return which segments moved as far as the evidence tells, or say next to nothing."""
-    return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= settings.silence * count)
+    return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
 
 
 def _split_where_it_tells(
@@ -120,18 +129,18 @@ def _split_where_it_tells(
     inside, n = ids >= 0, int(ids.max(initial=-1)) + 1
     moved, stayed = (np.bincount(ids[inside & kind], minlength=n) for kind in (has_moved, has_stayed))
     spoken = np.maximum(moved + stayed, 1)
-    is_torn = np.minimum(moved, stayed) >= np.maximum(settings.torn_share * spoken, settings.torn_points)
+    is_torn = np.minimum(moved, stayed) >= np.maximum(TORN_SHARE * spoken, TORN_POINTS)
     torn = np.flatnonzero(inside & is_torn[ids] if n else inside)
     if not len(torn):
         return ids
-    finer = settings.segments.model_copy(update={"gap": settings.torn_gap})
+    finer = settings.segments.model_copy(update={"gap": TORN_GAP})
     parts = segment_points(points[torn], heights[torn], ranges[torn], *ray_steps, finer)
     n_parts = int(parts.max()) + 2  # one of them is what lies beyond the range looked at, -1
     part = _gapless(ids[torn].astype(np.int64) * n_parts + parts + 1, n * n_parts)
     whole = np.zeros(part.max() + 1, np.int64)
     whole[part] = ids[torn]
     voices = np.stack([np.bincount(part, kind[torn]) for kind in (has_moved, has_stayed)])
-    unanimous = np.bincount(whole, voices.max(axis=0), n) >= (1.0 - settings.torn_share) * spoken
+    unanimous = np.bincount(whole, voices.max(axis=0), n) >= (1.0 - TORN_SHARE) * spoken
     is_split = unanimous[ids[torn]]
     split = ids.copy()
     split[torn[is_split]] = n + part[is_split]

@@ -19,6 +19,12 @@ from automos.settings import SegmentSettings
 
 _BINS = 64
 _NONE = np.iinfo(np.int64).max
+HEIGHT_BIN = 0.1
+"""Metres: resolution in height; 64 bins from the ground up."""
+THIN_SHARE = 0.25
+"""Points per row of rays: a stack of fewer joins no two things."""
+THIN_ROWS = 6
+"""Rows of rays through a stack, from which on that can be told."""
 
 
 def segment_points(
@@ -46,14 +52,14 @@ def segment_points(
         ranges,
         np.float32(settings.cell),
         n,
-        np.float32(settings.height_bin),
+        np.float32(HEIGHT_BIN),
         np.float32(settings.gap),
         np.float32(settings.gap_columns * column_width),
         np.float32(settings.height_gap),
         np.float32(settings.height_gap_rows * row_height),
         np.float32(row_height),
-        np.float32(settings.thin_share),
-        settings.thin_rows,
+        np.float32(THIN_SHARE),
+        THIN_ROWS,
         ids,
     )
     return ids

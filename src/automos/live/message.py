@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.labeler import LabelledScan
 from automos.labels import Label
-from automos.live.labelled import Labelled
 from automos.scan import Pose
 
 MAGIC, VERSION = b"AMOS", 1
@@ -56,7 +56,7 @@ class Message:
     labels: npt.NDArray[np.uint8] | None
 
 
-def encode(scan: Labelled) -> bytes:
+def encode(scan: LabelledScan) -> bytes:
     """Return the datagram of a labelled scan."""
     objects = np.zeros(min(len(scan.objects), 1000), OBJECT)
     for name in OBJECT.names or ():
@@ -121,7 +121,7 @@ class Sender:
         self._socket.setblocking(False)
         self.n_sent = self.n_failed = 0
 
-    def send(self, scan: Labelled) -> None:
+    def send(self, scan: LabelledScan) -> None:
         """Send one scan."""
         try:
             self._socket.send(encode(scan))

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from automos.labeler import Labeler, LabelledScan
 from automos.labels import Label
 from automos.live.feed import Feed
-from automos.live.labelled import Labelled, LabelsScans
 from automos.scan import Scan
 
 _log = logging.getLogger(__name__)
 
-Sink = Callable[[Scan, Labelled], None]
+Sink = Callable[[Scan, LabelledScan], None]
 """Takes a scan and its labels."""
 
 LOOK = 0.2
@@ -58,7 +58,7 @@ class Tally:
 
 def run_live(
     feed: Feed,
-    labeler: LabelsScans,
+    labeler: Labeler,
     sinks: Iterable[Sink],
     names: list[str] | None = None,
     tell: Callable[[Tally], None] | None = None,
@@ -80,7 +80,7 @@ def run_live(
     sinks = list(sinks)
     n_pushed = 0
 
-    def give(done: Iterable[Labelled]) -> None:
+    def give(done: Iterable[LabelledScan]) -> None:
         for given in done:
             scan = waiting.pop(given.index)
             tally.labelled += 1
@@ -118,7 +118,7 @@ def run_live(
     return tally
 
 
-def get_ready(labeler: LabelsScans, n_scans: int = 16) -> None:
+def get_ready(labeler: Labeler, n_scans: int = 16) -> None:
     """Label a small made-up recording with a labeler of its own, so that no kernel is compiled or loaded later.
 
     That takes seconds, on the first run more than a minute: too long for the first scan of a sensor.

@@ -23,7 +23,7 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.surfels import Surfels, few_surfels_of
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -42,6 +42,8 @@ CLEAR_STEP = 0.5
 """Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
 TRIED_STEPS = (1.0, 2.5)
 """Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+TRIAL_SURFELS = 3000
+"""Of a scan, with which starts are compared, at most."""
 SAME_START = 0.05
 """Metres from scan to scan between starts that registration has brought together: they are one."""
 TRIAL_SCANS = 10
@@ -94,7 +96,7 @@ class KissOdometry:
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
-        self._before, self._pose = np.eye(4), np.eye(4)  # of the scan before the last, and of the last
+        self._pose: Pose = np.eye(4)  # of the last scan
         self.twist = twist  # forwards in time, whichever way the scans come
 
     def register(self, scan: Scan, gap: float) -> Registered:
@@ -108,13 +110,8 @@ class KissOdometry:
             step = se3_exp(np.round(se3_log(inverse(self._pose) @ T), STEP_DIGITS))
             if gap > 0.0:
                 self.twist = self._sign / gap * se3_log(step)
-        self._before, self._pose = self._pose, self._pose @ step
+        self._pose = self._pose @ step
         return Registered(step, is_registered, points, times, during)
-
-    def correct(self, T_last_this: Pose, twist: Array) -> None:
-        """Take over where the last scan really was, and the motion (6,) per usual gap, from one who knows better."""
-        self._pose = self._before @ T_last_this
-        self.twist = twist
 
 
 def register_scans(
@@ -137,7 +134,7 @@ def register_scans(
 
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) motion per usual gap at the first of `scans`, of which `TRIAL_SCANS` are enough."""
-    surfels = [few_surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
     return _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
 
 
@@ -168,6 +165,7 @@ def _find_start(
     twist = _from_rest(scans, settings, timing, gaps)
     if len(surfels) <= START_SCANS:
         return twist
+    surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
     settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
     gaps = gaps[: len(surfels) - 1]
     tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]

@@ -77,7 +77,7 @@ class Alignment:
     max_surfels: int = 2500
 
 
-COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.2, submap_length=0.5, max_distance=40.0, max_surfels=800)
+COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.3, submap_length=0.5, max_distance=40.0, max_surfels=800)
 """Under which hypotheses are compared: wide enough not to overlook what does not fit."""
 
 

@@ -23,7 +23,7 @@ from automos.odometry.motion import (
 )
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
-from automos.odometry.surfels import Surfels, few_surfels_of
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -118,7 +118,7 @@ def _moving_window(
 def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
-    return few_surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
+    return surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
 
 
 def measure_misfits(

@@ -78,7 +78,8 @@ class Icp:
     def register(self, points: Points, T_world_predicted: Pose) -> Pose:
         """Return where the scan `points` (M, 3) lies, near to where it is predicted to; it becomes part of the map."""
         dense = points[rows_of_first_in_voxel(points, DENSE * self._map.voxel)]
-        source = dense[rows_of_first_in_voxel(dense, SPARSE * self._map.voxel)]
+        shuffled = dense[np.random.default_rng(0).permutation(len(dense))]  # else what was measured first would win
+        source = shuffled[rows_of_first_in_voxel(shuffled, SPARSE * self._map.voxel)]
         threshold = float(np.sqrt(self._squares / self._n))
         T = self._align(source, T_world_predicted, threshold)
         turned = np.clip((np.trace(T_world_predicted[:3, :3].T @ T[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)
@@ -90,9 +91,9 @@ class Icp:
         return T
 
     def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
-        T = np.array(T)
-        _align(source, T, self._map.arrays, 3.0 * threshold, threshold, self._convergence)
-        return T
+        found = np.array(T)
+        _align(source, found, self._map.arrays, 3.0 * threshold, threshold, self._convergence)
+        return found if np.isfinite(found).all() else T
 
 
 @numba.njit(cache=True, nogil=True)

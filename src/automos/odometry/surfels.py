@@ -25,8 +25,6 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should show."""
 MIN_SURFEL_POINTS = 3
 """Points without which a surfel has no extent."""
-FEW = 3000
-"""Surfels of a scan at most with which hypotheses are compared: more cost time and tell nothing new."""
 BODY_RANGE = 6.0
 """Metres within which the vehicle's own body is looked for: a long one's ends."""
 BODY_VOXEL = 0.4
@@ -80,12 +78,6 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
     """Return the surfels of a sweep's usable points that are seen well enough."""
     surfels = make_surfels(points, times)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
-
-
-def few_surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
-    """Return as many of them as hypotheses are compared with."""
-    surfels = surfels_of(points, times)
-    return surfels[:: -(-len(surfels) // FEW) or 1]
 
 
 def without_body(surfels: list[Surfels]) -> list[Surfels]:

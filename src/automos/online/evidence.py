@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automos.candidates.free_space_ask import Evidence, ask, partners_of
+from automos.candidates.free_space_ask import SPAN_TOLERANCE, Evidence, ask, partners_of
 from automos.candidates.free_space_view import Lidar, Seen, View
 from automos.settings import FreeSpaceSettings
 
@@ -57,7 +57,7 @@ class EvidenceWindow:
 
     def forget(self, stamp: float) -> None:
         """Drop what no scan at `stamp` or later asks; of scans before it only what they saw is kept."""
-        reach = 1.0 + self._settings.span_tolerance
+        reach = 1.0 + SPAN_TOLERANCE
         near, far = stamp - reach * self._settings.far_from, stamp - reach * max(self._settings.spans)
         self._looks = [look for look in self._looks if look.stamp >= (far if look.is_far else near)]
         for look in self._looks:

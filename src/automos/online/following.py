@@ -103,7 +103,7 @@ class Following:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
         kept = ~is_scenery(tracks, verdicts, detections)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        smooth = smooth_tracks(tracks, verdicts.is_moving, detections, stamps, self._settings.smoothing)
+        smooth = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
         return Followed(smooth[rows], verdicts, numbers, is_followed)
 
     def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:

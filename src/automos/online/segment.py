@@ -15,9 +15,8 @@ from automos import __version__
 from automos.atomic import atomic_path, remove_parts, write_text
 from automos.errors import InputError
 from automos.geometry import inverse
-from automos.labeler import Labeler
+from automos.labeler import Labeler, LabelledScan
 from automos.labels import Label, pack
-from automos.live.labelled import Labelled
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
 from automos.pose_files import write_kitti, write_tum
@@ -78,7 +77,7 @@ class ResultsWriter:
         self._boxes: dict[int, list[dict[str, Any]]] = {}
         self._counts = dict.fromkeys((label.name.lower() for label in Label), 0)
 
-    def write(self, given: Labelled) -> None:
+    def write(self, given: LabelledScan) -> None:
         """Write one scan; scans come in their order."""
         name = f"{given.index:06d}" if self._names is None else self._names[given.index]
         output = self._settings.output

@@ -109,6 +109,8 @@ def _in_list(path: Path, format: str | None) -> list[str]:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
     found: list[str] = []
     for line in filter(None, lines):
+        if not line.isprintable():
+            raise InputError(f"{path} names {line[:80]!r}, which is no path; write a path or URL in each line")
         if is_url(line):
             found += _in_store(line)
             continue

@@ -28,7 +28,6 @@ from automos.settings.tracking import (
     FilterSettings,
     GateSettings,
     JudgeSettings,
-    SmoothingSettings,
     TrackingSettings,
     VerdictSettings,
 )
@@ -43,6 +42,6 @@ __all__ = [
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
-    "SmoothingSettings", "TrackingSettings", "TrainingSettings", "VerdictSettings",
+    "TrackingSettings", "TrainingSettings", "VerdictSettings",
     "dump_yaml", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

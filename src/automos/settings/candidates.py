@@ -14,18 +14,8 @@ class GroundSettings(Group):
 
     cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map, and depth of a sector's cell")
     max_range: float = Field(80.0, gt=0, description="m, how far ground is looked for")
-    sectors: int = Field(360, ge=8, description="sectors around the sensor")
-    start_range: float = Field(10.0, gt=0, description="m, the ground's height is first taken from within this")
-    step: float = Field(0.12, gt=0, description="m, ground may rise or fall by this at once (a kerb)")
-    max_bend: float = Field(0.06, gt=0, description="m per m, how fast the ground's slope may change")
-    max_step: float = Field(
-        0.3, gt=0, description="m, most that ground may differ from what is expected, however far on"
-    )
-    max_slope: float = Field(0.35, gt=0, description="steepest ground, rise over run")
-    ghost_depth: float = Field(0.15, gt=0, description="m, a sight this far under nearer ground is a mirror image")
     tolerance: float = Field(0.08, gt=0, description="m, points at most this far above the surface are ground")
     tolerance_per_metre: float = Field(0.0015, ge=0, description="m more for each metre of distance from the sensor")
-    max_depth: float = Field(0.3, gt=0, description="m, points further below the surface than this are not ground")
 
 
 class EgoBodySettings(Group):
@@ -33,24 +23,8 @@ class EgoBodySettings(Group):
 
     max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
     near_reach: float = Field(1.2, gt=0, description="m, what nearly always returns from nearer than this rides along")
-    max_scans: int = Field(40, ge=2, description="scans looked at, spread over the recording")
-    min_scans: int = Field(9, ge=3, description="with fewer scans apart from each other nothing is called body")
-    min_distance: float = Field(0.5, gt=0, description="m, how far apart the sensor must be in scans looked at")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
-    min_overlap: float = Field(
-        0.8, gt=0, le=1, description="share of a part at the ends of the recording that must be there at both"
-    )
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
-    max_drift: float = Field(
-        0.025, gt=0, description="m, of a part's range from the first third of the recording to the last"
-    )
-    beyond: float = Field(0.5, gt=0, description="m beyond the body's reach from which what is seen shows the world")
-    world_distance: float = Field(0.25, gt=0, description="m between a place and what is seen there from elsewhere")
-    world_share: float = Field(0.05, gt=0, lt=1, description="share of hits among such looks that make it the world's")
-    min_cells: int = Field(4, ge=1, description="neighbouring rays that a part of the body must be met by")
-    attached_share: float = Field(
-        0.15, gt=0, le=1, description="of what hangs together that must be body for all of it to be; 1: nothing hangs"
-    )
 
 
 class ErasorSettings(Group):
@@ -88,13 +62,8 @@ class FreeSpaceSettings(Group):
         min_length=1,
         description="s, how long before and after a scan others are asked",
     )
-    span_tolerance: float = Field(0.25, gt=0, lt=1, description="of a span, how far off the asked scan may be")
     far_from: float = Field(2.5, gt=0, description="s, over longer spans only scans far_step apart are asked")
     far_step: float = Field(0.4, gt=0, description="s, between the scans that are asked over long spans")
-    first_spans: tuple[float, ...] = Field(
-        (0.6, 1.7, 4.0, 8.0), min_length=1, description="s, asked first; what they agree to have hit has stayed"
-    )
-    sure_hits: int = Field(2, ge=1, description="hits without a see-through after which no more scans are asked")
     margin: float = Field(0.2, gt=0, description="m, how far behind a point rays must go on to have seen through it")
     margin_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
     hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")

@@ -41,6 +41,18 @@ CONSTANTS = {
         place_every place_length place_scans rings sectors voxel max_turn_drift_deg max_offset max_difference candidates
         registration_distances min_points drift turn_drift_deg deviation turn_deviation_deg
         """,
+    "candidates.ground": "sectors start_range step max_bend max_step max_slope ghost_depth max_depth",
+    "candidates.ego_body": """
+        max_scans min_scans min_distance min_overlap max_drift beyond world_distance world_share min_cells
+        attached_share
+        """,
+    "candidates.free_space": "span_tolerance first_spans sure_hits support support_per_metre",
+    "instances.components": "torn_share torn_points torn_gap silence",
+    "instances.components.segments": "height_bin thin_share thin_rows",
+    "tracking.gates": "max_climb max_size_change max_count_ratio size_weight count_weight evidence_weight",
+    "tracking.judge": "prior displacement unsteady hover pieces",
+    "tracking.smoothing": "noise acceleration",
+    "tracking.completion": "ring ground_clearance",
 }
 """Names, by group, of settings that nobody can change any more."""
 

@@ -15,15 +15,12 @@ class SegmentSettings(Group):
 
     cell: float = Field(0.25, gt=0, description="m, side of a cell seen from above")
     max_range: float = Field(120.0, gt=0, description="m, half the side of the area looked at")
-    height_bin: float = Field(0.1, gt=0, description="m, resolution in height; 64 bins from the ground up")
     gap: float = Field(0.5, gt=0, description="m, things nearer to each other than this are one, seen from above")
     gap_columns: float = Field(
         2.5, ge=0, description="the same in distances between neighbouring rays, if that is more"
     )
     height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
     height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
-    thin_share: float = Field(0.25, ge=0, description="points per row of rays: a stack of fewer joins no two things")
-    thin_rows: int = Field(6, ge=1, description="rows of rays through a stack, from which on that can be told")
 
 
 class HdbscanSettings(Group):
@@ -61,14 +58,6 @@ class DetectSettings(Group):
     min_points: int = Field(3, ge=1, description="points of the smallest object")
     max_side: float = Field(45.0, gt=0, description="m, longest object")
     min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
-    torn_share: float = Field(
-        0.1, ge=0, le=0.5, description="of its evidence: a segment with more than this both moved and stayed is torn"
-    )
-    torn_points: int = Field(20, ge=1, description="points, and at least as many as this")
-    torn_gap: float = Field(0.3, gt=0, description="m, at which it is split, if its parts are not torn then")
-    silence: float = Field(
-        0.2, ge=0, le=1, description="stayed, of all points: up to this a segment is unknown, not static"
-    )
 
 
 class InstancesSettings(Group):

@@ -46,19 +46,6 @@ class GateSettings(Group):
 
     speed: float = Field(15.0, gt=0, description="m/s, usual speed of what the evidence says has moved")
     gate: float = Field(3.0, gt=0, description="standard deviations between predicted and seen position")
-    max_climb: float = Field(1.5, gt=0, description="m, between predicted and seen height")
-    max_size_change: float = Field(0.7, gt=0, le=1, description="of a ground side, as a share of the longer plus 1 m")
-    max_count_ratio: float = Field(5.0, gt=1, description="between the numbers of points")
-    size_weight: float = Field(4.0, ge=0, description="cost of a change of size, in squared standard deviations")
-    count_weight: float = Field(1.0, ge=0, description="cost of e times as many points")
-    evidence_weight: float = Field(2.0, ge=0, description="cost of going from all moving to all static")
-
-
-class SmoothingSettings(Group):
-    """Where moving objects were and how fast, from the whole of their tracks."""
-
-    noise: float = Field(0.15, gt=0, description="m, standard deviation of a box's centre")
-    acceleration: float = Field(1.5, gt=0, description="m/s per square root of a second, by which speeds wander")
 
 
 class JudgeSettings(Group):
@@ -71,10 +58,6 @@ class CompletionSettings(Group):
     """Which points beside its segment belong to a moving object."""
 
     margin: float = Field(0.1, ge=0, description="m, around the segment's box")
-    ring: float = Field(1.5, gt=0, description="m, around it: the ground beside the object")
-    ground_clearance: float = Field(
-        0.1, ge=0, description="m above the ground beside it, from which on it is the object"
-    )
 
 
 class TrackingSettings(Group):
@@ -88,5 +71,4 @@ class TrackingSettings(Group):
     verdict: VerdictSettings = VerdictSettings()
     gates: GateSettings = GateSettings()
     judge: JudgeSettings = JudgeSettings()
-    smoothing: SmoothingSettings = SmoothingSettings()
     completion: CompletionSettings = CompletionSettings()

@@ -14,6 +14,19 @@ from automos.settings import AssociationSettings, FilterSettings, GateSettings
 from automos.tracking import filter as kalman
 from automos.upright_boxes import Boxes, iou_3d
 
+MAX_CLIMB = 1.5
+"""Metres between predicted and seen height, at most."""
+MAX_SIZE_CHANGE = 0.7
+"""Of a ground side, at most, as a share of the longer plus 1 m."""
+MAX_COUNT_RATIO = 5.0
+"""Between the numbers of points, at most."""
+SIZE_WEIGHT = 4.0
+"""Cost of a change of size, in squared standard deviations."""
+COUNT_WEIGHT = 1.0
+"""Cost of e times as many points."""
+EVIDENCE_WEIGHT = 2.0
+"""Cost of going from all moving to all static."""
+
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> npt.NDArray[np.float64]:
     """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
@@ -65,18 +78,14 @@ def motion_cost(
     contrast = np.abs(share[k] - seen.moving_share[j])
     is_possible = (
         (squared < settings.gate**2)
-        & (climb < settings.max_climb)
-        & (growth < settings.max_size_change)
-        & (thinning < np.log(settings.max_count_ratio))
+        & (climb < MAX_CLIMB)
+        & (growth < MAX_SIZE_CHANGE)
+        & (thinning < np.log(MAX_COUNT_RATIO))
     )
     cost = np.full(is_near.shape, np.inf)
     cost[k, j] = np.where(
         is_possible,
-        squared
-        + climb
-        + settings.size_weight * growth
-        + settings.count_weight * thinning
-        + settings.evidence_weight * contrast,
+        squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * contrast,
         np.inf,
     )
     return cost

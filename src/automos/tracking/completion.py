@@ -15,6 +15,11 @@ from automos.labels import Label
 from automos.settings import CompletionSettings
 from automos.tracking.tracks import Tracks
 
+RING = 1.5
+"""Metres around an object's box in which the ground beside it is looked for."""
+GROUND_CLEARANCE = 0.1
+"""Metres above the ground beside it, from which on it is the object."""
+
 
 def paint_objects(
     points: npt.NDArray,
@@ -44,7 +49,7 @@ def paint_objects(
     boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
     _fill(
         np.asarray(points), ids, stayed, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
-        settings.margin, settings.ring, settings.ground_clearance, track_of,
+        settings.margin, RING, GROUND_CLEARANCE, track_of,
     )  # fmt: skip
     return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
 

@@ -15,8 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
-from automos.settings import SmoothingSettings
 from automos.tracking.tracks import Tracks
+
+NOISE = 0.15
+"""Metres, standard deviation of a box's centre."""
+ACCELERATION = 1.5
+"""m/s per square root of a second, by which speeds wander."""
 
 
 def smooth_tracks(
@@ -24,7 +28,6 @@ def smooth_tracks(
     is_moving: npt.NDArray[np.bool_],
     detections: Sequence[Detections],
     stamps: npt.NDArray[np.float64],
-    settings: SmoothingSettings,
 ) -> Tracks:
     """Return `tracks`, the moving ones with centres and velocities that all their observations agree on best.
 
@@ -40,7 +43,7 @@ def smooth_tracks(
         t = stamps[tracks.scan[rows]]
         for axis in range(3):
             z = np.ascontiguousarray(measured[:, axis])
-            center[rows, axis], velocity[rows, axis] = smooth(t, z, settings.noise**2, settings.acceleration**2)
+            center[rows, axis], velocity[rows, axis] = smooth(t, z, NOISE**2, ACCELERATION**2)
     return replace(tracks, center=center, velocity=velocity)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from automos.geometry import transform
+from automos.labeler import LabelledScan
 from automos.labels import Label
 from automos.scan import Pose, Scan
 from automos.visualization.rerun_log import COLORS, KINDS, VERDICT_COLORS, load_rerun, point_kinds, thin_rows
@@ -47,7 +48,7 @@ class LiveView:
                 self._stream.flush(timeout_sec=2.0)
         self._stream.disconnect()
 
-    def show(self, scan: Scan, given: Any) -> None:
+    def show(self, scan: Scan, given: LabelledScan) -> None:
         """Show a scan and its labels; a viewer that was closed is shown nothing."""
         if not self.is_open:
             return
