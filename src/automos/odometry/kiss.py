@@ -122,13 +122,16 @@ def register_scans(
     timing : when in the sweep each point was measured.
     gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
     """
-    n = min(TRIAL_SCANS, len(sequence))
-    scans = [sequence[i] for i in range(n)]
-    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
-    start = _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
+    start = find_start([sequence[i] for i in range(min(TRIAL_SCANS, len(sequence)))], settings, timing, gaps)
     odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
     for i, scan in enumerate(sequence):
         yield odometry.register(scan, gaps[i - 1] if i else 0.0)
+
+
+def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
+    """Return the (6,) motion per usual gap at the first of `scans`, of which `TRIAL_SCANS` are enough."""
+    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    return _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
 
 
 def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
