@@ -42,6 +42,14 @@ def test_the_bonnet_is_found_and_nothing_else():
     assert not (found & ~true).any()
 
 
+def test_the_bonnet_is_found_though_others_drive_where_it_was():
+    top = BONNET.center[2] + 0.5 * BONNET.size[2]
+    column = tuple(Block((-9.0 - 5.0 * k, 0.0, 0.5 * top), (4.0, 1.9, top), velocity=(8.0, 0.0, 0.0)) for k in range(5))
+    frames, truth = recording(speed=8.0, extra=column)
+    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    assert (found & true).sum() > 0.95 * true.sum()
+
+
 def test_a_vehicle_alongside_at_the_same_speed_is_no_body():
     bus = Block((0.0, 3.2, 1.5), (11.0, 2.4, 3.0), velocity=(10.0, 0.0, 0.0))  # slides past at 2 m/s
     frames, truth = recording(speed=8.0, extra=(bus,))

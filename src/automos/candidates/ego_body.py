@@ -160,7 +160,10 @@ def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
 
 
 def _is_in_world(frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[np.float32]) -> Mask:
-    """Return (H, W) bool: cells at whose points other `frames`, from elsewhere, hit something again."""
+    """Return (H, W) bool: cells at whose points other `frames`, from elsewhere, hit something again.
+
+    Who drives behind comes by there, too; but then the place is seen through more often than it is hit.
+    """
     pyramid, n_cells = pyramid_shape(pattern), reach.size
     raws = [raw_points(frame) for frame in frames]
     images = [
@@ -168,7 +171,7 @@ def _is_in_world(frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[n
         for raw in raws
     ]
     tolerances = tuple(np.float32(x) for x in (0.2, 0.005, WORLD_DISTANCE, 0.01, 0.2))
-    hits, told = np.zeros((2, n_cells))
+    hits, told, through = np.zeros((3, n_cells))
     for frame, raw in zip(frames, raws, strict=True):
         cell = np.full(len(raw), -1, np.int64)
         _cells_within(raw, pattern.row_of_sine, reach, cell)
@@ -186,7 +189,8 @@ def _is_in_world(frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[n
             is_far = ranges > float(reach.max()) + BEYOND
             hits += np.bincount(cell[rows], is_far & (codes == HIT), n_cells)
             told += np.bincount(cell[rows], is_far & (codes >= EDGE), n_cells)
-    return ((hits > WORLD_SHARE * told) & (hits > 0)).reshape(reach.shape)
+            through += np.bincount(cell[rows], is_far & (codes > HIT), n_cells)
+    return ((hits > WORLD_SHARE * told) & (hits >= through) & (hits > 0)).reshape(reach.shape)
 
 
 def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float, share: float) -> None:
