@@ -42,8 +42,7 @@ def require_whole(path: Path) -> int:
         f"{n_records} records before its points": header_size + n_records * _VLR > start,
         f"points from byte {start}": not _HEADER <= header_size <= start <= size,
         "a table of its packed points that is not there": n_chunks > max(packed, 0),
-        "more packed bytes than it holds": is_packed
-        and _first_layers(path, start, form & 0x3F, width) > max(packed, 0),
+        "more packed bytes than it holds": in_layers > max(packed, 0),
         f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
         f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
