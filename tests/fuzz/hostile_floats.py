@@ -38,7 +38,7 @@ from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, facing, level, registration
+from automos.odometry import azimuths, covariances, facing, level, registration
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
@@ -188,6 +188,10 @@ def _odometry(points: np.ndarray) -> None:
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
     level._nearest_to_middle(points, level.RANGE, level.VOXEL)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
+    matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
+    covariances.eigenvalues(matrix)
+    covariances.eigenvector(matrix, covariances.variance_along(matrix, along), out[0])
+    covariances.across(matrix, along, out[0], out[1])
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
     icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0, 1e-3)
