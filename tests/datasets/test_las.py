@@ -55,6 +55,18 @@ def test_a_map_and_a_damaged_file_are_told(tmp_path, monkeypatch):
         open_sequence(tmp_path / "cut")[0]
 
 
+def test_more_packed_bytes_than_there_are_are_told_before_memory_is_taken_for_them(tmp_path):
+    path = tmp_path / "log" / "0.laz"
+    write_las(path, street_log().scans[0])
+    whole = path.read_bytes()
+    start, width = int.from_bytes(whole[96:100], "little"), int.from_bytes(whole[105:107], "little")
+    for layer in range(10):
+        at = start + 8 + width + 4 + 4 * layer
+        path.write_bytes(whole[:at] + b"\xff" * 4 + whole[at + 4 :])
+        with pytest.raises(InputError, match="more packed bytes than it holds"):
+            open_sequence(tmp_path / "log")[0]
+
+
 def test_a_table_of_packed_points_that_cannot_be_is_told_before_memory_is_taken_for_it(tmp_path):
     path = tmp_path / "log" / "0.laz"
     write_las(path, street_log().scans[0])

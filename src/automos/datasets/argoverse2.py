@@ -217,7 +217,7 @@ def _read(path: Path) -> Table:
         raise InputError(f"{path} is missing; a log needs it: download the log again") from None
     except InputError:
         raise
-    except (OSError, arrow.ArrowException) as error:
+    except (OSError, UnicodeError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
     return Table(path, {name: table[name].to_numpy() for name in table.column_names})
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import make_transform, transform
+from automos.pose_files import FARTHEST
 from automos.reading import read_text
 from automos.scan import Points, Pose
 
@@ -49,6 +50,8 @@ def take(rows: dict[str, npt.NDArray[np.float64]], path: Path, *names: str, size
     row = next((rows[name] for name in names if name in rows), None)
     if row is None or len(row) != size:
         raise InputError(f"{path} has no line {names[0]!r} of {size} numbers; download the calibration again")
+    if not (np.abs(row) < FARTHEST).all():
+        raise InputError(f"{path}: line {names[0]!r} holds what is no number; download the calibration again")
     return row
 
 

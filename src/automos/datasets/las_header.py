@@ -5,6 +5,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+import numpy as np
+
 from automos.errors import InputError
 
 _HEADER, _VLR, _EVLR = 227, 54, 60
@@ -33,12 +35,14 @@ def require_whole(path: Path) -> int:
     packed = size - start
     is_packed = form & 0xC0 != 0
     n_chunks = _count_chunks(path, start, size) if is_packed and start + 8 <= size else 0
+    in_layers = _first_layers(path, start, form & 0x3F, width) if is_packed else 0
     needs = 0 if is_packed else n_points * width
     left = (extended if n_extended else size) - start - needs
     faults = {
         f"{n_records} records before its points": header_size + n_records * _VLR > start,
         f"points from byte {start}": not _HEADER <= header_size <= start <= size,
         "a table of its packed points that is not there": n_chunks > max(packed, 0),
+        "more packed bytes than it holds": in_layers > max(packed, 0),
         f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
         f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
@@ -48,6 +52,20 @@ def require_whole(path: Path) -> int:
     if fault is not None:
         raise InputError(f"{path} is cut short or damaged: its header tells of {fault}, in {size} bytes; copy it again")
     return int(n_points)
+
+
+def _first_layers(path: Path, start: int, form: int, width: int) -> int:
+    """Return how many bytes the first chunk of a LAZ file tells of, where its points are packed in layers (form 6 on).
+
+    The library takes memory for them before it reads.
+    """
+    plain, n_layers = {6: (30, 9), 7: (36, 10), 8: (38, 11)}.get(form, (0, 0))
+    if not plain or width < plain:
+        return 0
+    with path.open("rb") as file:
+        file.seek(start + 8 + width + 4)  # the table's place, the first point, how many there are
+        raw = file.read(4 * (n_layers + width - plain))
+    return sum(np.frombuffer(raw[: len(raw) // 4 * 4], "<u4").tolist())
 
 
 def _count_chunks(path: Path, start: int, size: int) -> int:

@@ -29,7 +29,7 @@ def eigenvalues(c):  # type: ignore[no-untyped-def]
     return max(low, 0.0), max(3.0 * middle - low - high, 0.0), high
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
     """Write the unit eigenvector of an eigenvalue apart from the others: it is normal to the rows of C - value."""
     x, y, z = c[0] - value, c[3] - value, c[5] - value
@@ -48,7 +48,7 @@ def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
             out[0], out[1], out[2] = a / length, b / length, d / length
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def across(c, along, first, second):  # type: ignore[no-untyped-def]
     """Write the directions across `along` (not the x axis) of least and most variance; return both variances."""
     length = np.sqrt(along[1] * along[1] + along[2] * along[2])
