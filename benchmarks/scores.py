@@ -86,10 +86,9 @@ def code_digest(rooms: tuple[str, ...] = ()) -> str:
 
 def commit() -> str:
     """Return the short commit of the package's source, with a + where files differ from it."""
-    found = subprocess.run(
-        ["git", "-C", PACKAGE, "describe", "--always", "--abbrev=7", "--match", "-", "--dirty=+"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return found.stdout.strip() or code_digest()
+    git = ["git", "-C", str(PACKAGE)]
+    found = subprocess.run([*git, "rev-parse", "--short=7", "HEAD"], capture_output=True, text=True, check=False)
+    if found.returncode != 0:
+        return code_digest()
+    is_clean = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "."], check=False).returncode == 0
+    return found.stdout.strip() + ("" if is_clean else "+")
