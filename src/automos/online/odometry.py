@@ -19,18 +19,20 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD
-from automos.odometry.kiss import START_SCANS, STEP_DIGITS
+from automos.odometry.kiss import START_SCANS, STEP_DIGITS, TRIAL_SCANS, find_start
 from automos.odometry.motion import MIN_POINTS, SweepTiming, usable_points
 from automos.odometry.moving_windows import MIN_BEND
 from automos.odometry.surfels import Surfels, surfels_of
+from automos.online.inquiry import Inquiry, find_timing, told_by
 from automos.online.near_map import NearMap
 from automos.online.past_submaps import Come, Laid, PastSubmaps
-from automos.online.timing_inquiry import TimingInquiry, told_by
 from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
 
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes at which the second scan is tried: a registration begun at rest may stay there."""
+OTHER_START = 0.3
+"""Metres from scan to scan between two starts that are not the same."""
 REMADE = 40
 """Scans that are made anew, at most, once it is known how sweeps are timed."""
 DOUBTFUL = 0.7
@@ -90,7 +92,9 @@ class CausalOdometry:
         if timing is None and (is_compensated or settings.time == "none"):
             timing = SweepTiming()
         self._settings, self._wanted, self._is_compensated = settings, timing_scans, is_compensated
-        self._timing, self._choice = timing, None if timing is not None else TimingInquiry(settings, is_compensated)
+        self._timing = timing
+        self._choice: Inquiry[SweepTiming] | None = None if timing is not None else Inquiry(2.0)
+        self._start: Inquiry[npt.NDArray[np.float64]] | None = Inquiry(1.0)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._waiting = deque[_Waiting](maxlen=REMADE)
         self._past, self._near = PastSubmaps(settings), NearMap(settings)
@@ -101,44 +105,68 @@ class CausalOdometry:
     def step(self, scan: Scan) -> Moved:
         """Return how the sensor moved from the last scan to this one."""
         gap = self._gap(scan)
-        remade: tuple[Remade, ...] = ()
-        if self._choice is not None:
-            if self._timing is None:
-                self._timing = told_by(scan)
-            found = self._choice.answer(self._stamp)
-            if found is not None:
-                remade = self._remake(found)
+        if self._choice is not None and self._timing is None:
+            self._timing = told_by(scan)
+        remade = self._take_answers()
         T_last_this = self._register(scan, gap)
         self._n += 1
-        if self._choice is not None:
-            self._waiting.append(_Waiting(scan, self._stamp, gap, self._T))
-            if self._n % self._wanted == 0:
-                last = list(self._waiting)[-self._wanted :]
-                come = np.linalg.norm(np.diff([w.T_world_sensor[:3, 3] for w in last], axis=0), axis=1)
-                if len(last) > 1 and come.mean() >= MIN_BEND:
-                    self._choice.ask([replace(w.scan, stamp=w.stamp) for w in last])
+        self._waiting.append(_Waiting(scan, self._stamp, gap, self._T))
+        self._ask()
         T_now_last = inverse(T_last_this)
         remade = tuple(replace(r, T_now_then=T_now_last @ r.T_now_then) for r in remade)
         timing = self._timing or SweepTiming()
         return Moved(T_last_this, self._stamp, timing, timing.share * self._twist, remade)
 
-    def _remake(self, timing: SweepTiming) -> tuple[Remade, ...]:
-        """Lay the last scans anew under the `timing` that was found; return them as the last of them sees them."""
-        self._choice = None
-        if timing == self._timing or not self._waiting:
-            self._timing = timing
-            return ()
-        now, self._timing, n = self._stamp, timing, self._n
+    def _ask(self) -> None:
+        """Begin to find out what can be found out from the scans so far."""
+        timing, settings = self._timing or SweepTiming(), self._settings
+        if self._start is not None and not self._start.is_asked and self._n == TRIAL_SCANS:
+            first = list(self._waiting)
+            scans, gaps = [w.scan for w in first], np.array([w.gap for w in first[1:]])
+            self._start.ask(lambda: find_start(scans, settings, timing, gaps), self._stamp)
+        if self._choice is None or self._choice.is_asked or self._n % self._wanted:
+            return
+        last = list(self._waiting)[-self._wanted :]
+        come = np.linalg.norm(np.diff([w.T_world_sensor[:3, 3] for w in last], axis=0), axis=1)
+        if len(last) > 1 and come.mean() >= MIN_BEND:
+            moving = [replace(w.scan, stamp=w.stamp) for w in last]
+            self._choice.ask(lambda: find_timing(moving, settings, self._is_compensated), self._stamp)
+
+    def _take_answers(self) -> tuple[Remade, ...]:
+        """Lay the last scans anew if something was found out that changes where they lie; return them, if so."""
+        remade: tuple[Remade, ...] = ()
+        start = None if self._start is None else self._start.answer(self._stamp)
+        if start is not None:
+            self._start = None
+            believed = se3_log(inverse(self._waiting[0].T_world_sensor) @ self._waiting[1].T_world_sensor)
+            if np.linalg.norm(believed[:3] - start[:3]) > OTHER_START:
+                remade = self._remake(self._timing, start)
+        timing = None if self._choice is None else self._choice.answer(self._stamp)
+        if timing is not None:
+            self._choice = None
+            remade = self._remake(timing, self._twist) if timing != self._timing else remade
+        if self._start is None and self._choice is None:
+            self._waiting.clear()
+        return remade
+
+    def _remake(self, timing: SweepTiming | None, twist: npt.NDArray[np.float64]) -> tuple[Remade, ...]:
+        """Lay the last scans anew, timed by `timing`, the first motion being `twist`.
+
+        They are returned as the last of them sees them.
+        """
+        now, n, waiting = self._stamp, self._n, list(self._waiting)
+        self._timing, self._twist, self._T = timing, twist, waiting[0].T_world_sensor
         self._past, self._near = PastSubmaps(self._settings), NearMap(self._settings)
-        made = []
-        for k, w in enumerate(self._waiting):
-            self._stamp = w.stamp
-            if k == 0:
-                self._T = w.T_world_sensor
-            self._register(w.scan, w.gap if k else 0.0)
-            made.append(Remade(w.scan, w.stamp, self._T, timing, timing.share * self._twist))
-        self._stamp, self._n = now, n
+        self._shares.clear()
         self._waiting.clear()
+        made = []
+        for k, w in enumerate(waiting):
+            self._stamp = w.stamp
+            self._register(w.scan, w.gap if k else 0.0)
+            known = timing or SweepTiming()
+            made.append(Remade(w.scan, w.stamp, self._T, known, known.share * self._twist))
+            self._waiting.append(replace(w, T_world_sensor=self._T))
+        self._stamp, self._n = now, n
         return tuple(replace(r, T_now_then=inverse(self._T) @ r.T_now_then) for r in made)
 
     def _register(self, scan: Scan, gap: float) -> Pose:

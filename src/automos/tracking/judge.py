@@ -55,6 +55,8 @@ MOVED = (1.02, 0.49, 0.455)
 """Dirichlet distribution of the shares of moved, stayed and unknown points in a scan of a mover under way."""
 STAYED = (0.18, 0.98, 0.455)
 """The same of what stays."""
+ENOUGH_KNOWN = 0.2
+"""Share of a thing's points that speaks for all of it, before others were asked; less than that are edges, too."""
 UNDER_WAY = 0.986
 """Share of its scans in which the evidence knows of a mover."""
 LOOKS = 2.2
@@ -114,7 +116,7 @@ def track_terms(
     """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`.
 
     What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`). Until then
-    the known points speak, split as the same distributions say, for as much of the thing as they are.
+    the known points speak, split as the same distributions say, if they are enough of the thing.
     """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 3))
@@ -158,8 +160,9 @@ def _add_up(first, center, half, counts, columns, terms):  # type: ignore[no-unt
         a, b = first[k], first[k + 1]
         for i in range(a, b):
             ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
-            if counts[i, 2] < 0.0:  # as much as is known of it
-                ratio *= counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
+            if counts[i, 2] < 0.0:
+                known = counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
+                ratio *= min(known / ENOUGH_KNOWN, 1.0)
             terms[k, 0] += math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY) / (b - a)
         terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
         way, scatter = 0.0, np.zeros((2, 3))

@@ -1,0 +1,68 @@
+"""Finding something out beside a stream that goes on: how sweeps are timed, how fast the sensor was at first."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from automos.array_sequence import ArraySequence
+from automos.odometry.clock import read_clock
+from automos.odometry.motion import SweepTiming
+from automos.odometry.timing import choose_timing
+from automos.scan import Scan
+from automos.settings import OdometrySettings
+
+_NICE = 10
+Answer = TypeVar("Answer")
+
+
+class Inquiry(Generic[Answer]):
+    """Something to be found out once, beside the stream, and answered some time later."""
+
+    def __init__(self, patience: float):
+        """Take the seconds of the stream after which an answer is given; never sooner, or it mattered who is fast."""
+        self._patience = patience
+        self._asked: Future[Answer] | None = None
+        self._due = np.inf
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether it is being found out, or was."""
+        return self._asked is not None
+
+    def ask(self, find: Callable[[], Answer], now: float) -> None:
+        """Begin at `now` seconds to find out what `find` returns, unless something was asked before."""
+        if self._asked is None:
+            worker = ThreadPoolExecutor(1, "inquiry")
+            self._asked, self._due = worker.submit(_patiently, find), now + self._patience
+            worker.shutdown(wait=False)
+
+    def answer(self, now: float) -> Answer | None:
+        """Return what was found, once its time has come at `now` seconds; None before."""
+        return self._asked.result() if self._asked is not None and now >= self._due else None
+
+
+def _patiently(find: Callable[[], Answer]) -> Answer:
+    with suppress(OSError, AttributeError):  # Linux knows priorities of threads; elsewhere all are alike
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+    return find()
+
+
+def find_timing(scans: list[Scan], settings: OdometrySettings, is_compensated: bool | None) -> SweepTiming:
+    """Return how sweeps are timed, from `scans`, which have stamps and in which the sensor moves."""
+    sequence = ArraySequence(scans, is_compensated=is_compensated)
+    return choose_timing(sequence, settings, None, read_clock(sequence)).timing
+
+
+def told_by(scan: Scan) -> SweepTiming | None:
+    """Return the timing that a scan's own times tell; None where it has none."""
+    if scan.time is None or not scan.is_valid.any():
+        return None
+    duration = float(np.nanmax(scan.time))
+    return SweepTiming("file", duration=duration, share=1.0) if np.isfinite(duration) and duration > 0.0 else None
