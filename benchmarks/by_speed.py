@@ -4,8 +4,8 @@
                                   [--sensor HDL-64E] [--scans 40] [--seed 5] [--json FILE]
 
 Poses are the true ones, so that what is missed is the method's; speeds are over the ground. M-detector is run twice: as
-published, and without "map consistency", by which a point that lies where something stood in any of the past images is
-no event. The first 15 scans, its warm-up, do not count.
+published, and without "map consistency", by which an image in which something stood where a point lies says nothing.
+The first 15 scans, its warm-up, do not count.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EDGES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)
 _NOWHERE = 1e-6  # metres, rad: nothing lies so near
 INCONSISTENT = replace(
     KITTI,
-    crossing=KITTI.crossing._replace(tolerance=_NOWHERE, surface_near=0.0, surface_far=0.0, surface_per_metre=0.0),
+    crossing=KITTI.crossing._replace(tolerance=_NOWHERE),
     away=KITTI.away._replace(tolerance=_NOWHERE),
     nearer=KITTI.nearer._replace(tolerance=_NOWHERE),
 )

@@ -2,7 +2,8 @@
 
     python benchmarks/gate.py --store FOLDER [--parts worlds tutorial real conventions] [--seeds 100 101 102 103]
                               [--scenarios ...] [--sensors ...] [--scans 60] [--preset default] [--workers 1]
-                              [--against TABLE] [--save] [--name NAME] [--simulate-only | --scored-only]
+                              [--against TABLE] [--save] [--name NAME] [--diagram FILE]
+                              [--simulate-only | --scored-only]
 
 Worlds are simulated once into FOLDER (about 12 GB for all 144) and scored without being looked at: for understanding,
 simulate other seeds. `tutorial` is the recording of docs/tutorial.md, where a car drives and stops. Real recordings
@@ -11,7 +12,8 @@ too. Scores are kept by the contents of the installed `automos` package, so a se
 labels only what is missing; --scored-only labels nothing and shows what is there.
 
 The result is compared, cell by cell, with a stored table: --against a file of benchmarks/results/ or its stem, else the
-newest there. --save stores this one, as NAME (default: the commit of the package).
+newest there. --save stores this one, as NAME (default: the commit of the package). --diagram draws how often labels of
+each confidence are right.
 Seconds are processor seconds, so that other work on the machine disturbs them little; memory is the peak of the
 process. Both depend on the machine: compare tables of one machine.
 """
@@ -25,7 +27,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from conventions import CASES, OF_DRIVE
-from gate_table import calibration, print_tables
+from gate_table import calibration, draw_reliability, print_tables
 from rich.console import Console
 from scores import Scores, commit
 from store import stored_world
@@ -103,6 +105,7 @@ def main() -> None:
     parser.add_argument("--against")
     parser.add_argument("--save", action="store_true")
     parser.add_argument("--name", default=commit())
+    parser.add_argument("--diagram", type=Path)
     parser.add_argument("--simulate-only", action="store_true")
     parser.add_argument("--scored-only", action="store_true")
     arguments = parser.parse_args()
@@ -132,6 +135,8 @@ def main() -> None:
     before_file = table_file(arguments.against, arguments.name)
     before = None if before_file is None else json.loads(before_file.read_text())
     print_tables(table, before)
+    if arguments.diagram is not None:
+        draw_reliability(table, arguments.diagram)
     if arguments.save:
         RESULTS.mkdir(exist_ok=True)
         out = RESULTS / f"gate-{arguments.name}.json"

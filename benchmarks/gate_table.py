@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 from suite import calibration_error
@@ -30,6 +33,29 @@ def calibration(rows: Rows) -> dict[str, list[float]]:
         sensor: [calibration_error(sum(np.array(rows[key]["reliability"][k]) for key in keys)) for k in (0, 1)]
         for sensor, keys in _sensors(rows).items()
     }
+
+
+def draw_reliability(table: dict, file: Path) -> None:
+    """Draw how often points of each confidence are labelled rightly, static and moving ones, by sensor."""
+    rows = {key: row for key, row in _read(table).items() if key[0].isdigit()}
+    figure = Figure((9.0, 4.2), layout="constrained")
+    for k, kind in enumerate(("static", "moving")):
+        axes = figure.add_subplot(1, 2, k + 1)
+        axes.plot([0, 1], [0, 1], color="#9aa0a6", linewidth=1)
+        for sensor, keys in _sensors(rows).items():
+            n, sure, right = np.sum([np.array(rows[key]["reliability"][k]) for key in keys], axis=0).T
+            there = n > 0.001 * n.sum()
+            axes.plot(sure[there] / n[there], right[there] / n[there], marker="o", label=sensor)
+        axes.set(
+            xlabel="confidence",
+            ylabel="share labelled rightly",
+            title=f"points labelled {kind}",
+            xlim=(0, 1),
+            ylim=(0, 1),
+        )
+        axes.legend(frameon=False, loc="upper left")
+    FigureCanvasAgg(figure)
+    figure.savefig(file, dpi=110)
 
 
 def print_tables(table: dict, before: dict | None) -> None:

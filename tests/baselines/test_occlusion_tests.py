@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, lies_on_surface, stack
+from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, stack
 from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector import _Tests
 from automos.baselines.m_detector_parameters import KITTI
@@ -48,16 +48,6 @@ def test_what_was_found_to_move_does_not_stand():
     assert not agrees(drawn.start, drawn.rays, 0.0, 0.0, 10.0, Window(0.01, 0.01), 0.15, SHAPE)
 
 
-def test_a_point_between_the_corners_of_a_slanted_surface_lies_on_it():
-    corners = np.array([[10.0, -0.1, -0.05], [12.0, 0.12, -0.06], [11.0, 0.0, 0.07]], np.float32)
-    drawn = image(corners)
-    window = Window(0.02, 0.02)
-    depth = 10.97  # the triangle's three depths, weighted by what lies opposite, where it is crossed straight ahead
-    assert lies_on_surface(drawn.start, drawn.rays, 0.0, 0.0, depth, window, 0.1, 10.0, SHAPE)
-    assert not lies_on_surface(drawn.start, drawn.rays, 0.0, 0.0, depth - 1.0, window, 0.1, 10.0, SHAPE)
-    assert not lies_on_surface(drawn.start, drawn.rays, 0.1, 0.0, depth, window, 0.1, 10.0, SHAPE)  # not enclosed
-
-
 def test_a_slanted_surface_is_not_even():
     slanted = screen(10.0)
     slanted[:, 0] += 3.0 * slanted[:, 2]
@@ -73,9 +63,20 @@ def test_case_1_what_hides_the_wall_of_two_images_is_an_event_and_of_one_is_none
     assert not events(wall, [wall, wall, wall]).any()
 
 
-def test_case_1_what_stood_there_in_any_image_is_none():
+def test_case_1_an_image_in_which_it_stood_there_says_nothing():
     wall, car = screen(20.0), screen(10.0, 0.03, 0.03)
-    assert not events(car, [wall, wall, wall, np.concatenate([wall, car])]).any()
+    stood = np.concatenate([wall, car])
+    assert events(car, [stood, wall, wall, stood]).all()  # two images were hidden
+    assert not events(car, [stood, wall, stood, stood]).any()
+
+
+def test_case_1_who_walks_along_the_ray_is_an_event_though_he_lay_there_a_scan_ago():
+    wall = screen(20.0)
+    past = [
+        np.concatenate([wall, screen(10.0 + 0.1 * k, 0.02, 0.05)]) for k in range(1, 5)
+    ]  # 1 m/s, towards the sensor
+    assert events(screen(10.0, 0.02, 0.05), past).all()
+    assert not events(screen(10.0, 0.02, 0.05), past[:1]).any()  # within 0.15 m of where he stood
 
 
 @pytest.mark.parametrize("speed", [8.0, -8.0])

@@ -91,7 +91,7 @@ def call(*words: object) -> str:
     finally:
         sys.argv = given
     said = err.getvalue()
-    if code == 0 or (code == 3 and "fail" in out.getvalue() + said):
+    if code == 0 or (code == 3 and "not labelled: " in out.getvalue()):
         return out.getvalue()
     if code == 2 and "Usage:" in said:  # typer's own words for values it can tell apart itself
         raise RefusedError("the usage of the command was told")
@@ -105,7 +105,7 @@ def _require_whole(folder: Path, log: Path) -> None:
     """Raise where `folder` passes for results though it has not a label for each point."""
     if not (folder / "run.json").exists():
         raise WrongError("a run ended well and left no run.json")
-    for path in sorted((log / "velodyne").iterdir()):
+    for path in filter(Path.is_file, sorted((log / "velodyne").iterdir())):
         labels = folder / "predictions" / f"{path.stem}.label"
         if not labels.is_file() or labels.stat().st_size * 4 != path.stat().st_size:
             raise WrongError(f"{labels.name} has not a label for each point")
@@ -113,7 +113,7 @@ def _require_whole(folder: Path, log: Path) -> None:
 
 def _label(root: Path, rng: random.Random, *more: object) -> None:
     """Label again where results are, whatever became of these: they are whole then."""
-    call("label", root / "log", "--out", root / "run", "--workers", 1, *more)
+    call("label", root / "log", "--out", root / "run", "--workers", 1, "--confidence", *more)
     _require_whole(root / "run", root / "log")
 
 
@@ -151,7 +151,9 @@ def _status(root: Path, rng: random.Random, *more: object) -> None:
 
 
 def _fleet(root: Path, rng: random.Random, *more: object) -> None:
-    call("label", root / "logs", "--out", root / "fleet", "--workers", 1, "--work", root / "work", *more)
+    call(
+        "label", root / "logs", "--out", root / "fleet", "--workers", 1, "--work", root / "work", "--confidence", *more
+    )
     for name in ("a", "b"):
         if (root / "fleet" / name / "complete.json").exists():
             _require_whole(root / "fleet" / name, root / "logs" / name)

@@ -25,7 +25,15 @@ from automos.baselines import (
     yoon,
 )
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates import ego_body, erasor, erasor_bins, free_space_looks, free_space_vote, free_space_weigh
+from automos.candidates import (
+    ego_body,
+    ego_body_ranges,
+    erasor,
+    erasor_bins,
+    free_space_looks,
+    free_space_vote,
+    free_space_weigh,
+)
 from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
@@ -38,7 +46,7 @@ from automos.instances import detect, hierarchy
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, facing, level, registration
+from automos.odometry import azimuths, covariances, facing, level, registration
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
@@ -117,8 +125,8 @@ def _free_space(points: np.ndarray) -> None:
 
 def _ego_body(points: np.ndarray) -> None:
     rows, image = _pattern().row_of_sine, np.zeros((16, 64), np.float32)
-    ego_body._nearest_ranges(points, np.float32(8.0), rows, image)
-    ego_body._find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
+    ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
+    ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
         ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
 
@@ -190,9 +198,12 @@ def _odometry(points: np.ndarray) -> None:
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
-    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0, 1e-3)
+    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
+    covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
+    covariances.eigenvector(covariance, covariances.eigenvalues(covariance)[0], axes[0])
+    covariances.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]))

@@ -171,3 +171,9 @@ def test_one_recording_is_learnt_by_heart(tmp_path):
     segmenter = OnlineSegmenter(load_network(tmp_path / "network" / "best.pt"), chosen)
     counts = sum((count(segmenter.step(sequence[i]), sequence.truth(i)) for i in range(len(sequence))), Counts())
     assert counts.scores.iou > 0.9
+
+
+def test_where_training_stands_is_kept_though_it_got_no_better(data, tmp_path):
+    train(data, tmp_path, settings(epochs=3, learning_rate=1e-12), device="cpu")
+    assert len({row["val_iou_moving"] for row in read_curve(tmp_path)}) < 3
+    assert torch.load(tmp_path / "last.ckpt", map_location="cpu", weights_only=False)["epoch"] == 2

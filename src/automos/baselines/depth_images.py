@@ -14,7 +14,6 @@ from automos.cells import whole_below
 from automos.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
-_MOST = 64  # points around a direction that a surface is laid through
 
 
 class DepthImage(NamedTuple):
@@ -153,40 +152,6 @@ def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # typ
                     continue
                 if abs(turn_between(rays[k, 0], azimuth)) <= width and abs(rays[k, 1] - elevation) <= height:
                     return True
-    return False
-
-
-@numba.njit(cache=True, nogil=True)
-def lies_on_surface(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
-    """Tell whether a point lies on the triangle of standing points around its direction, no further than `reach` off.
-
-    A corner is the point nearest to the direction; with the first two others that enclose it, the depth there is known.
-    """
-    near = np.empty((_MOST, 3), np.float32)
-    n, corner = 0, 0
-    first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
-    for v in range(first, last + 1):
-        for u in range(left, right + 1):
-            p = v * shape.columns + u % shape.columns
-            for k in range(start[p], start[p + 1]):
-                a, b = turn_between(rays[k, 0], azimuth), rays[k, 1] - elevation
-                if rays[k, 3] > 0.0 or abs(a) > window.width or abs(b) > window.height or n == _MOST:
-                    continue
-                if abs(rays[k, 2] - r) <= reach:
-                    near[n, 0], near[n, 1], near[n, 2] = a, b, rays[k, 2]
-                    if a * a + b * b < near[corner, 0] ** 2 + near[corner, 1] ** 2:
-                        corner = n
-                    n += 1
-    ax, ay = near[corner, 0], near[corner, 1]
-    for j in range(n):
-        for k in range(j + 1, n):
-            bx, by, cx, cy = near[j, 0] - ax, near[j, 1] - ay, near[k, 0] - ax, near[k, 1] - ay
-            area = bx * cy - by * cx
-            if abs(area) > 1e-8:
-                s, t = (ay * cx - ax * cy) / area, (ax * by - ay * bx) / area
-                if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
-                    depth = near[corner, 2] + s * (near[j, 2] - near[corner, 2]) + t * (near[k, 2] - near[corner, 2])
-                    return abs(depth - r) < tolerance
     return False
 
 

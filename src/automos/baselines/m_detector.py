@@ -58,18 +58,16 @@ class _Tests:
         self._shape, self._min_range = shape, parameters.min_range
         self._wider = float(2.0 * np.pi / shape.columns / parameters.column)
         self._higher = float(shape.row_height / parameters.row)
-        tests = (parameters.crossing, parameters.away, parameters.nearer)
-        self._crossing = parameters.crossing._replace(
-            stands=self._scaled(parameters.crossing.stands), surface=self._scaled(parameters.crossing.surface)
-        )
+        cases = (parameters.away, parameters.nearer)
+        self._crossing = parameters.crossing._replace(stands=self._scaled(parameters.crossing.stands))
         self._along = tuple(
             case._replace(same=self._scaled(case.same), stands=self._scaled(case.stands), even=self._scaled(case.even))
-            for case in (parameters.away, parameters.nearer)
+            for case in cases
         )
-        # what agrees within the smallest of the tests' windows stands for all of them
-        width, height = (min(test.stands[i] for test in tests) for i in (0, 1))
+        # what agrees within the smaller of their windows stands for cases 2 and 3
+        width, height = (min(case.stands[i] for case in cases) for i in (0, 1))
         self._prefilter = self._scaled(Window(width, height))
-        self._plainly = min(test.tolerance for test in tests)
+        self._plainly = min(case.tolerance for case in cases)
 
     def _scaled(self, window: Window) -> Window:
         return Window(window.width * self._wider, window.height * self._higher, window.metres)
@@ -82,8 +80,8 @@ class _Tests:
             return np.zeros_like(is_asked)
         past = stack(images)
         T = np.stack([_between(image.T_level_sensor, frame.T_level_sensor) for image in images])
-        leave_out_standing(points, is_asked, T, past, self._prefilter, self._plainly, _PREFILTER, shape)
         is_event = find_crossing(points, is_asked, T, past, self._crossing, shape)
+        leave_out_standing(points, is_asked, T, past, self._prefilter, self._plainly, _PREFILTER, shape)
         if len(images) > 1:
             now: Stack = stack([draw(points, np.zeros_like(is_asked), frame.T_level_sensor, stamp, shape)])
             T_between = _between(images[1].T_level_sensor, images[0].T_level_sensor)

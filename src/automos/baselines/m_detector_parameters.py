@@ -53,12 +53,6 @@ KITTI = Parameters(
         images=2,
         stands=Window(0.01, 0.015, 0.15),
         tolerance=0.15,
-        surface=Window(0.015, 0.007),
-        surface_near=0.5,
-        surface_from=10.0,
-        surface_far=0.5,
-        surface_per_metre=0.1,
-        surface_reach=10.0,
     ),
     away=AlongRay(
         sign=1.0,

@@ -1,7 +1,7 @@
 """M-detector's tests of one point against depth images of the past: what hides, or hides behind, what was seen there.
 
-Case 1 is for what crosses the view, 2 for what goes away along a ray, 3 for what comes nearer. In all of them a point
-that lies where something stood in any of the images is no event.
+Case 1 is for what crosses the view, 2 for what goes away along a ray, 3 for what comes nearer. In case 1 an image in
+which something stood where the point lies says nothing; in cases 2 and 3 the point is no event then.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from automos.baselines.depth_images import (
     Window,
     agrees,
     is_even,
-    lies_on_surface,
     pixels_around,
     seen_from,
     turn_between,
@@ -24,21 +23,12 @@ from automos.baselines.range_image import pixel_of
 
 
 class Crossing(NamedTuple):
-    """Case 1. Metres, rad; `surface_*`: what lies on a triangle of standing points stands.
-
-    The surface's tolerance is `surface_near` up to `surface_from`, beyond it `surface_far` and `surface_per_metre`.
-    """
+    """Case 1. Metres, rad: how far before an image a point must lie, of how many images, and where it stands."""
 
     depth: float
     images: int
     stands: Window
     tolerance: float
-    surface: Window
-    surface_near: float
-    surface_from: float
-    surface_far: float
-    surface_per_metre: float
-    surface_reach: float
 
 
 class AlongRay(NamedTuple):
@@ -73,39 +63,35 @@ def leave_out_standing(points, is_asked, T, past, window, tolerance, images, sha
 
 @numba.njit(cache=True, nogil=True)
 def find_crossing(points, is_asked, T, past, case, shape):  # type: ignore[no-untyped-def]
-    """Return (M,) bool: what hides points of several images, and stands in none."""
+    """Return (M,) bool: what hides all that enough images saw around its direction, and stood in none of these.
+
+    Each image is asked for itself: a walker lies where he stood a scan ago, but hides what was seen there before.
+    """
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
-        if is_asked[i] and _hides(points[i], T, past, case, shape):
-            out[i] = True
-            for j in range(len(T)):
+        if not is_asked[i]:
+            continue
+        n = 0
+        for j in range(len(T)):
+            if n + len(T) - j < case.images:  # too few are left
+                break
+            if _hides(points[i], T[j], past.nearest[j], case.depth, shape):
                 a, b, r = seen_from(T[j], points[i, 0], points[i, 1], points[i, 2])
-                start = past.start[j]
-                tolerance = case.surface_near
-                if r > case.surface_from:
-                    tolerance = case.surface_far + case.surface_per_metre * (r - case.surface_from)
-                if agrees(start, past.rays, a, b, r, case.stands, case.tolerance, shape) or lies_on_surface(
-                    start, past.rays, a, b, r, case.surface, tolerance, case.surface_reach, shape
-                ):
-                    out[i] = False
+                n += not agrees(past.start[j], past.rays, a, b, r, case.stands, case.tolerance, shape)
+                if n == case.images:
+                    out[i] = True
                     break
     return out
 
 
 @numba.njit(cache=True, nogil=True)
-def _hides(point, T, past, case, shape):  # type: ignore[no-untyped-def]
-    """Tell whether `point` lies before all that enough of the images saw around its direction."""
-    n = 0
-    for j in range(len(T)):
-        x = T[j, 0, 0] * point[0] + T[j, 0, 1] * point[1] + T[j, 0, 2] * point[2] + T[j, 0, 3]
-        y = T[j, 1, 0] * point[0] + T[j, 1, 1] * point[1] + T[j, 1, 2] * point[2] + T[j, 1, 3]
-        z = T[j, 2, 0] * point[0] + T[j, 2, 1] * point[1] + T[j, 2, 2] * point[2] + T[j, 2, 3]
-        v, u, r = pixel_of(x, y, z, shape)
-        if v >= 0 and past.nearest[j, v, u] < np.inf and r < past.nearest[j, v, u] - case.depth:
-            n += 1
-            if n == case.images:
-                return True
-    return False
+def _hides(point, T, nearest, depth, shape):  # type: ignore[no-untyped-def]
+    """Tell whether `point` lies before all that an image saw around its direction."""
+    x = T[0, 0] * point[0] + T[0, 1] * point[1] + T[0, 2] * point[2] + T[0, 3]
+    y = T[1, 0] * point[0] + T[1, 1] * point[1] + T[1, 2] * point[2] + T[1, 3]
+    z = T[2, 0] * point[0] + T[2, 1] * point[1] + T[2, 2] * point[2] + T[2, 3]
+    v, u, r = pixel_of(x, y, z, shape)
+    return v >= 0 and nearest[v, u] < np.inf and r < nearest[v, u] - depth
 
 
 @numba.njit(cache=True, nogil=True)

@@ -101,11 +101,10 @@ def train_network(
         start = load_checkpoint(init)
         require_shape(start, settings.image, settings.model, init)
         run.network.load_state_dict(start.network.state_dict())
-    best = ModelCheckpoint(
-        out, "best-{epoch}", monitor=MONITORED, mode="max", save_last=True, enable_version_counter=False
-    )
+    best = ModelCheckpoint(out, "best-{epoch}", monitor=MONITORED, mode="max", enable_version_counter=False)
+    latest = ModelCheckpoint(out, "last", enable_version_counter=False)  # of every epoch, whether it got better or not
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
-    callbacks = [best, stop, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
+    callbacks = [best, stop, latest, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
     data = _Data(train, validation, settings.training.batch, loaders)
     last = out / "last.ckpt"
     with _quiet():

@@ -33,9 +33,6 @@ STEP_DIGITS = 6
 """Decimals (m, rad) of a step: sums of another order show in the sixteenth digit, and reruns are identical."""
 UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
 """Metres, deviation expected at first: while the motion is unknown, and once it is known."""
-CONVERGENCE, START_CONVERGENCE = 1e-3, 1e-4
-"""Metres, a registration ends with a step shorter than this (KISS-ICP's own: 1e-4); one that starts far off moves on in
-small steps, and must not be content with little."""
 START_SCANS = 6
 """Scans registered twice, to know the motion during the first."""
 CLEAR_STEP = 0.5
@@ -88,11 +85,10 @@ class KissOdometry:
         twist: Array,
         threshold: float,
         reverse: bool = False,
-        convergence: float = CONVERGENCE,
     ):
         voxel = settings.voxel or settings.max_range / 100.0
         local_map = LocalMap(voxel, settings.points_per_voxel, settings.max_range)
-        self._icp = Icp(local_map, threshold, settings.max_range, convergence)
+        self._icp = Icp(local_map, threshold, settings.max_range)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
@@ -149,10 +145,10 @@ def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: A
 def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) first motion that a few scans give: forwards from rest, then backwards."""
     n = len(scans)
-    forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION, False, START_CONVERGENCE)
+    forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION)
     for i, scan in enumerate(scans):
         forwards.register(scan, gaps[i - 1] if i else 0.0)
-    backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, True, START_CONVERGENCE)
+    backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, reverse=True)
     for i in reversed(range(n)):
         backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
     return backwards.twist

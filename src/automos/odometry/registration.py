@@ -23,8 +23,8 @@ MIN_MOTION = 0.1
 """Metres, predictions that are off by less do not change how far is looked (the authors' value)."""
 FORGET_EVERY = 0.1
 """Of the map's range, that the sensor moves on before what is out of range is forgotten."""
-MAX_ITERATIONS = 500
-"""Of one registration (the authors' value)."""
+MAX_ITERATIONS, CONVERGENCE = 500, 1e-4
+"""Of one registration, which ends with a step shorter than so many metres (the authors' values)."""
 AROUND = np.array(sorted(np.ndindex(3, 3, 3), key=lambda v: np.abs(np.array(v) - 1).sum())) - 1
 """A voxel and its neighbours, nearest first."""
 
@@ -69,10 +69,9 @@ class LocalMap:
 class Icp:
     """Scans laid on the map of the ones before, and how far predictions have been off."""
 
-    def __init__(self, local_map: LocalMap, threshold: float, max_range: float, convergence: float):
-        """Take the map, the deviation from predictions expected at first (m) and when a registration ends."""
+    def __init__(self, local_map: LocalMap, threshold: float, max_range: float):
+        """Take the map, the deviation from predictions that is expected at first (m), and the range of the map (m)."""
         self._map, self._max_range = local_map, max_range
-        self._convergence = convergence
         self._squares, self._n = threshold**2, 1
 
     def register(self, points: Points, T_world_predicted: Pose) -> Pose:
@@ -92,7 +91,7 @@ class Icp:
 
     def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
         found = np.array(T)
-        _align(source, found, self._map.arrays, 3.0 * threshold, threshold, self._convergence)
+        _align(source, found, self._map.arrays, 3.0 * threshold, threshold)
         return found if np.isfinite(found).all() else T
 
 
@@ -168,7 +167,7 @@ def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _align(source, T, local_map, max_distance, kernel, convergence):  # type: ignore[no-untyped-def]
+def _align(source, T, local_map, max_distance, kernel):  # type: ignore[no-untyped-def]
     """Move `T` until the points lie on the map."""
     nearest, asked_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
     margin = np.full(len(source), -1.0)
@@ -187,7 +186,7 @@ def _align(source, T, local_map, max_distance, kernel, convergence):  # type: ig
             R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
             T[:3, :3] = R @ np.ascontiguousarray(T[:3, :3])
         T[:3, 3] += step[:3]
-        if np.sqrt((step * step).sum()) < convergence:
+        if np.sqrt((step * step).sum()) < CONVERGENCE:
             break
 
 

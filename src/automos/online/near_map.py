@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from automos.geometry import transform
-from automos.odometry.kiss import START_CONVERGENCE, UNKNOWN_MOTION
+from automos.odometry.kiss import UNKNOWN_MOTION
 from automos.odometry.registration import Icp, LocalMap
 from automos.odometry.surfels import Surfels
 from automos.scan import Points, Pose
@@ -34,4 +34,4 @@ class NearMap:
         local_map = LocalMap(s.voxel or s.max_range / 100.0, s.points_per_voxel, s.max_range)
         for T, points in self._scans:
             local_map.add(transform(T, points.astype(np.float64)), T[:3, 3])
-        return Icp(local_map, UNKNOWN_MOTION, s.max_range, START_CONVERGENCE).register(surfels.mean, expected)
+        return Icp(local_map, UNKNOWN_MOTION, s.max_range).register(surfels.mean, expected)
