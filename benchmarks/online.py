@@ -28,6 +28,7 @@ from speed import MemoryWatch
 from store import stored_world
 
 from automos import Labeler, load_settings, open_sequence
+from automos.errors import MissingExtraError
 from automos.evaluation.moving import Counts, count
 from automos.labels import Label
 from automos.online.segment import stamped
@@ -164,8 +165,12 @@ def main() -> None:
     jobs = [("automos", lag) for lag in sorted({0.0, *arguments.lags})] + [(rival, 0.0) for rival in arguments.rivals]
     rows, poses = [], None
     for method, lag in jobs:
-        with multiprocessing.get_context("spawn").Pool(1) as pool:
-            row = pool.apply(measure, (place, arguments.scans, method, lag, poses))
+        try:
+            with multiprocessing.get_context("spawn").Pool(1) as pool:
+                row = pool.apply(measure, (place, arguments.scans, method, lag, poses))
+        except MissingExtraError as missing:
+            Console(stderr=True).print(f"{method} is left out: {missing}")
+            continue
         found = np.array(row.pop("poses"))
         if method == "automos" and lag == 0.0:
             poses = np.linalg.inv(found[0]) @ found

@@ -191,6 +191,16 @@ def test_packets_over_loopback_become_scans(packets):
     assert feed.summary() == ""
 
 
+def test_a_packet_is_looked_at_when_it_comes(packets):
+    with UdpFeed("127.0.0.1", 0, VelodyneAssembler()) as feed, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        begin = time.monotonic()
+        for n, (_, payload) in enumerate(packets[:20], 1):
+            out.sendto(payload, ("127.0.0.1", feed.port))
+            while feed.n_packets < n:
+                time.sleep(0.0002)
+        assert time.monotonic() - begin < 20 * 0.05  # not each of them after a wait for more
+
+
 def test_foreign_packets_are_told_once_and_counted(packets, caplog):
     pytest.importorskip("velodyne_decoder")
     feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=1.0)

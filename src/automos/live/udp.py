@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import select
 import socket
 import time
+from contextlib import suppress
 from typing import Protocol
 from urllib.parse import urlsplit
 
@@ -81,7 +83,7 @@ class UdpFeed(Feed):
                 f"udp://{self._where} cannot be listened at ({error.strerror or error}); end the program that does, "
                 "or give an address and a port of this machine that are free"
             ) from None
-        self._socket.settimeout(POLL)
+        self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self._sender: str | None = None
         self.n_packets, self.n_foreign = 0, 0
@@ -119,12 +121,11 @@ class UdpFeed(Feed):
     def _packets(self) -> list[tuple[bytes, float, str]]:
         """Return what came: payload, when in seconds, and the sender's address; at most `AT_ONCE`."""
         came: list[tuple[bytes, float, str]] = []
-        try:
-            while len(came) < AT_ONCE:
-                payload, sender = self._socket.recvfrom(LONGEST, socket.MSG_DONTWAIT if came else 0)
-                came.append((payload, time.time(), sender[0]))
-        except (TimeoutError, BlockingIOError):
-            pass
+        if select.select([self._socket], [], [], POLL)[0]:
+            with suppress(BlockingIOError):  # nothing more is there
+                while len(came) < AT_ONCE:
+                    payload, sender = self._socket.recvfrom(LONGEST)
+                    came.append((payload, time.time(), sender[0]))
         return came
 
     def _count(self, n_own: int, n_foreign: int, came: list[tuple[bytes, float, str]]) -> None:
