@@ -60,3 +60,12 @@ def test_no_former_name_is_a_present_one():
     former = {f"{group}.{name}" for group, names in CONSTANTS.items() for name in names.split()} | set(RENAMED)
     assert not present & former
     assert set(RENAMED.values()) <= present
+
+
+def test_whole_groups_that_are_gone_are_left_out_of_files_and_told_to_who_asks_for_them(tmp_path, caplog):
+    file = tmp_path / "settings.yaml"
+    file.write_text("baselines: {octomap: {batch: {scans: 9}, hit: 0.7}}\nnetwork: {online: {engine: auto}}\n")
+    assert load_settings("default", file) == load_settings("default")
+    assert "1 more are left out: they are constants now" in caplog.text
+    with pytest.raises(SettingsError, match="no setting any more: give automos segment its --engine"):
+        load_settings("default", None, {"network.online.engine": "torch"})

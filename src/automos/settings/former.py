@@ -41,6 +41,18 @@ CONSTANTS = {
         place_every place_length place_scans rings sectors voxel max_turn_drift_deg max_offset max_difference candidates
         registration_distances min_points drift turn_drift_deg deviation turn_deviation_deg
         """,
+    "candidates.erasor": """
+        rings sectors min_points bin_max_height min_removed_span ground_seed_height ground_lowest_skipped ground_lowest
+        ground_iterations ground_distance ego_radius submap_scans submap_length
+        """,
+    "instances": "ego_radius",
+    "instances.hdbscan": "min_samples voxel",
+    "network.image": "spacing residual_min_range residual_max_range",
+    "network.training": """
+        optimizer momentum weight_decay warm_up schedule decay patience weighed_scans seed loaders cached_scans
+        """,
+    "self_training": "most",
+    "map": "tile picture_pixels",
     "candidates.ground": "sectors start_range step max_bend max_step max_slope ghost_depth max_depth",
     "candidates.ego_body": """
         max_scans min_scans min_distance min_overlap max_drift beyond world_distance world_share min_cells
@@ -55,6 +67,17 @@ CONSTANTS = {
     "tracking.completion": "ring ground_clearance",
 }
 """Names, by group, of settings that nobody can change any more."""
+
+BECAME = {
+    "baselines": "other methods run with the parameters that their authors published, automos.baselines; take it out",
+    "network.online": "give automos segment its --engine, --device and --threads instead",
+    "network.augmentation": "network.training.augment turns it on or off",
+    "network.cleanup": "RangeNet++'s values are used, automos.network.cleanup; take it out",
+    "network.scene_flow": "see automos.learning.rivals; take it out",
+    "network.training.optimizer": "set network.training.recipe",
+    "network.training.schedule": "set network.training.recipe",
+}
+"""What became of groups and settings: constants beside the code, options of a command."""
 
 
 def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
@@ -82,6 +105,9 @@ def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 def refuse_former_name(key: str) -> None:
     """Raise SettingsError if the setting `key` ("odometry.convergence") was asked for, and is none any more."""
+    for former, became in BECAME.items():
+        if key == former or key.startswith(f"{former}."):
+            raise SettingsError(f"'{key}' is no setting any more: {became} (`automos settings` lists all)")
     if _is_constant(key):
         raise SettingsError(f"{key} is a constant now, not a setting: leave it out (`automos settings` lists all)")
     if key in RENAMED:
@@ -90,7 +116,8 @@ def refuse_former_name(key: str) -> None:
 
 def _is_constant(key: str) -> bool:
     group, _, name = key.rpartition(".")
-    return name in CONSTANTS.get(group, "").split()
+    is_gone = any(key == former or key.startswith(f"{former}.") for former in BECAME)
+    return is_gone or name in CONSTANTS.get(group, "").split()
 
 
 def _present(tree: Mapping[str, Any], prefix: str, left_out: list[str], renamed: dict[str, Any]) -> dict[str, Any]:

@@ -40,17 +40,6 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
 }
 
-_FIXED = {
-    "baselines": "other methods run with the parameters that their authors published, automos.baselines; take it out",
-    "network.online": "give automos segment its --engine, --device and --threads instead",
-    "network.augmentation": "network.training.augment turns it on or off",
-    "network.cleanup": "RangeNet++'s values are used, automos.network.cleanup; take it out",
-    "network.scene_flow": "see automos.learning.rivals; take it out",
-    "network.training.optimizer": "set network.training.recipe",
-    "network.training.schedule": "set network.training.recipe",
-}
-"""What files of earlier versions may hold, and what became of it: constants beside the code, options of a command."""
-
 
 def load_settings(
     preset: str = "default", file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
@@ -143,7 +132,5 @@ def _sentence(error: ValidationError) -> str:
         known = keys_of(Settings)
         same_name = [k for k in known if (k.split(".")[0], k.rsplit(".", 1)[-1]) == (path[0], path[-1])]
         near = difflib.get_close_matches(key, same_name or known, 1, 0.0)[0]
-        if key in _FIXED:
-            return f"'{key}' is no setting any more: {_FIXED[key]} (`automos settings` lists all)"
         return f"there is no setting '{key}': did you mean '{near}'? (`automos settings` lists all)"
     return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"
