@@ -22,7 +22,12 @@ def test_the_unit_is_the_one_under_which_ranges_are_those_of_a_lidar(factor, uni
     assert len(words) == (unit != 1.0)
 
 
-@pytest.mark.parametrize("cloud", [np.zeros((0, 3)), np.zeros((9, 3)), np.full((9, 3), np.nan), street() + 500_000.0])
+EVEN = np.random.default_rng(0).uniform(-900.0, 900.0, (1000, 3))
+
+
+@pytest.mark.parametrize(
+    "cloud", [np.zeros((0, 3)), np.zeros((9, 3)), np.full((9, 3), np.nan), street() + 500_000.0, EVEN]
+)
 def test_nothing_and_a_map_are_in_metres(cloud):
     assert unit_of([cloud]) == (1.0, [])
 

@@ -2,7 +2,7 @@
 
 What a LiDAR sees lies between a step and a few hundred metres around it, some of it near. Ranges of thousands that
 begin near the origin are not metres; the unit under which they are those of a LiDAR is taken instead, with a warning.
-Coordinates of a map are far away from its origin, all of them, and in metres.
+Coordinates of a map are in metres: they are far away from its origin, all of them, or as dense there as anywhere.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ NEAREST = 30.0
 """Metres within which every LiDAR sees at least one in twenty."""
 
 
+CROWDED = 0.6
+"""Of the range that all but one in twenty points are within, where a sensor has half of them: it sees most nearby."""
 MIN_POINTS = 100
 """Points from which on ranges tell a unit."""
 
@@ -40,11 +42,11 @@ def unit_of(clouds: Sequence[Points]) -> tuple[float, list[str]]:
     found = np.concatenate(ranges) if ranges else np.zeros(0)
     if len(found) < MIN_POINTS:
         return 1.0, []
-    near, far = np.percentile(found, [5, 95])
+    near, middle, far = np.percentile(found, [5, 50, 95])
     if far <= FARTHEST:
         return 1.0, []
     name, unit = min(UNITS.items(), key=lambda item: abs(np.log(item[1] * far / USUAL)))
-    if unit * far > FARTHEST or unit * near > NEAREST:
+    if unit * far > FARTHEST or unit * near > NEAREST or middle > CROWDED * far:
         return 1.0, []
     return unit, [f"coordinates reach {far:,.0f} from the sensor, which are no metres; they are taken for {name}."]
 
