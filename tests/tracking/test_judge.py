@@ -173,21 +173,3 @@ def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew()
 def test_no_tracks_have_no_verdicts():
     none = one_track(STRAIGHT)[0][np.zeros(0, np.int64)]
     assert len(judge_by_evidence(none, [], JudgeSettings()).verdict) == 0
-
-
-def test_of_a_whole_and_its_piece_only_one_explains_the_points_that_moved():
-    # Somebody walks along beside a bin: the whole is both, the piece is the walker, who has a track of his own.
-    (walker, seen_walker), (bin_, seen_bin) = one_track(STRAIGHT), one_track(0.0 * STRAIGHT, moved=0.5, stayed=0.5)
-    walker = Tracks(
-        walker.track + 1, walker.scan, walker.segment + 1, walker.center, walker.size, walker.yaw, walker.velocity
-    )
-    both = [Detections.concatenate([whole, piece]) for whole, piece in zip(seen_bin, seen_walker, strict=True)]
-    for one in both:
-        one.n_points[:], one.n_moving[:], one.n_static[:] = (200, 100), (100, 100), (100, 0)
-    together = Tracks.concatenate([bin_, walker])
-    apart = judge_by_evidence(together, both, JudgeSettings())
-    for one in both:
-        one.part_of[1] = 0
-    shared = judge_by_evidence(together, both, JudgeSettings())
-    assert apart.verdict.tolist() == [Verdict.MOVING, Verdict.MOVING]
-    assert shared.verdict.tolist() == [Verdict.STATIC, Verdict.MOVING]

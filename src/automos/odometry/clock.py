@@ -22,6 +22,8 @@ STEP_NOISE = 0.05
 """Metres, error of a registration from scan to scan."""
 SELDOM = 10.0
 """Logarithm of how much likelier it is that no scan is missing at a place."""
+STAMP_DIGITS = 9
+"""Decimals of a stamp: a nanosecond, so that one clock read from two formats is one clock to the last bit."""
 TWICE = 1e-3
 """Seconds after a scan at which the same one once more is taken to be measured: stamps must increase."""
 
@@ -56,6 +58,7 @@ def read_clock(sequence: Sequence) -> Clock:
     stamps, has_stamps = sequence.stamps, sequence.stamps is not None
     if stamps is None:
         stamps = USUAL_PERIOD * np.arange(len(sequence), dtype=np.float64)
+    stamps = np.round(stamps, STAMP_DIGITS)
     if len(stamps) < 2:
         return Clock(stamps, USUAL_PERIOD, np.ones(0), has_stamps)
     steps = np.diff(stamps)

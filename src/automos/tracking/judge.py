@@ -86,12 +86,8 @@ def judge_by_evidence(
     detections : per scan, its segments.
     is_asked : per scan, whether others from a second or more were asked about it; all were where not given.
     """
-    weights = np.array(list(WEIGHTS.values()))
+    log_odds = PRIOR + track_terms(tracks, detections, is_asked) @ np.array(list(WEIGHTS.values()))
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
-    log_odds = PRIOR + track_terms(tracks, detections, is_asked) @ weights
-    explained = _explained(tracks, detections, np.where(n_seen > 1, log_odds, -np.inf))
-    if explained.any():
-        log_odds = PRIOR + track_terms(tracks, detections, is_asked, explained) @ weights
     probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
@@ -114,39 +110,13 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
     return stays & ~verdicts.is_moving
 
 
-def _explained(
-    tracks: Tracks, detections: Sequence[Detections], log_odds: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return (R, 2): how many moved points, and others, of each row's whole segment a piece's track explains better.
-
-    Somebody who stands beside a bin is one segment with it, and half of that has moved. But the half has a track of its
-    own, and of two tracks that hold the same points only one can be why they moved: the one with more `log_odds` (T,).
-    """
-    points = np.zeros((len(tracks.track), 2))
-    for scan, segment, rows in _observed(tracks, len(detections)):
-        found = detections[scan]
-        row_of = np.full(len(found), -1)
-        row_of[segment] = rows
-        whole = found.part_of[segment]
-        owner = np.where(whole >= 0, row_of[whole], -1)
-        odds = log_odds[tracks.track[rows]]
-        wins = np.flatnonzero((owner >= 0) & (odds > np.maximum(log_odds[tracks.track[owner]], 0.0)))
-        moved = np.minimum(found.n_moving, found.n_points)
-        np.add.at(points, owner[wins], np.stack([moved, found.n_points - moved], axis=-1)[segment[wins]])
-    return points
-
-
 def track_terms(
-    tracks: Tracks,
-    detections: Sequence[Detections],
-    is_asked: npt.NDArray[np.bool_] | None = None,
-    explained: npt.NDArray[np.float64] | None = None,
+    tracks: Tracks, detections: Sequence[Detections], is_asked: npt.NDArray[np.bool_] | None = None
 ) -> npt.NDArray[np.float64]:
     """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`.
 
     What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`). Until then
-    the known points speak, split as the same distributions say, if they are enough of the thing. Points that other
-    tracks explain, `explained` (R, 2) moved and others, do not.
+    the known points speak, split as the same distributions say, if they are enough of the thing.
     """
     center, half, about = np.zeros((3, len(tracks.track), 3))
     columns = np.zeros((len(tracks.track), 3))
@@ -157,14 +127,10 @@ def track_terms(
         c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
         length, width, height = boxes.size.T
         half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
-        moved, stayed = found.n_moving[segment], found.n_static[segment]
-        unknown = np.maximum(found.n_points[segment] - moved - stayed, 0.0)
-        if explained is not None:
-            moved = np.maximum(moved - explained[rows, 0], 0.0)
-            unknown = np.maximum(unknown - explained[rows, 1], 0.0)
+        unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
         if is_asked is not None and not is_asked[scan]:
             unknown = -np.maximum(unknown, 1e-9)
-        about[rows] = np.stack([moved, stayed, unknown], axis=-1)
+        about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
         columns[rows] = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)[segment]
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
