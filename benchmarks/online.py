@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
+from scores import First
 from speed import MemoryWatch
 from store import stored_world
 
@@ -113,30 +114,6 @@ def measure(place: tuple[str, ...], n_scans: int, method: str, lag: float, poses
         "cpu_ms": cpu, "peak_mb": max(watch.peak.values(), default=0) / 1e6,
         "poses": [pose.tolist() for pose in found],
     }  # fmt: skip
-
-
-class First(Sequence):
-    """The first scans of a recording."""
-
-    def __init__(self, inner: Sequence, n: int):
-        self._inner, self._n, self.name = inner, min(n, len(inner)), inner.name
-
-    def __len__(self) -> int:
-        return self._n
-
-    def __getitem__(self, index: int):
-        return self._inner[index]
-
-    @property
-    def stamps(self) -> npt.NDArray | None:
-        return None if self._inner.stamps is None else self._inner.stamps[: self._n]
-
-    @property
-    def is_compensated(self) -> bool | None:
-        return self._inner.is_compensated
-
-    def truth(self, index: int) -> npt.NDArray | None:
-        return self._inner.truth(index)
 
 
 def open_place(place: tuple[str, ...], n_scans: int) -> Sequence:

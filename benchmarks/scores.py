@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy.typing as npt
 from rich.console import Console
 from suite import measure
 
@@ -53,13 +54,13 @@ class Scores:
     def _measured(self, sequence: Sequence, bodies: Any, progress: StageProgress) -> dict:
         run = self._folder / f"run-{os.getpid()}"
         if not self._is_warm:  # kernels are compiled once; that is not what is measured
-            measure(_First(sequence, 12), self._preset, run, self._workers, progress)
+            measure(First(sequence, 12), self._preset, run, self._workers, progress)
             self._is_warm = True
         return measure(sequence, self._preset, run, self._workers, progress, bodies)
 
 
-class _First(Sequence):
-    """The first scans of a sequence."""
+class First(Sequence):
+    """The first scans of a recording."""
 
     def __init__(self, inner: Sequence, n: int):
         self._inner, self._n, self.name = inner, min(n, len(inner)), inner.name
@@ -69,6 +70,17 @@ class _First(Sequence):
 
     def __getitem__(self, index: int) -> Any:
         return self._inner[index]
+
+    @property
+    def stamps(self) -> npt.NDArray | None:
+        return None if self._inner.stamps is None else self._inner.stamps[: self._n]
+
+    @property
+    def is_compensated(self) -> bool | None:
+        return self._inner.is_compensated
+
+    def truth(self, index: int) -> npt.NDArray | None:
+        return self._inner.truth(index)
 
 
 def code_digest(rooms: tuple[str, ...] = ()) -> str:

@@ -17,51 +17,23 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.labels import Label
 from automos.online.intake import Intake, Kind
-from automos.online.stream import OBJECT_FIELDS, Painted, Stream
+from automos.online.labelled_scan import LabelledScan, objects_of
+from automos.online.stream import Stream
 from automos.parallel import available_cores
-from automos.scan import Pose, Scan
+from automos.scan import Scan
 from automos.settings import Settings, load_settings
 
+__all__ = ["Labeler", "LabelledScan", "as_scan"]
+
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class LabelledScan:
-    """A scan as it is given back: every point in its place.
-
-    Attributes
-    ----------
-    index : how many scans were pushed before it.
-    stamp : seconds.
-    pose : (4, 4) float64, T_world_sensor at mid-sweep. The world has z up and the ground under the first scan at z = 0.
-    labels : (N,) uint8 of `Label`: 251 moving, 9 static, 0 what is no point, what rides along and what is not known
-        yet: places that were never seen before.
-    track_ids : (N,) int32, the moving object each point belongs to, -1 for none. An object keeps its number.
-    confidence : (N,) float32 in [0, 1], how sure a label is; of points that are not known yet, how likely they stay.
-    objects : (K,) structured, one row for each moving object in this scan, in the world frame: `track`, its number,
-        `center` (3) and `size` (3: length, width, height) metres, `yaw` radians, `velocity` (3) m/s.
-    """
-
-    index: int
-    stamp: float
-    pose: Pose
-    labels: npt.NDArray[np.uint8]
-    track_ids: npt.NDArray[np.int32]
-    confidence: npt.NDArray[np.float32]
-    objects: npt.NDArray
-
-    def __repr__(self) -> str:
-        n_moving = int(np.count_nonzero(self.labels == Label.MOVING))
-        return f"<LabelledScan {self.index}: {len(self.labels)} points, {n_moving} moving, {len(self.objects)} objects>"
 
 
 class Labeler:
@@ -162,11 +134,8 @@ class Labeler:
             self.settings, self.lag, self._pool, self._is_compensated, before.T_world_sensor, before.next_track
         )
 
-    def _keep(self, painted: Iterable[Painted]) -> None:
-        for p in painted:
-            self._ready[p.number] = LabelledScan(
-                p.number, p.stamp, p.pose, p.labels, p.track_ids, p.confidence, p.objects
-            )
+    def _keep(self, given: Iterable[LabelledScan]) -> None:
+        self._ready.update((scan.index, scan) for scan in given)
 
     def _in_order(self) -> list[LabelledScan]:
         """Return what is ready, up to the first scan that is not."""
@@ -197,10 +166,8 @@ class Labeler:
         out = []
         for i in range(len(scans)):
             track = result.track_ids(i)
-            rows = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
-            objects = np.zeros(len(rows), OBJECT_FIELDS)
-            for name in ("track", "center", "size", "yaw", "velocity"):
-                objects[name] = getattr(result.tracks, name)[rows]
+            here = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
+            objects = objects_of(result.tracks[here])
             pose = result.trajectory.T_level_sensor[i]
             stamp = float(result.trajectory.stamps[i])
             out.append(LabelledScan(i, stamp, pose, result.labels(i), track, result.confidence(i), objects))
@@ -226,9 +193,7 @@ def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: Labe
     """Return a scan that could not be used; one that came twice has the labels of the first."""
     if kind is Kind.REPEAT and before is not None and len(before.labels) == n:
         return replace(before, index=index, stamp=stamp)
-    pose = np.eye(4) if before is None else before.pose
-    nothing = np.zeros(n, np.uint8), np.full(n, -1, np.int32), np.zeros(n, np.float32)
-    return LabelledScan(index, stamp, pose, *nothing, np.zeros(0, OBJECT_FIELDS))
+    return LabelledScan.of_nothing(index, stamp, np.eye(4) if before is None else before.pose, n)
 
 
 def _check_methods(settings: Settings) -> None:

@@ -26,7 +26,7 @@ from automos.odometry.trajectory import SequenceFrames
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
-from automos.stages import find_candidates, find_segments, follow_and_judge, hear_network, paint
+from automos.stages import add_network_cue, find_candidates, find_segments, follow_and_judge, paint
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
@@ -103,8 +103,8 @@ class Steps:
     def candidates(self, scans: range | None = None) -> Stage:
         """Return which points may have moved (III-B), at least for `scans`."""
         find = partial(find_candidates, self.frames, self.trajectory.stamps, self.settings, self.workers)
-        hear = partial(hear_network, find, self.frames, self.run.names, self.settings.self_training)
-        return self.run.each("candidates", hear, scans)
+        add = partial(add_network_cue, find, self.frames, self.run.names, self.settings.self_training)
+        return self.run.each("candidates", add, scans)
 
     def instances(self, scans: range | None = None) -> Stage:
         """Return the segments and their boxes (III-C), at least for `scans`."""

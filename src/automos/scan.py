@@ -198,11 +198,6 @@ class Frame:
     sensor: npt.NDArray[np.uint8] | None = None
     T_scan_sensor: Pose | None = None
 
-    @property
-    def n_sensors(self) -> int:
-        """Number of LiDARs whose points these are."""
-        return 1 if self.T_scan_sensor is None else len(self.T_scan_sensor)
-
     def of_sensor(self, k: int) -> tuple[npt.NDArray[np.int64] | slice, Frame]:
         """Return the rows of the points that LiDAR `k` measured, and the frame of these alone, in its coordinates."""
         if self.sensor is None or self.T_scan_sensor is None:

@@ -58,7 +58,7 @@ def find_candidates(
     return find(frames, stamps, settings, workers, range(missing[0], missing[-1] + 1))
 
 
-def hear_network(
+def add_network_cue(
     find: Callable[[list[int]], PerScan],
     frames: Frames,
     names: list[str],

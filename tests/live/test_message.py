@@ -13,7 +13,7 @@ import pytest
 from automos.errors import InputError
 from automos.labeler import LabelledScan
 from automos.live.message import LARGEST, OBJECT, Sender, decode, encode
-from automos.online.stream import OBJECT_FIELDS
+from automos.online.labelled_scan import OBJECT_FIELDS
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "live_receiver.py"
 

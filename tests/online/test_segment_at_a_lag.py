@@ -33,6 +33,11 @@ def test_what_is_written_is_what_the_labeler_gives_back(recording, tmp_path):
             tracks.setdefault(int(row["track"]) + 1, []).append(int(one.index))
     document = json.loads((tmp_path / "run" / "tracks.json").read_text())
     assert {t["id"]: [box["scan"] for box in t["boxes"]] for t in document["tracks"]} == tracks
+    sure = {}
+    for track in document["tracks"]:
+        seen = [given[box["scan"]] for box in track["boxes"]]
+        sure[track["id"]] = np.mean([one.confidence[one.track_ids + 1 == track["id"]].mean() for one in seen])
+    assert {t["id"]: t["confidence"] for t in document["tracks"]} == pytest.approx(sure, abs=6e-4)
     assert len(tracks) >= 2
     assert run["points"]["moving"] == sum(int((g.labels == 251).sum()) for g in given)
     assert run["lag_seconds"] == 0.3

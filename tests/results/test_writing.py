@@ -17,7 +17,7 @@ from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Result
 from automos.pose_files import read_poses
-from automos.results import writing as results
+from automos.results import point_files
 from automos.results.writing import write_results
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
@@ -184,7 +184,7 @@ def full_disk(path):
 @pytest.mark.parametrize(("result", "settings"), [(make_result("other"), PAPER), (make_result(), WITH_IDS)])
 def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(folder, monkeypatch, result, settings):
     (folder / "predictions" / "000099.label").write_bytes(b"")
-    monkeypatch.setattr(results, "atomic_path", full_disk)
+    monkeypatch.setattr(point_files, "atomic_path", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, result, settings)
     # two of three are new, none is old, and no run.json vouches for them
@@ -193,7 +193,7 @@ def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(f
 
 
 def test_labels_of_the_same_run_stay_while_they_are_written_again(folder, monkeypatch):
-    monkeypatch.setattr(results, "atomic_path", full_disk)
+    monkeypatch.setattr(point_files, "atomic_path", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, make_result(), PAPER)
     assert list(read_labels(folder)) == SEQUENCE.names

@@ -53,7 +53,7 @@ WORLD_SHARE = 0.05
 MIN_CELLS = 4
 """Neighbouring rays that a part of the body must be met by."""
 ATTACHED_SHARE = 0.15
-"""Of what hangs together that must be body for all of it to be; 1: nothing hangs."""
+"""Of what hangs together within the body\'s reach, the share that must be on it for all to be."""
 """Percentile of a part's drift that counts: what hangs on a hinge is steady beside it, traffic is so nowhere."""
 
 
@@ -65,12 +65,10 @@ class EgoBody:
     ----------
     reach : (H, W) float32, metres, on the pattern's grid; 0 where the body is not in the way.
     pattern : the grid.
-    attached_share : of what hangs together within the body's reach, how much must be on the body for all to be.
     """
 
     reach: npt.NDArray[np.float32]
     pattern: BeamPattern
-    attached_share: float = 1.0
 
     def covers(self, points: Points, is_ground: Mask | None = None) -> Mask:
         """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or hang on it.
@@ -82,7 +80,7 @@ class EgoBody:
         is_body = cell >= 0
         if is_body.any():
             is_ground = np.zeros_like(is_body) if is_ground is None else is_ground
-            _attach(points, is_body, is_ground, float(self.reach.max()), self.attached_share)
+            _attach(points, is_body, is_ground, float(self.reach.max()))
         return is_body
 
 
@@ -108,7 +106,7 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     ends[:, is_world], near[is_world] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     reach = np.where(is_world, 0.0, _grow(reach)).astype(np.float32)
-    return EgoBody(reach, pattern, ATTACHED_SHARE)
+    return EgoBody(reach, pattern)
 
 
 def _scans_apart(frames: Frames) -> list[int]:
@@ -193,14 +191,14 @@ def _is_in_world(frames: list[Frame], pattern: BeamPattern, reach: npt.NDArray[n
     return ((hits > WORLD_SHARE * told) & (hits >= through) & (hits > 0)).reshape(reach.shape)
 
 
-def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float, share: float) -> None:
+def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float) -> None:
     """Mark in `is_body` (M,) the points near the sensor that hang together with enough of what is marked."""
     near = np.flatnonzero((np.einsum("ij,ij->i", points, points) < reach**2) & (is_body | ~is_ground))
-    if share >= 1.0 or len(near) == 0:
+    if len(near) == 0:
         return
     part, n_parts = _parts_of(points[near])
     total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
-    is_body[near] |= (on_body >= share * total)[part]
+    is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
 
 
 def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

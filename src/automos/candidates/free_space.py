@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_ask import Evidence, ask, partners_of
-from automos.candidates.free_space_view import Lidar, Seen, learn_lidars, look
+from automos.candidates.free_space_view import Lidar, Seen, learn_lidars, look, ray_steps
 from automos.scan import Frames
 from automos.settings import EgoBodySettings, FreeSpaceSettings, GroundSettings
 
@@ -53,7 +53,7 @@ class FreeSpace:
     @property
     def ray_steps(self) -> npt.NDArray[np.float64]:
         """(2,) radians between neighbouring rows and columns of rays, of the sparsest LiDAR."""
-        return np.max([(s.pattern.row_height, s.pattern.column_width) for s in self.lidars], axis=0)
+        return ray_steps(self.lidars)
 
     def partners(self, index: int) -> npt.NDArray[np.int64]:
         """Return the scans that are asked about scan `index`, in time order: the nearest to each span.

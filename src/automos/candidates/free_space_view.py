@@ -103,6 +103,11 @@ def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings,
     return lidars
 
 
+def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
+    """Return (2,) radians between neighbouring rows and columns of rays, of the sparsest of `lidars`."""
+    return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
+
+
 def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
     """Return what `frame` saw."""
     points = frame.points_level

@@ -54,6 +54,7 @@ def live(
     from automos.errors import InputError
     from automos.live.opening import open_feed
     from automos.live.run import get_ready, run_live
+    from automos.online.segment import ResultsWriter
     from automos.settings import load_settings, read_overrides
 
     if not 0.0 <= lag < float("inf"):
@@ -68,8 +69,6 @@ def live(
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
         sinks: list[Sink] = []
         if out is not None:
-            from automos.online.segment import ResultsWriter
-
             writer = ResultsWriter(out, names, chosen)
             sinks.append(lambda scan, given: writer.write(given))
         if send is not None:
@@ -79,10 +78,9 @@ def live(
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
             writer.finish(_about(feed.name, tally, lag))
-    output.print(tally.sentence(feed.name))
-    for sentence in (feed.summary(), f"labels in {out}/predictions" if out is not None else ""):
-        if sentence:
-            output.print(sentence)
+    where = "" if out is None else f"labels in {out}/predictions"
+    for sentence in filter(None, (tally.sentence(feed.name), feed.summary(), where)):
+        output.print(sentence)
 
 
 def _about(name: str, tally: Tally, lag: float) -> dict[str, Any]:

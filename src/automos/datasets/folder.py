@@ -160,6 +160,11 @@ class FolderSequence(Sequence):
     def _paths(self) -> list[Path]:
         return [self._folder / file for file in self._files]
 
+    @cached_property
+    def _fullest(self) -> Path:
+        """The largest file, which tells most of how all are to be read."""
+        return max(self._paths, key=lambda path: path.stat().st_size)
+
     def _pose_files(self) -> list[Path]:
         return [self.source / "poses.txt"]
 
@@ -207,19 +212,16 @@ class FolderSequence(Sequence):
     @cached_property
     def _unit(self) -> tuple[float, list[str]]:
         """Metres per unit of the coordinates, and what to say of it."""
-        clouds = []
-        for i in np.unique(np.linspace(0, len(self) - 1, 3).astype(int)):
-            with contextlib.suppress(InputError):  # told when the scan itself is read
-                clouds.append(coordinates(read_columns(self._paths[i], self._codec), self._paths[i]))
-        return unit_of(clouds)
+        with contextlib.suppress(InputError):  # told when the scan itself is read
+            return unit_of(coordinates(read_columns(self._fullest, self._codec), self._fullest))
+        return 1.0, []
 
     @cached_property
     def _point_times(self) -> PointTimes:
         """How the points' times are read, found once: a scan of few points may not tell."""
         if self._codec in WIDTHS:
             return PointTimes()
-        fullest = max(self._paths, key=lambda path: path.stat().st_size)
-        columns = read_columns(fullest, self._codec)
+        columns = read_columns(self._fullest, self._codec)
         others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
         return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder)
 

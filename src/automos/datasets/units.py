@@ -7,8 +7,6 @@ Coordinates of a map are in metres: they are far away from its origin, all of th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -30,16 +28,15 @@ MIN_POINTS = 100
 """Points from which on ranges tell a unit."""
 
 
-def unit_of(clouds: Sequence[Points]) -> tuple[float, list[str]]:
-    """Return metres per unit of the coordinates of a few `clouds`, each (N, 3), and what to say of it.
+def unit_of(cloud: Points) -> tuple[float, list[str]]:
+    """Return metres per unit of the coordinates of a scan, `cloud` (N, 3), and what to say of it.
 
     Examples
     --------
-    >>> unit_of([100.0 * np.random.default_rng(0).normal(0.0, 15.0, (1000, 3))])[0]
+    >>> unit_of(100.0 * np.random.default_rng(0).normal(0.0, 15.0, (1000, 3)))[0]
     0.01
     """
-    ranges = [_ranges(cloud) for cloud in clouds]
-    found = np.concatenate(ranges) if ranges else np.zeros(0)
+    found = _ranges(cloud)
     if len(found) < MIN_POINTS:
         return 1.0, []
     near, middle, far = np.percentile(found, [5, 50, 95])

@@ -78,11 +78,43 @@ def _segment(  # type: ignore[no-untyped-def]
     points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, row_height,
     thin_share, thin_rows, ids,
 ):  # fmt: skip
-    # Which height bins of which cells hold points.
+    slot_of_cell = np.full(n * n, -1, np.int32)
+    cell_of, bin_of, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell)
+    allowed = np.empty(len(cells), np.int64)
+    for slot in range(len(cells)):
+        allowed[slot] = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
+    first, low, high = _stack(masks, allowed, len(points))
+    stack_of, count = _count(cell_of, bin_of, first, high)
+    is_thin = np.zeros(len(low), np.bool_)
+    for slot in range(len(cells)):
+        for s in range(first[slot], first[slot + 1]):
+            rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
+            is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
+    radius = np.empty(len(cells), np.float32)
+    for slot in range(len(cells)):
+        radius[slot] = max(gap, gap_per_metre * reach[slot]) / cell
+    joined = _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin)
+    number = np.full(len(low), -1, np.int32)
+    n_segments = 0
+    for i in range(len(points)):
+        if stack_of[i] < 0:
+            continue
+        root = joined[stack_of[i]]
+        if number[root] < 0:
+            number[root] = n_segments
+            n_segments += 1
+        ids[i] = number[root]
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # type: ignore[no-untyped-def]
+    """Return which cell and height bin each point is in (-1 outside), and of each cell number, bins taken and reach.
+
+    `slot_of_cell` (n * n,) is filled with the order in which cells were found, -1 for empty ones.
+    """
     m = len(points)
     cell_of = np.full(m, -1, np.int32)
     bin_of = np.empty(m, np.int64)
-    slot_of_cell = np.full(n * n, -1, np.int32)
     cells = np.empty(m, np.int32)
     masks = np.zeros(m, np.uint64)
     farthest = cell * np.float32(n)  # from corner to corner and more: what is further off is so by its height
@@ -108,28 +140,36 @@ def _segment(  # type: ignore[no-untyped-def]
         b = int(min(steps, np.float32(63.0))) if steps > 0.0 else 0
         cell_of[i], bin_of[i] = slot, b
         masks[slot] |= np.uint64(1) << np.uint64(b)
-    # Stacks: runs of bins without too large a gap.
+    return cell_of, bin_of, cells[:n_cells], masks[:n_cells], reach[:n_cells]
+
+
+@numba.njit(cache=True, nogil=True)
+def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
+    """Return the stacks, runs of bins without too large a gap: where each cell's begin, lowest and highest bins."""
+    n_cells = len(masks)
     first = np.empty(n_cells + 1, np.int32)
-    low, high = np.empty(m, np.int64), np.empty(m, np.int64)
-    allowed = np.empty(n_cells, np.int64)
+    low, high = np.empty(most, np.int64), np.empty(most, np.int64)
     n_stacks = 0
     for slot in range(n_cells):
         first[slot] = n_stacks
-        allowed[slot] = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
-        mask = masks[slot]
         last = -1000
         for b in range(64):
-            if (mask >> np.uint64(b)) & np.uint64(1):
+            if (masks[slot] >> np.uint64(b)) & np.uint64(1):
                 if b - last > allowed[slot]:
                     low[n_stacks] = b
                     n_stacks += 1
                 high[n_stacks - 1] = b
                 last = b
     first[n_cells] = n_stacks
-    # Thin stacks.
-    stack_of = np.full(m, -1, np.int32)
-    count = np.zeros(n_stacks, np.int64)
-    for i in range(m):
+    return first, low[:n_stacks], high[:n_stacks]
+
+
+@numba.njit(cache=True, nogil=True)
+def _count(cell_of, bin_of, first, high):  # type: ignore[no-untyped-def]
+    """Return the stack of each point, -1 for none, and how many points each stack has."""
+    stack_of = np.full(len(cell_of), -1, np.int32)
+    count = np.zeros(len(high), np.int64)
+    for i in range(len(cell_of)):
         slot = cell_of[i]
         if slot < 0:
             continue
@@ -138,24 +178,24 @@ def _segment(  # type: ignore[no-untyped-def]
             s += 1
         stack_of[i] = s
         count[s] += 1
-    is_thin = np.zeros(n_stacks, np.bool_)
-    for slot in range(n_cells):
-        for s in range(first[slot], first[slot + 1]):
-            rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
-            is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
-    # Like stacks join; every thin one remembers the full one that is nearest.
+    return stack_of, count
+
+
+@numba.njit(cache=True, nogil=True)
+def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  # type: ignore[no-untyped-def]
+    """Return the root of each stack: like ones join, and what hangs together thinly the full one that is nearest."""
+    n_stacks = len(low)
     parent = np.empty(n_stacks, np.int64)
     for s in range(n_stacks):
         parent[s] = s
     nearest = np.full((n_stacks, 3), _NONE)  # squared cells, cell, stack
-    for slot in range(n_cells):
+    for slot in range(len(cells)):
         c = cells[slot]
         u, v = c % n, c // n
-        radius = max(gap, gap_per_metre * reach[slot]) / cell
-        k = int(radius)
+        k = int(radius[slot])
         for dv in range(0, k + 1):
             for du in range(-k if dv > 0 else 1, k + 1):
-                if du * du + dv * dv > radius * radius:
+                if du * du + dv * dv > radius[slot] * radius[slot]:
                     continue
                 a, b = u + du, v + dv
                 if not (0 <= a < n and b < n):
@@ -174,7 +214,6 @@ def _segment(  # type: ignore[no-untyped-def]
                             _keep_nearest(nearest, s, t, du * du + dv * dv, b * n + a)
                         else:
                             _keep_nearest(nearest, t, s, du * du + dv * dv, c)
-    # What hangs together thinly joins the full thing that is nearest to any of it.
     for s in range(n_stacks):
         if nearest[s, 2] < n_stacks:
             _keep_nearest(nearest, _root(parent, s), nearest[s, 2], nearest[s, 0], nearest[s, 1])
@@ -182,17 +221,7 @@ def _segment(  # type: ignore[no-untyped-def]
     for s in range(n_stacks):
         root = _root(parent, s)
         joined[s] = _root(parent, nearest[root, 2]) if is_thin[root] and nearest[root, 2] < n_stacks else root
-    # Number the segments and write them back.
-    number = np.full(n_stacks, -1, np.int32)
-    n_segments = 0
-    for i in range(m):
-        if stack_of[i] < 0:
-            continue
-        root = joined[stack_of[i]]
-        if number[root] < 0:
-            number[root] = n_segments
-            n_segments += 1
-        ids[i] = number[root]
+    return joined
 
 
 @numba.njit(cache=True, nogil=True)

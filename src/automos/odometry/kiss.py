@@ -71,6 +71,12 @@ class Registered:
     twist: Array
 
 
+def empty_map(settings: OdometrySettings) -> LocalMap:
+    """Return the map that scans are registered on, without any yet."""
+    voxel = settings.voxel or settings.max_range / 100.0
+    return LocalMap(voxel, settings.points_per_voxel, settings.max_range)
+
+
 class KissOdometry:
     """KISS-ICP with the motion it has seen, per usual gap, so that missing scans are bridged.
 
@@ -86,9 +92,7 @@ class KissOdometry:
         threshold: float,
         reverse: bool = False,
     ):
-        voxel = settings.voxel or settings.max_range / 100.0
-        local_map = LocalMap(voxel, settings.points_per_voxel, settings.max_range)
-        self._icp = Icp(local_map, threshold, settings.max_range)
+        self._icp = Icp(empty_map(settings), threshold, settings.max_range)
         self._timing = timing
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0

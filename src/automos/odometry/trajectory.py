@@ -81,15 +81,23 @@ class Trajectory:
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
-    """Return the valid points of `scan`, number `index` of the recording, compensated for the sensor's motion.
+    """Return the valid points of `scan`, number `index` of the recording, compensated for the sensor's motion."""
+    T_level_sensor = trajectory.T_level_world @ trajectory.T_world_sensor[index]
+    stamp = float(trajectory.stamps[index])
+    return frame_of(scan, trajectory.timing, trajectory.sweep_motion[index], T_level_sensor, stamp)
+
+
+def frame_of(
+    scan: Scan, timing: SweepTiming, motion: npt.NDArray[np.float64], T_level_sensor: Pose, stamp: float
+) -> Frame:
+    """Return the valid points of `scan`, compensated for the sensor's `motion` (6,) during the sweep.
 
     The user's own points are compensated, in their order, never a cloud that came back from a registration: those are
     clipped and thinned, and their rows no longer line up with the labels.
     """
     kept = np.flatnonzero(scan.is_valid)
     points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
-    times = sweep_times(scan, trajectory.timing)
-    motion = trajectory.sweep_motion[index]
+    times = sweep_times(scan, timing)
     if times is not None:
         times = times if len(kept) == len(scan) else times[kept]
         points = compensate(points, times, motion)
@@ -97,8 +105,8 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
         points=points,
         kept=kept,
         n_points=len(scan),
-        T_level_sensor=trajectory.T_level_world @ trajectory.T_world_sensor[index],
-        stamp=float(trajectory.stamps[index]),
+        T_level_sensor=T_level_sensor,
+        stamp=stamp,
         sweep_time=times,
         sweep_motion=motion,
         sensor=None if scan.sensor is None else scan.sensor[kept],

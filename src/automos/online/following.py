@@ -20,7 +20,7 @@ from automos.tracking.judge import is_scenery, judge_by_evidence
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import LogEntry, Tracker, as_table
 from automos.tracking.tracks import Tracks
-from automos.tracking.unfollowed import LONGEST_STEP
+from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdict, Verdicts
 
 MEMORY = 8.0
@@ -90,7 +90,7 @@ class Following:
         steps = [*self._steps, *(_Step(t, found, tracker.step(t, found)) for t, found in ahead)]
         scan = next(k for k, step in enumerate(steps) if step.stamp == stamp)
         stamps = np.array([step.stamp for step in steps])
-        is_followed = len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
+        is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
         is_asked = np.array([step.is_asked for step in steps])

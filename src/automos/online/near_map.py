@@ -7,8 +7,8 @@ from collections import deque
 import numpy as np
 
 from automos.geometry import transform
-from automos.odometry.kiss import UNKNOWN_MOTION
-from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.kiss import UNKNOWN_MOTION, empty_map
+from automos.odometry.registration import Icp
 from automos.odometry.surfels import Surfels
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
@@ -30,8 +30,7 @@ class NearMap:
 
     def register(self, surfels: Surfels, expected: Pose) -> Pose:
         """Return the (4, 4) T_world_sensor of a scan that is expected about `expected`."""
-        s = self._settings
-        local_map = LocalMap(s.voxel or s.max_range / 100.0, s.points_per_voxel, s.max_range)
+        local_map = empty_map(self._settings)
         for T, points in self._scans:
             local_map.add(transform(T, points.astype(np.float64)), T[:3, 3])
-        return Icp(local_map, UNKNOWN_MOTION, s.max_range).register(surfels.mean, expected)
+        return Icp(local_map, UNKNOWN_MOTION, self._settings.max_range).register(surfels.mean, expected)

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import atomic_path, remove_parts, write_text
+from automos.atomic import remove_parts, write_text
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
-from automos.labels import Label, pack
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
 from automos.pose_files import write_kitti, write_tum
-from automos.results.tracks_file import write_tracks
+from automos.results.point_files import count_points, no_points, write_points
+from automos.results.tracks_file import box_entry, write_tracks
 from automos.run import Progress
 from automos.scan import Scan, Sequence
 from automos.settings import Settings, dump_yaml
@@ -75,22 +75,25 @@ class ResultsWriter:
         self._poses: list[np.ndarray] = []
         self._stamps: list[float] = []
         self._boxes: dict[int, list[dict[str, Any]]] = {}
-        self._counts = dict.fromkeys((label.name.lower() for label in Label), 0)
+        self._sure: dict[int, list[float]] = {}
+        self._counts = no_points()
 
     def write(self, given: LabelledScan) -> None:
         """Write one scan; scans come in their order."""
         name = f"{given.index:06d}" if self._names is None else self._names[given.index]
         output = self._settings.output
-        instances = given.track_ids + 1 if output.track_ids else None
-        with atomic_path(self._folder / "predictions" / f"{name}.label") as temporary:
-            pack(given.labels, instances).tofile(temporary)
-        if output.confidence:
-            with atomic_path(self._folder / "confidences" / f"{name}.npy") as temporary, temporary.open("wb") as file:
-                np.save(file, given.confidence)
-        for label in Label:
-            self._counts[label.name.lower()] += int((given.labels == label).sum())
+        track_ids, confidence = given.track_ids, given.confidence
+        write_points(
+            self._folder, name, given.labels, track_ids if output.track_ids else None,
+            confidence if output.confidence else None,
+        )  # fmt: skip
+        count_points(self._counts, given.labels)
         for row in given.objects:
-            self._boxes.setdefault(int(row["track"]), []).append(_box(row, len(self._written), given.stamp))
+            track = int(row["track"])
+            columns = np.hstack([row["center"], row["size"], row["yaw"], row["velocity"]]).round(3).tolist()
+            entry = box_entry(len(self._written), round(given.stamp, 6), True, columns)
+            self._boxes.setdefault(track, []).append(entry)
+            self._sure.setdefault(track, []).append(float(confidence[track_ids == track].mean()))
         self._written.append(name)
         self._poses.append(given.pose)
         self._stamps.append(given.stamp)
@@ -113,8 +116,8 @@ class ResultsWriter:
 
     def _entries(self) -> Iterator[dict[str, Any]]:
         for track, boxes in sorted(self._boxes.items()):
-            confidence = float(np.mean([box.pop("confidence", 1.0) for box in boxes]))
-            yield {"id": track + 1, "verdict": "moving", "confidence": round(confidence, 3), "boxes": boxes}
+            confidence = round(float(np.mean(self._sure[track])), 3)
+            yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
 
 
 def claim(folder: Path, places: list[str]) -> None:
@@ -151,15 +154,3 @@ def summary(run: dict[str, Any], folder: Path) -> str:
         f"lag {run['lag_seconds']:g} s, ms a scan, median/p99: {spent['median']:.0f}/{spent['p99']:.0f}\n"
         f"labels in {folder}/predictions"
     )
-
-
-def _box(row: np.ndarray, scan: int, stamp: float) -> dict[str, Any]:
-    return {
-        "scan": scan,
-        "stamp": round(stamp, 6),
-        "observed": True,
-        "center": np.round(row["center"], 3).tolist(),
-        "size": np.round(row["size"], 3).tolist(),
-        "yaw": round(float(row["yaw"]), 3),
-        "velocity": np.round(row["velocity"], 3).tolist(),
-    }

@@ -9,25 +9,26 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Seen, learn_lidars, look
+from automos.candidates.free_space_view import Seen, learn_lidars, look, ray_steps
 from automos.detections import Detections
 from automos.geometry import make_transform
 from automos.instances.detect import recount
 from automos.labels import Label
 from automos.odometry.level import level_frame
-from automos.odometry.motion import compensate, sweep_times, usable_points
+from automos.odometry.motion import usable_points
+from automos.odometry.trajectory import frame_of
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import Followed, Following
+from automos.online.labelled_scan import LabelledScan, objects_of
 from automos.online.odometry import CausalOdometry, Moved, Remade
 from automos.scan import OBJECT, Frame, Pose, Scan
 from automos.settings import Settings
 from automos.stages import candidates_of, paint_frame, segment_frame
-from automos.tracking.tracks import Tracks
 from automos.workspace import Arrays
 
 GROWN = 1.0
@@ -38,20 +39,6 @@ PATTERN_POINTS = 1000
 """Points a scan needs to show the sensor's beams."""
 SETTLED = 1.0
 """Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
-OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
-
-
-@dataclass(frozen=True, eq=False)
-class Painted:
-    """What is given back of a scan, see `LabelledScan`."""
-
-    number: int
-    stamp: float
-    pose: Pose
-    labels: npt.NDArray[np.uint8]
-    track_ids: npt.NDArray[np.int32]
-    confidence: npt.NDArray[np.float32]
-    objects: npt.NDArray
 
 
 @dataclass(eq=False)
@@ -106,7 +93,7 @@ class Stream:
         """(4, 4) the latest scan's pose."""
         return self._T_level_sensor
 
-    def push(self, number: int, scan: Scan) -> Iterator[Painted]:
+    def push(self, number: int, scan: Scan) -> Iterator[LabelledScan]:
         """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp."""
         moved = self._odometry.step(scan)
         self._T_level_sensor = self._T_level_sensor @ moved.T_last_this
@@ -151,7 +138,7 @@ class Stream:
         ids, stayed, about = held.segments["ids"], held.segments["stayed"], self._settings.instances.components
         return held.stamp, recount(held.detections, ids, stayed, evidence.net, about)
 
-    def finish(self) -> Iterator[Painted]:
+    def finish(self) -> Iterator[LabelledScan]:
         """Yield the rest."""
         if self._held:
             yield from self._give_back(np.inf)
@@ -177,8 +164,7 @@ class Stream:
             frames = _OneFrame(held.frame)
             lidars = learn_lidars(frames, [held.frame], about.ego_body, 1)
             self._window = EvidenceWindow(about.free_space, lidars, self._pool)
-            steps = [(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars]
-            self._ray_steps = np.max(steps, axis=0)
+            self._ray_steps = ray_steps(lidars)
         held.seen = look(held.frame, self._window.lidars, about.ground)
         self._window.add(held.stamp, held.seen)
 
@@ -190,7 +176,7 @@ class Stream:
         held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, self._ray_steps)
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
-    def _give_back(self, now: float) -> Iterator[Painted]:
+    def _give_back(self, now: float) -> Iterator[LabelledScan]:
         for held in self._held:
             if not held.is_settled and held.stamp <= now - self._settle + 1e-6:
                 if self._settle > 0.0:
@@ -208,11 +194,10 @@ class Stream:
             waiting = [held.stamp for held in (*self._held, *self._growing)]
             self._window.forget(min([now, *waiting]))
 
-    def _paint(self, held: _Held) -> Painted:
-        frame, n = held.frame, held.frame.n_points
+    def _paint(self, held: _Held) -> LabelledScan:
+        frame = held.frame
         if held.segments is None or held.about is None:
-            nothing = np.zeros(n, np.uint8), np.full(n, -1, np.int32), np.zeros(n, np.float32)
-            return Painted(held.number, held.stamp, frame.T_level_sensor, *nothing, np.zeros(0, OBJECT_FIELDS))
+            return LabelledScan.of_nothing(held.number, held.stamp, frame.T_level_sensor, frame.n_points)
         ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
         followed = self._following.at(held.stamp, ahead)
         painted = paint_frame(
@@ -224,7 +209,7 @@ class Stream:
         track_ids = np.append(followed.numbers, -1).astype(np.int32)[track]
         confidence = painted["confidence"].astype(np.float32) / np.float32(255.0)
         objects = _objects(followed, np.unique(track[track >= 0]))
-        return Painted(held.number, held.stamp, frame.T_level_sensor, labels, track_ids, confidence, objects)
+        return LabelledScan(held.number, held.stamp, frame.T_level_sensor, labels, track_ids, confidence, objects)
 
 
 class _OneFrame:
@@ -250,16 +235,7 @@ class _OneFrame:
 
 def _make_frame(scan: Scan, moved: Moved | Remade, T_level_sensor: Pose) -> Frame:
     """Return the valid points of `scan`, compensated for the motion during its sweep."""
-    kept = np.flatnonzero(scan.is_valid)
-    points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
-    times = sweep_times(scan, moved.timing)
-    if times is not None:
-        times = np.take(times, kept)
-        points = compensate(points, times, moved.sweep_motion)
-    sensor = None if scan.sensor is None else scan.sensor[kept]
-    return Frame(
-        points, kept, len(scan), T_level_sensor, moved.stamp, times, moved.sweep_motion, sensor, scan.T_scan_sensor
-    )
+    return frame_of(scan, moved.timing, moved.sweep_motion, T_level_sensor, moved.stamp)
 
 
 def _is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
@@ -272,9 +248,5 @@ def _is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
 
 def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:
     """Return the boxes and velocities of the tracks `moving` in this scan."""
-    here: Tracks = followed.here[np.flatnonzero(np.isin(followed.here.track, moving))]
-    out = np.zeros(len(here.track), OBJECT_FIELDS)
-    out["track"] = followed.numbers[here.track]
-    for name in ("center", "size", "yaw", "velocity"):
-        out[name] = getattr(here, name)
-    return out
+    here = followed.here[np.flatnonzero(np.isin(followed.here.track, moving))]
+    return objects_of(replace(here, track=followed.numbers[here.track]))

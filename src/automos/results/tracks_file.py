@@ -104,6 +104,22 @@ def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: 
         file.write("\n ]\n}\n")
 
 
+def box_entry(scan: int, stamp: float, observed: bool, columns: list[float]) -> dict[str, Any]:
+    """Return what tracks.json says of an object in one scan.
+
+    columns : (10,) its centre, size, yaw and velocity.   stamp : seconds. All are rounded as they are to be written.
+    """
+    return {
+        "scan": scan,
+        "stamp": stamp,
+        "observed": observed,
+        "center": columns[:3],
+        "size": columns[3:6],
+        "yaw": columns[6],
+        "velocity": columns[7:],
+    }
+
+
 def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) -> Iterator[dict[str, Any]]:
     """Yield what tracks.json says of each track, in their order."""
     columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
@@ -111,15 +127,7 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
     for k in range(len(tracks)):
         rows = tracks.rows_of(k)
         boxes = [
-            {
-                "scan": int(tracks.scan[r]),
-                "stamp": stamps[tracks.scan[r]],
-                "observed": bool(tracks.segment[r] >= 0),
-                "center": columns[r][:3],
-                "size": columns[r][3:6],
-                "yaw": columns[r][6],
-                "velocity": columns[r][7:],
-            }
+            box_entry(int(tracks.scan[r]), stamps[tracks.scan[r]], bool(tracks.segment[r] >= 0), columns[r])
             for r in range(rows.start, rows.stop)
         ]
         yield {

@@ -20,14 +20,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from automos import __version__
-from automos.atomic import atomic_path, remove_parts, write_text
-from automos.labels import Label, pack
+from automos.atomic import remove_parts, write_text
 from automos.pipeline import Result
 from automos.pose_files import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
+from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
 from automos.settings import OutputSettings, Settings, dump_yaml
@@ -88,22 +86,16 @@ def _write_scans(
     folder: Path, result: Result, output: OutputSettings, progress: Callable[[str, int, int], None]
 ) -> tuple[dict[str, int], int]:
     """Write what there is per point; return how many points have each label, and how many ride along."""
-    predictions, confidences = folder / "predictions", folder / "confidences"
-    for place in (folder, predictions, *([confidences] if output.confidence else [])):
+    for place in (folder, folder / "predictions", *([folder / "confidences"] if output.confidence else [])):
         place.mkdir(parents=True, exist_ok=True)
         remove_parts(place)
-    counts, n_body = dict.fromkeys((label.name.lower() for label in Label), 0), 0
+    counts, n_body = no_points(), 0
     for i, name in enumerate(result.names):
         labels = result.labels(i)
         n_body += result.n_body(i)
-        for label in Label:
-            counts[label.name.lower()] += int((labels == label).sum())
-        instances = result.track_ids(i) + 1 if output.track_ids else None
-        with atomic_path(predictions / f"{name}.label") as temporary:
-            pack(labels, instances).tofile(temporary)
-        if output.confidence:
-            with atomic_path(confidences / f"{name}.npy") as temporary, temporary.open("wb") as file:
-                np.save(file, result.confidence(i))
+        count_points(counts, labels)
+        track_ids = result.track_ids(i) if output.track_ids else None
+        write_points(folder, name, labels, track_ids, result.confidence(i) if output.confidence else None)
         progress("writing", i + 1, len(result))
     return counts, n_body
 

@@ -22,8 +22,6 @@ from automos.geometry import inverse, transform
 from automos.review.log import append_lines, read_lines
 from automos.scan import MAX_RANGE, Pose
 
-HOW = ("added", "cut", "split", "joined")
-"""What a person did to make an object."""
 MOST_BYTES = 1 << 28
 """Of the rows of a part, unpacked; no scan has as many points."""
 

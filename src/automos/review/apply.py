@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, write_text
-from automos.labels import Label, pack
+from automos.atomic import write_text
+from automos.labels import Label
 from automos.reading import read_bytes
+from automos.results.point_files import write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.review.amendments import Amendment, read_amendments
 from automos.review.decisions import Decision, read_decisions
@@ -86,13 +87,9 @@ def rewrite_scan(stages: RunStages, index: int, changes: Changes) -> None:
     """Write the label file of scan `index`, and its confidences where the run has them, after all changes."""
     per_point = changed_labels(stages, index, changes)
     name = stages.names[index]
-    ids = per_point["track"] + 1 if stages.settings.output.track_ids else None
-    with atomic_path(stages.folder / "predictions" / f"{name}.label") as temporary:
-        pack(per_point["label"], ids).tofile(temporary)
-    if stages.settings.output.confidence:
-        confidence = per_point["confidence"].astype(np.float32) / np.float32(255.0)
-        with atomic_path(stages.folder / "confidences" / f"{name}.npy") as temporary, temporary.open("wb") as file:
-            np.save(file, confidence)
+    output, sure = stages.settings.output, per_point["confidence"].astype(np.float32) / np.float32(255.0)
+    track_ids = per_point["track"] if output.track_ids else None
+    write_points(stages.folder, name, per_point["label"], track_ids, sure if output.confidence else None)
 
 
 def changed_labels(stages: RunStages, index: int, changes: Changes) -> dict[str, npt.NDArray]:

@@ -11,7 +11,15 @@ from automos.geometry import transform
 from automos.labeler import LabelledScan
 from automos.labels import Label
 from automos.scan import Pose, Scan
-from automos.visualization.rerun_log import COLORS, KINDS, VERDICT_COLORS, load_rerun, point_kinds, thin_rows
+from automos.visualization.rerun_log import (
+    COLORS,
+    KINDS,
+    VERDICT_COLORS,
+    load_rerun,
+    point_kinds,
+    thin_rows,
+    world_view,
+)
 from automos.visualization.viewer import Viewer
 
 EYE = (-28.0, 0.0, 24.0)
@@ -92,20 +100,7 @@ class LiveView:
 
 def _blueprint(rr: Any) -> Any:
     rrb = rr.blueprint
-    world = rrb.Spatial3DView(
-        name="world",
-        origin="/world",
-        contents="/world/**",
-        background=[18, 22, 26],
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=EYE,
-            look_target=(6.0, 0.0, 0.0),
-            eye_up=[0.0, 0.0, 1.0],
-            tracking_entity="/world/sensor",
-        ),
-    )
+    world = world_view(rrb, EYE, (6.0, 0.0, 0.0))
     curve = rrb.TimeSeriesView(name="objects that move", origin="/curves/moving_objects")
     return rrb.Blueprint(
         rrb.Vertical(world, curve, row_shares=[5, 1]),

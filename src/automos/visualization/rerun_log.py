@@ -59,6 +59,25 @@ def make_recording(run: RunFiles) -> rerun.RecordingStream:
     return stream
 
 
+def world_view(rrb: Any, eye: npt.ArrayLike, target: npt.ArrayLike, overrides: dict[str, Any] | None = None) -> Any:
+    """Return the view in three dimensions, from `eye` (3,) to `target` (3,), which goes along with the sensor."""
+    return rrb.Spatial3DView(
+        name="world",
+        origin="/world",
+        contents="/world/**",
+        overrides=overrides,
+        background=[18, 22, 26],
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=eye,
+            look_target=target,
+            eye_up=[0.0, 0.0, 1.0],
+            tracking_entity="/world/sensor",
+        ),
+    )
+
+
 def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) -> Any:
     """Return the layout: the world beside what is known of the run, and curves.
 
@@ -73,21 +92,7 @@ def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) ->
     away = float(np.clip(np.ptp(path[:, :2], axis=0).max(), *EYE))
     heading = T_level_sensor[moving[0], :2, 0]
     eye = target + away * np.array([-0.75 * heading[0], -0.75 * heading[1], 0.65])
-    world = rrb.Spatial3DView(
-        name="world",
-        origin="/world",
-        contents="/world/**",
-        overrides={"/world/boxes/static": [hidden], "/world/unsure": [hidden]},
-        background=[18, 22, 26],
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=eye,
-            look_target=target,
-            eye_up=[0.0, 0.0, 1.0],
-            tracking_entity="/world/sensor",
-        ),
-    )
+    world = world_view(rrb, eye, target, {"/world/boxes/static": [hidden], "/world/unsure": [hidden]})
     names = {"moving_points": "points that move, %", "moving_objects": "objects that move"}
     curves = [rrb.TimeSeriesView(name=title, origin=f"/curves/{name}") for name, title in names.items()]
     if has_truth:

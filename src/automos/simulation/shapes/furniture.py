@@ -62,19 +62,6 @@ def make_bench() -> Mesh:
     )
 
 
-def make_shelter() -> Mesh:
-    """Return a bus shelter along x, open toward -y."""
-    return join(
-        [
-            box((4.0, 1.5, 0.1), (0, 0, 2.5), METAL),
-            box((3.8, 0.03, 1.9), (0, 0.7, 1.25), Material.WINDOW),
-            box((0.1, 1.3, 2.1), (1.9, 0, 1.25), Material.PLASTIC, 1.5),
-            *(rod((x, 0.7, -0.2), (x, 0.7, 2.5), 0.05, METAL, sections=6) for x in (-1.9, 0.0, 1.9)),
-            make_bench().moved(y=0.3),
-        ]
-    )
-
-
 def make_cabinet(rng: np.random.Generator) -> Mesh:
     """Return a distribution cabinet or litter container."""
     if rng.random() < 0.5:
@@ -138,11 +125,3 @@ def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -
                 rod((s * x, y, -8.0), (s * x, y, clearance), 0.45, Material.STONE, sections=12) for s in (-1.0, 1.0)
             ]
     return join(parts)
-
-
-def make_pylon(height: float = 28.0) -> Mesh:
-    """Return a lattice mast."""
-    feet = [(x, y) for x in (-2.0, 2.0) for y in (-2.0, 2.0)]
-    legs = [rod((x, y, -0.5), (0.1 * x, 0.1 * y, height), 0.12, METAL, sections=4) for x, y in feet]
-    arms = [rod((0, -5, z), (0, 5, z), 0.1, METAL, sections=4) for z in (0.7 * height, 0.9 * height)]
-    return join([*legs, *arms])

@@ -54,17 +54,6 @@ def make_tree(rng: np.random.Generator, height: float, leafy: float = 1.0) -> Me
     return join(parts)
 
 
-def make_conifer(rng: np.random.Generator, height: float) -> Mesh:
-    """Return a spruce: a cone of needles that reaches nearly to the ground."""
-    n = int(90 * height)
-    up = rng.random(n) ** 1.4
-    radius = 0.2 * height * (1.0 - up) * np.sqrt(rng.uniform(0.25, 1.0, n))
-    angle = rng.uniform(0, 2 * np.pi, n)
-    centers = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.6 + up * (height - 0.6)])
-    trunk = rod((0, 0, 0), (0, 0, 0.9 * height), 0.018 * height, Material.BARK, end_radius=0.02, sections=6)
-    return join([trunk, leaves(centers, 0.30, rng, 0.7)])
-
-
 def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
     """Return a bush: dense foliage down to the ground."""
     n = int(np.clip(260 * radius**2 * height, 60, 700))

@@ -1,0 +1,58 @@
+"""What is given back of a scan that was labelled as it came."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.labels import Label
+from automos.scan import Pose
+from automos.tracking.tracks import Tracks
+
+OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledScan:
+    """A scan as it is given back: every point in its place.
+
+    Attributes
+    ----------
+    index : how many scans were pushed before it.
+    stamp : seconds.
+    pose : (4, 4) float64, T_world_sensor at mid-sweep. The world has z up and the ground under the first scan at z = 0.
+    labels : (N,) uint8 of `Label`: 251 moving, 9 static, 0 what is no point, what rides along and what is not known
+        yet: places that were never seen before.
+    track_ids : (N,) int32, the moving object each point belongs to, -1 for none. An object keeps its number.
+    confidence : (N,) float32 in [0, 1], how sure a label is; of points that are not known yet, how likely they stay.
+    objects : (K,) structured, one row for each moving object in this scan, in the world frame: `track`, its number,
+        `center` (3) and `size` (3: length, width, height) metres, `yaw` radians, `velocity` (3) m/s.
+    """
+
+    index: int
+    stamp: float
+    pose: Pose
+    labels: npt.NDArray[np.uint8]
+    track_ids: npt.NDArray[np.int32]
+    confidence: npt.NDArray[np.float32]
+    objects: npt.NDArray
+
+    @staticmethod
+    def of_nothing(index: int, stamp: float, pose: Pose, n: int) -> LabelledScan:
+        """Return a scan of `n` points of which nothing is known."""
+        nothing = np.zeros(n, np.uint8), np.full(n, -1, np.int32), np.zeros(n, np.float32)
+        return LabelledScan(index, stamp, pose, *nothing, np.zeros(0, OBJECT_FIELDS))
+
+    def __repr__(self) -> str:
+        n_moving = int(np.count_nonzero(self.labels == Label.MOVING))
+        return f"<LabelledScan {self.index}: {len(self.labels)} points, {n_moving} moving, {len(self.objects)} objects>"
+
+
+def objects_of(tracks: Tracks) -> npt.NDArray:
+    """Return the rows of `tracks` as (K,) `OBJECT_FIELDS`."""
+    out = np.zeros(len(tracks.track), OBJECT_FIELDS)
+    for name in out.dtype.names or ():
+        out[name] = getattr(tracks, name)
+    return out
