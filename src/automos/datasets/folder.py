@@ -21,6 +21,7 @@ from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
+from automos.datasets.seen_order import put_in_seen_order
 from automos.datasets.time_order import put_in_order
 from automos.datasets.units import unit_of
 from automos.errors import InputError
@@ -65,12 +66,17 @@ class FolderSequence(Sequence):
         self._codec = codec
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
-        self._warnings: list[str] = []
         times = self._read_times(stamps)
         if stamps is None and self._point_times.is_absolute:
             times = self._times_of_points()
-        self._order = np.arange(len(self._files))
-        self._stamps = None if times is None else self._put_in_order(times)
+        self._stamps: npt.NDArray[np.float64] | None = None
+        if times is None:
+            ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
+        else:
+            ordered = put_in_order(times, self._names, self._folder)
+        self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
+        self._files = [self._files[i] for i in self._order]
+        self._names = [self._names[i] for i in self._order]
         if codec == "pcd":
             _warn_of_viewpoint(self._paths[0])
 
@@ -191,14 +197,6 @@ class FolderSequence(Sequence):
 
         with ThreadPoolExecutor() as pool:
             return np.array(list(pool.map(start, self._paths)))
-
-    def _put_in_order(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        """Put the files in the order of their `times` (len,); return their stamps in that order."""
-        found = put_in_order(times, self._names, self._folder)
-        self._order, self._warnings = found.order, found.warnings
-        self._files = [self._files[i] for i in found.order]
-        self._names = [self._names[i] for i in found.order]
-        return found.stamps
 
     @cached_property
     def _has_truth(self) -> bool:
