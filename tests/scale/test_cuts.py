@@ -6,7 +6,7 @@ import pytest
 from conftest import N_SCANS, result_files, write_recording
 
 from automos.scale.executors import Executor, InProcess
-from automos.scale.label import Means, label_fleet
+from automos.scale.label import Resources, label_fleet
 from automos.scale.local_pool import LocalPool
 from automos.scale.sources import find_all
 from automos.scale.status import read_status
@@ -19,8 +19,8 @@ def label(tmp_path):
     """Return a function that labels a folder of recordings, and returns their result files and their units."""
 
     def label(logs: Path, out: str, settings: Settings, executor: Executor, chunk: int):
-        means, found = Means(work=tmp_path / "work", chunk=chunk), find_all(str(logs))
-        outcome = label_fleet(found, str(tmp_path / out), settings, means, executor=lambda means: executor)
+        resources, found = Resources(work=tmp_path / "work", chunk=chunk), find_all(str(logs))
+        outcome = label_fleet(found, str(tmp_path / out), settings, resources, executor=lambda resources: executor)
         assert outcome.failed == {}
         units = {unit["unit"] for unit in read_status(str(tmp_path / out)).units}
         return {name: result_files(tmp_path / out / name) for name in sorted(outcome.labelled)}, units

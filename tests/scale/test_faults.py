@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from automos.scale.label import Means, label_fleet
+from automos.scale.label import Resources, label_fleet
 from automos.scale.local_pool import LocalPool
 from automos.scale.publishing import MARKER
 from automos.scale.sources import find_all
@@ -20,8 +20,10 @@ pytestmark = pytest.mark.slow
 
 
 def label(fleet, out, work, executor):
-    means = Means(work=work)
-    return label_fleet(find_all(str(fleet.folder)), str(out), fleet.settings, means, executor=lambda means: executor)
+    resources = Resources(work=work)
+    return label_fleet(
+        find_all(str(fleet.folder)), str(out), fleet.settings, resources, executor=lambda resources: executor
+    )
 
 
 def test_workers_killed_at_random_cost_time_and_no_label(make_fleet, tmp_path):

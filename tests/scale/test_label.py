@@ -16,7 +16,7 @@ from automos.errors import InputError
 from automos.labeling import label_recording
 from automos.scale.executors import InProcess
 from automos.scale.fleet import Outcome
-from automos.scale.label import Means, closing_lines, has_one_process_enough, label_fleet, make_executor
+from automos.scale.label import Resources, closing_lines, has_one_process_enough, label_fleet, make_executor
 from automos.scale.local_pool import LocalPool
 from automos.scale.orders import Recording
 from automos.scale.publishing import MARKER
@@ -29,9 +29,11 @@ from automos.settings import load_settings
 def label(fleet, tmp_path):
     """Return a function that labels the fleet into tmp_path/out."""
 
-    def label(executor=lambda means: InProcess(), folder=fleet.folder, settings=fleet.settings, **means) -> Outcome:
-        means = Means(work=tmp_path / "work", **means)
-        return label_fleet(find_all(str(folder)), str(tmp_path / "out"), settings, means, executor=executor)
+    def label(
+        executor=lambda resources: InProcess(), folder=fleet.folder, settings=fleet.settings, **resources
+    ) -> Outcome:
+        resources = Resources(work=tmp_path / "work", **resources)
+        return label_fleet(find_all(str(folder)), str(tmp_path / "out"), settings, resources, executor=executor)
 
     return label
 
@@ -39,9 +41,13 @@ def label(fleet, tmp_path):
 @pytest.fixture(scope="module")
 def _labelled(make_fleet, tmp_path_factory) -> Path:
     fleet, root = make_fleet(3), tmp_path_factory.mktemp("labelled")
-    means = Means(work=root / "work")
+    resources = Resources(work=root / "work")
     label_fleet(
-        find_all(str(fleet.folder)), str(root / "out"), fleet.settings, means, executor=lambda means: InProcess()
+        find_all(str(fleet.folder)),
+        str(root / "out"),
+        fleet.settings,
+        resources,
+        executor=lambda resources: InProcess(),
     )
     return root / "out"
 
@@ -107,8 +113,10 @@ def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labell
 def test_poses_that_came_with_a_recording_are_not_replaced_by_labelling_it_in_place(fleet, tmp_path):
     logs = shutil.copytree(fleet.folder, tmp_path / "logs")
     (logs / "log01" / "poses.txt").write_text("theirs")
-    means = Means(work=tmp_path / "work")
-    outcome = label_fleet(find_all(str(logs)), str(logs), fleet.settings, means, executor=lambda means: InProcess())
+    resources = Resources(work=tmp_path / "work")
+    outcome = label_fleet(
+        find_all(str(logs)), str(logs), fleet.settings, resources, executor=lambda resources: InProcess()
+    )
     assert outcome.labelled == ["log00", "log02"]
     assert outcome.failed["log01"].endswith("poses.txt, which automos did not write: choose another --out")
     assert (logs / "log01" / "poses.txt").read_text() == "theirs"
@@ -119,7 +127,7 @@ def test_poses_that_came_with_a_recording_are_not_replaced_by_labelling_it_in_pl
 def test_labels_do_not_become_part_of_a_recording_in_a_store(fleet, tmp_path, target):
     found = [Recording("a", "s3://bucket/logs/a", folder="a" if target.endswith("logs") else "")]
     with pytest.raises(InputError, match="lies in the recording s3://bucket/logs/a, of which labels must not be"):
-        label_fleet(found, target, fleet.settings, Means(work=tmp_path))
+        label_fleet(found, target, fleet.settings, Resources(work=tmp_path))
 
 
 def test_a_scan_cut_short_is_told_and_the_other_recordings_are_labelled(fleet, label, tmp_path):
@@ -165,7 +173,7 @@ def test_processes_that_are_killed_at_random_lose_nothing(fleet, label, tmp_path
 
     killer = threading.Thread(target=kill)
     killer.start()
-    outcome = label(executor=lambda means: pool, chunk=5)
+    outcome = label(executor=lambda resources: pool, chunk=5)
     is_over.set()
     killer.join()
     assert killed
@@ -176,10 +184,10 @@ def test_processes_that_are_killed_at_random_lose_nothing(fleet, label, tmp_path
 
 def test_a_worker_that_is_killed_idle_is_replaced(fleet, label, labelled):
     with LocalPool(1, 1) as pool:
-        label(executor=lambda means: _Kept(pool))
+        label(executor=lambda resources: _Kept(pool))
         os.kill(pool._idle[0].process.pid, 9)
         pool._idle[0].process.wait()
-        assert len(label(executor=lambda means: _Kept(pool)).had_been) == len(fleet.names)
+        assert len(label(executor=lambda resources: _Kept(pool)).had_been) == len(fleet.names)
 
 
 class _Kept:
@@ -252,23 +260,23 @@ def test_of_a_disk_that_fills_up_nothing_half_written_is_taken_for_a_result(flee
 
 
 @pytest.mark.parametrize(
-    ("means", "kind", "slots"),
+    ("resources", "kind", "slots"),
     [
-        (Means(workers=1), InProcess, 1),
-        (Means(workers=3, memory_gb=1e6), LocalPool, 3),
-        (Means(workers=0, memory_gb=1e6), InProcess, 1),  # no machine has that much: one worker at a time
+        (Resources(workers=1), InProcess, 1),
+        (Resources(workers=3, memory_gb=1e6), LocalPool, 3),
+        (Resources(workers=0, memory_gb=1e6), InProcess, 1),  # no machine has that much: one worker at a time
     ],
 )
-def test_workers_are_as_many_as_asked_for_or_as_fit_into_memory(means, kind, slots):
-    with make_executor(means) as executor:
+def test_workers_are_as_many_as_asked_for_or_as_fit_into_memory(resources, kind, slots):
+    with make_executor(resources) as executor:
         assert type(executor) is kind
         assert executor.slots == slots
 
 
 def test_one_short_recording_needs_no_fleet(fleet):
     found = find_all(str(fleet.folder / "log00"))
-    assert has_one_process_enough(found, "out", Means(workers=2))
-    assert not has_one_process_enough(found, "out", Means(workers=2, chunk=5))
-    assert has_one_process_enough(found, "out", Means(workers=1, chunk=5))
-    assert not has_one_process_enough(found, "s3://bucket/out", Means())
-    assert not has_one_process_enough([*found, replace(found[0], name="b")], "out", Means())
+    assert has_one_process_enough(found, "out", Resources(workers=2))
+    assert not has_one_process_enough(found, "out", Resources(workers=2, chunk=5))
+    assert has_one_process_enough(found, "out", Resources(workers=1, chunk=5))
+    assert not has_one_process_enough(found, "s3://bucket/out", Resources())
+    assert not has_one_process_enough([*found, replace(found[0], name="b")], "out", Resources())

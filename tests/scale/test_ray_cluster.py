@@ -8,7 +8,7 @@ import time
 import pytest
 
 from automos.errors import InputError
-from automos.scale.label import Means, label_fleet
+from automos.scale.label import Resources, label_fleet
 from automos.scale.ray_cluster import RayCluster
 from automos.scale.sources import find_all
 from automos.scale.status import read_status
@@ -29,9 +29,9 @@ def cluster():
     made.shutdown()
 
 
-def label(fleet, cluster, out, work, **means):
-    means = Means(ray=cluster.address, memory_gb=0.5, work=work, **means)
-    return label_fleet(find_all(str(fleet.folder)), out, fleet.settings, means)
+def label(fleet, cluster, out, work, **resources):
+    resources = Resources(ray=cluster.address, memory_gb=0.5, work=work, **resources)
+    return label_fleet(find_all(str(fleet.folder)), out, fleet.settings, resources)
 
 
 def test_a_cluster_gives_the_same_labels_whole_or_cut(fleet, cluster, tmp_path):
@@ -75,7 +75,7 @@ def test_a_cluster_without_a_machine_large_enough_is_told(cluster, caplog):
 
 def test_a_cluster_that_is_not_there_is_told_in_a_sentence(fleet, tmp_path):
     with pytest.raises(InputError, match=r"no Ray cluster answers at 127\.0\.0\.1:1"):
-        label_fleet(find_all(str(fleet.folder)), str(tmp_path), fleet.settings, Means(ray="127.0.0.1:1"))
+        label_fleet(find_all(str(fleet.folder)), str(tmp_path), fleet.settings, Resources(ray="127.0.0.1:1"))
 
 
 def test_workers_of_a_cluster_do_not_look_for_modules_where_its_caller_stands(cluster, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 from conftest import result_files
 
 from automos.cli import main
-from automos.scale.label import Means, label_fleet
+from automos.scale.label import Resources, label_fleet
 from automos.scale.local_pool import LocalPool
 from automos.scale.publishing import MARKER
 from automos.scale.sources import find_all
@@ -84,9 +84,11 @@ def test_a_store_that_is_away_for_ten_seconds_costs_ten_seconds(s3, make_fleet, 
     s3.files.put(str(fleet.folder) + "/", "bucket/logs/", recursive=True)
 
     def label() -> None:
-        found, means = find_all("s3://bucket/logs"), Means(work=tmp_path / "work")
+        found, resources = find_all("s3://bucket/logs"), Resources(work=tmp_path / "work")
         ended.append(
-            label_fleet(found, "s3://bucket/labels", fleet.settings, means, executor=lambda means: LocalPool(2, 2))
+            label_fleet(
+                found, "s3://bucket/labels", fleet.settings, resources, executor=lambda resources: LocalPool(2, 2)
+            )
         )
 
     run = threading.Thread(target=label)
@@ -125,6 +127,6 @@ def test_credentials_are_not_in_what_is_logged(bucket, fleet, tmp_path, caplog):
         find_all("s3://bucket/logs")[:1],
         "s3://bucket/labels",
         fleet.settings,
-        Means(work=tmp_path / "work", workers=1),
+        Resources(work=tmp_path / "work", workers=1),
     )
     assert bucket.secret not in caplog.text

@@ -12,7 +12,7 @@ from automos.cli.consoles import console, output
 from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
 
 if TYPE_CHECKING:
-    from automos.scale.label import Means
+    from automos.scale.label import Resources
     from automos.scale.sources import Recording
     from automos.settings import Settings
 
@@ -61,7 +61,7 @@ def label(
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
     from automos.errors import InputError
-    from automos.scale.label import Means, has_one_process_enough
+    from automos.scale.label import Resources, has_one_process_enough
     from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
     from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
@@ -72,17 +72,17 @@ def label(
     part = parse_shard(shard)
     found = alone(find_all(recording, format), part)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else Path(shown(recording)).stem}"
-    means = Means(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
+    resources = Resources(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
     mine = take_shard(found, part)
     if poses is not None and len(found) > 1:
         raise InputError(f"{shown(recording)} holds {len(found)} recordings, but --poses is of one: give that one")
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
-    elif part is None and has_one_process_enough(found, target, means):
+    elif part is None and has_one_process_enough(found, target, resources):
         _label_here(found[0], Path(target), chosen, (poses, calib), workers)
     else:
-        _label_all(mine, shown(recording), target, chosen, means, part, (poses, calib))
+        _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib))
 
 
 def _label_here(
@@ -106,7 +106,7 @@ def _label_all(
     name: str,
     target: str,
     settings: Settings,
-    means: Means,
+    resources: Resources,
     part: tuple[int, int] | None,
     poses: tuple[Path | None, Path | None],
 ) -> None:
@@ -116,7 +116,7 @@ def _label_all(
 
     with StageProgress(console, name, "recordings") as progress:
         outcome = label_fleet(
-            found, target, settings, means, part, poses, lambda n, bad, total: progress("labelled", n + bad, total)
+            found, target, settings, resources, part, poses, lambda n, bad, total: progress("labelled", n + bad, total)
         )
     for line in closing_lines(outcome, target):
         output.print(line)

@@ -48,11 +48,11 @@ def rmse(errors: npt.ArrayLike) -> float:
 # ------------------------------------------------------------------------------------------------------ relative
 @dataclass(frozen=True, eq=False)
 class RelativeErrors:
-    """Errors of the motion over K stretches of the drive.
+    """Errors of the motion over K segments of the drive.
 
     Attributes
     ----------
-    start, end : (K,) int64, first and last scan of each stretch.
+    start, end : (K,) int64, first and last scan of each segment.
     length : (K,) metres driven on it, along the reference.
     translation : (K,) metres.
     rotation_deg : (K,) degrees.
@@ -77,9 +77,9 @@ class RelativeErrors:
 def errors_over_distance(
     estimate: npt.ArrayLike, reference: npt.ArrayLike, distance: float, every: int = 1
 ) -> RelativeErrors:
-    """Return the relative pose errors (RPE) over stretches of `distance` metres that start at each `every`-th scan.
+    """Return the relative pose errors (RPE) over segments of `distance` metres that start at each `every`-th scan.
 
-    A stretch ends at the first scan more than `distance` along the reference from its start (as in KITTI's benchmark);
+    A segment ends at the first scan more than `distance` along the reference from its start (as in KITTI's benchmark);
     starts too near the end of the drive have none.
     """
     estimate, reference = _same_scans(estimate, reference)
@@ -92,9 +92,9 @@ def errors_over_distance(
 def errors_over_time(
     estimate: npt.ArrayLike, reference: npt.ArrayLike, stamps: npt.ArrayLike, seconds: float, every: int = 1
 ) -> RelativeErrors:
-    """Return the relative pose errors (RPE) over stretches of `seconds` that start at each `every`-th scan.
+    """Return the relative pose errors (RPE) over segments of `seconds` that start at each `every`-th scan.
 
-    A stretch ends at the scan nearest to `seconds` after its start; `stamps` (N,) are seconds, increasing.
+    A segment ends at the scan nearest to `seconds` after its start; `stamps` (N,) are seconds, increasing.
     """
     estimate, reference = _same_scans(estimate, reference)
     times = np.asarray(stamps, np.float64)
@@ -119,7 +119,7 @@ def path_length(poses: npt.ArrayLike) -> Array:
 def _relative(
     estimate: Array, reference: Array, start: npt.NDArray[np.int64], end: npt.NDArray[np.int64], travelled: Array
 ) -> RelativeErrors:
-    """Return the error inv(inv(Q_start) Q_end) inv(P_start) P_end of each stretch (Q reference, P estimate)."""
+    """Return the error inv(inv(Q_start) Q_end) inv(P_start) P_end of each segment (Q reference, P estimate)."""
     wanted = inverse(reference[start]) @ reference[end]
     got = inverse(estimate[start]) @ estimate[end]
     error = inverse(wanted) @ got

@@ -27,7 +27,7 @@ _GB = 10**9
 
 
 @dataclass(frozen=True)
-class Means:
+class Resources:
     """What a run may use; none of it shapes a label.
 
     Attributes
@@ -52,11 +52,11 @@ def label_fleet(
     recordings: list[Recording],
     target: str,
     settings: Settings,
-    means: Means,
+    resources: Resources,
     shard: tuple[int, int] | None = None,
     poses: tuple[Path | None, Path | None] = (None, None),
     progress: Progress | None = None,
-    executor: Callable[[Means], Executor] | None = None,
+    executor: Callable[[Resources], Executor] | None = None,
 ) -> Outcome:
     """Label `recordings` into folders of their names below `target`, a path or URL; what is there already stays.
 
@@ -64,7 +64,7 @@ def label_fleet(
     ----------
     shard : which part of a run this process does, where `recordings` are a part.
     poses : pose file and calibration of a run of one recording.
-    executor : makes what does the work; by `means` where not given.
+    executor : makes what does the work; by `resources` where not given.
 
     Raises
     ------
@@ -77,36 +77,38 @@ def label_fleet(
     _refuse_other_settings(target, key)
     name = ledger_name(shard)
     books = join(ledger_folder(target), name)
-    path = means.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
+    path = resources.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
     is_needed = is_url(target) or any(is_url(recording.source) for recording in recordings)
     files = [None if file is None else file.absolute() for file in poses]
-    job = Job(settings, target, means.work.absolute(), int(means.cache_gb * _GB), means.chunk, *files)
+    job = Job(settings, target, resources.work.absolute(), int(resources.cache_gb * _GB), resources.chunk, *files)
     with (
-        work_folder(means.work, is_needed),
+        work_folder(resources.work, is_needed),
         closing(Ledger(path, books if is_url(target) else None)) as ledger,
-        (executor or make_executor)(means) as workers,
+        (executor or make_executor)(resources) as workers,
     ):
         ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
         return label_all(recordings, job, workers, ledger, progress)
 
 
-def make_executor(means: Means) -> Executor:
+def make_executor(resources: Resources) -> Executor:
     """Return what does the work: a named cluster, else as many cores of this machine as have memory enough."""
-    if means.ray is not None:
+    if resources.ray is not None:
         from automos.scale.ray_cluster import RayCluster
 
-        return RayCluster(means.ray, int(means.memory_gb * _GB))
-    cores = means.workers or available_cores()
-    fitting = max(1, int(memory_bytes() / (means.memory_gb * _GB))) if memory_bytes() else cores
-    workers = means.workers or min(cores, fitting)
+        return RayCluster(resources.ray, int(resources.memory_gb * _GB))
+    cores = resources.workers or available_cores()
+    fitting = max(1, int(memory_bytes() / (resources.memory_gb * _GB))) if memory_bytes() else cores
+    workers = resources.workers or min(cores, fitting)
     return InProcess() if workers == 1 else LocalPool(workers, cores)
 
 
-def has_one_process_enough(recordings: list[Recording], target: str, means: Means) -> bool:
+def has_one_process_enough(recordings: list[Recording], target: str, resources: Resources) -> bool:
     """Return whether there is one recording, on this machine's disk and short: its stages then use all cores."""
-    if len(recordings) != 1 or means.ray is not None or is_url(target) or is_url(recordings[0].source):
+    if len(recordings) != 1 or resources.ray is not None or is_url(target) or is_url(recordings[0].source):
         return False
-    return means.workers == 1 or len(open_sequence(recordings[0].source, recordings[0].format)) <= 2 * means.chunk
+    return (
+        resources.workers == 1 or len(open_sequence(recordings[0].source, recordings[0].format)) <= 2 * resources.chunk
+    )
 
 
 def closing_lines(outcome: Outcome, target: str) -> list[str]:

@@ -61,7 +61,7 @@ class LocalPool(Executor):
             self._idle.remove(worker)
         if order is None:  # it died with nothing to do
             return []
-        return [Ended(order, report, "" if report is not None else worker.obituary())]
+        return [Ended(order, report, "" if report is not None else worker.how_it_ended())]
 
     def close(self) -> None:
         """End all processes."""
@@ -88,11 +88,11 @@ class _Worker:
     def give(self, order: Order) -> None:
         self.order = order
         assert self.process.stdin is not None
-        with contextlib.suppress(OSError):  # a worker that died just now is heard of by its other pipe
+        with contextlib.suppress(OSError):  # a worker that died just now shows at its other pipe
             pickle.dump(order, self.process.stdin)
             self.process.stdin.flush()
 
-    def obituary(self) -> str:
+    def how_it_ended(self) -> str:
         code = self.process.wait()
         if code >= 0:
             return f"its worker ended by itself, with code {code}"

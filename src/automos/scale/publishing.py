@@ -94,7 +94,7 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
     Parameters
     ----------
     target : a URL, or the path of `folder` itself: then the marker alone is written.
-    source : where the recording lies; told in run.json, which else would name a copy of it.
+    source : where the recording lies; named in run.json, which else would name a copy of it.
 
     Raises
     ------

@@ -70,10 +70,10 @@ class Status:
 
     def to_json(self) -> str:
         """Return all that the books say, and what follows from it."""
-        told = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
+        counts = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
         rate = {"recordings_per_hour": self.rate, "seconds_left": self.seconds_left, "is_at_work": self.is_at_work}
         tables = {"recordings": self.recordings, "units": self.units, "runs": self.runs}
-        return json.dumps({**told, **rate, "missing_shards": self.missing_shards, **tables}, indent=1)
+        return json.dumps({**counts, **rate, "missing_shards": self.missing_shards, **tables}, indent=1)
 
     def lines(self) -> list[str]:
         """Return the status in lines for a terminal."""

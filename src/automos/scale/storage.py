@@ -1,7 +1,7 @@
 """Folders that may be anywhere fsspec reaches: a disk, S3, Google's or Azure's store, a web server.
 
 Stores fail for seconds and come back: every request is made again, with growing pauses, for two minutes. What cannot
-pass (no such object, no permission, a full disk) is told at once. Credentials are the environment's, found by the
+pass (no such object, no permission, a full disk) is reported at once. Credentials are the environment's, found by the
 stores' own libraries; they are in no address that is shown or written down.
 """
 

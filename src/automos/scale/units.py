@@ -52,8 +52,8 @@ def work(order: Order) -> Report:
     except OSError as error:
         report = Report(State.AGAIN, f"{error}; when that is put right, run the same command again", _trace())
     except Exception as error:
-        told = f"{type(error).__name__}: {error}"
-        report = Report(State.FAILED, f"{told}; this is a bug of automos, its place is in the ledger", _trace())
+        message = f"{type(error).__name__}: {error}"
+        report = Report(State.FAILED, f"{message}; this is a bug of automos, its place is in the ledger", _trace())
     return replace(
         report,
         seconds=time.perf_counter() - start,
@@ -65,8 +65,8 @@ def work(order: Order) -> Report:
 
 def settings_key(settings: Settings) -> str:
     """Return a fingerprint of the version and of all that shapes results beside the recording."""
-    heard = cue_fingerprint(settings.self_training) if settings.self_training.folder else None
-    return fingerprint(__version__, settings.model_dump(mode="json"), heard)
+    cue = cue_fingerprint(settings.self_training) if settings.self_training.folder else None
+    return fingerprint(__version__, settings.model_dump(mode="json"), cue)
 
 
 def results_folder(job: Job, recording: Recording) -> Path:
@@ -105,7 +105,7 @@ def _finished(job: Job, recording: Recording, stamp: str | None) -> Marker | Non
         return None
     if not is_url(job.target):
         run = Workspace(results_folder(job, recording)).read_run()
-        if run.get("fingerprint") != marked.fingerprint:  # somebody labelled it again by other means
+        if run.get("fingerprint") != marked.fingerprint:  # it was labelled again with other settings
             return None
     return marked if stamp is None or marked.source == stamp else None
 

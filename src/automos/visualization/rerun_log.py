@@ -240,15 +240,15 @@ def thin_rows(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:
 
 
 def _summary(run: RunFiles) -> str:
-    told = Workspace(run.folder).read_run()
-    points = told.get("points", {})
+    record = Workspace(run.folder).read_run()
+    points = record.get("points", {})
     total = max(sum(points.values()), 1)
-    warnings = told.get("odometry", {}).get("warnings", [])
+    warnings = record.get("odometry", {}).get("warnings", [])
     legend = "green moving, grey static, dark unlabeled, red wrongly moving, blue missed"
     lines = [
         f"# {run.sequence.name}",
         f"{len(run)} scans, {total:,} points, **{100 * points.get('moving', 0) / total:.2f} % moving** on "
-        f"{told.get('tracks', {}).get('moving', 0)} of {told.get('tracks', {}).get('total', 0)} objects.",
+        f"{record.get('tracks', {}).get('moving', 0)} of {record.get('tracks', {}).get('total', 0)} objects.",
         f"Points: {legend}. Boxes show number and confidence when pointed at. Switch on `boxes/static` and `unsure` "
         "(points whose label is unsure) in the blueprint panel.",
         *(f"**Warning:** {sentence}" for sentence in warnings),
