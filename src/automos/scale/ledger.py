@@ -2,8 +2,8 @@
 
 Only the process that deals out the work writes, a few rows a second, so a plain rollback journal is enough, and unlike
 a write-ahead log it can be read from other machines that share the disk. Array jobs keep a file each; readers merge
-them. The books are an account, not the truth: what is labelled is known from the results themselves. So a full disk makes
-the account incomplete, which is warned of, and never stops the work.
+them. The ledger is an account, not the truth: what is labelled is known from the results themselves. So a full disk
+makes the account incomplete, which is warned of, and never stops the work.
 """
 
 from __future__ import annotations
