@@ -83,8 +83,13 @@ def start(*arguments):
     environment = {**os.environ, "COLUMNS": "200"}
     return subprocess.Popen(
         [sys.executable, "-c", code, "live", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=_heed_ctrl_c,
     )  # fmt: skip
+
+
+def _heed_ctrl_c():
+    """A shell's jobs in the background, such as this suite may be, ignore Ctrl-C, and so do their children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_a_replay_is_written_and_summed_up(walk, tmp_path):
