@@ -83,7 +83,8 @@ def start(*arguments):
     environment = {**os.environ, "COLUMNS": "200"}
     return subprocess.Popen(
         [sys.executable, "-c", code, "live", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=_heed_ctrl_c,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        preexec_fn=None if os.name == "nt" else _heed_ctrl_c,
     )  # fmt: skip
 
 
