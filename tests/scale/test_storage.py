@@ -200,3 +200,21 @@ def test_on_a_disk_the_marker_is_written_beside_the_results(results):
     assert read_marker(str(results)).files.keys() == {"predictions/0.label", "run.json"}
     (results / MARKER).write_text("{half")
     assert read_marker(str(results)) is None
+
+
+def test_results_whose_labels_were_damaged_since_are_not_complete(results, target):
+    for place in (str(results), target):
+        publish(results, place, MADE, "/logs/a")
+        assert read_marker(place) is not None
+    (results / "run.json").write_text("{}")  # as a review may
+    assert read_marker(str(results)) is not None
+    (results / "predictions" / "0.label").write_bytes(b"label and more")
+    assert read_marker(str(results)) is None
+    Store(target).remove(["predictions/0.label"])
+    assert read_marker(target) is None
+
+
+@pytest.mark.parametrize("files", ['"x"', "[1]", '{"predictions/0.label": 3}', '{"predictions/0.label": {"bytes": []}}'])
+def test_a_marker_of_another_form_is_none(results, files):
+    (results / MARKER).write_text(f'{{"source": "", "settings": "", "fingerprint": "", "files": {files}}}')
+    assert read_marker(str(results)) is None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from fnmatch import fnmatch
@@ -18,7 +19,7 @@ from typing import Any
 
 from automos.atomic import write_text
 from automos.errors import InputError
-from automos.reading import parse_json
+from automos.reading import parse_json, read_bytes
 from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
 from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
 
@@ -50,16 +51,29 @@ class Marker:
 
 
 def read_marker(target: str) -> Marker | None:
-    """Return the marker of the results at `target` (a path or URL), None where there are no complete ones."""
-    if is_url(target):
-        text = Store(target).read(MARKER)
-    else:
-        path = Path(target) / MARKER
-        text = path.read_bytes() if path.exists() else None
+    """Return the marker of the results at `target` (a path or URL), None where there are no complete ones.
+
+    Labels that are gone, or of another size than it says, were damaged since, and make results incomplete; what
+    a review changes does not.
+    """
+    text = Store(target).read(MARKER) if is_url(target) else _read_here(Path(target) / MARKER)
     try:
-        return None if text is None else Marker(**parse_json(text))
-    except (ValueError, TypeError):  # damaged from outside: the results are made again
+        marker = Marker(**parse_json(text or b""))
+        labels = {path: int(told["bytes"]) for path, told in marker.files.items() if _is_like(path, _LABELS)}
+    except (ValueError, TypeError, LookupError, AttributeError):  # absent, or damaged from outside
         return None
+    return marker if labels.items() <= _sizes(target, labels).items() else None
+
+
+def _read_here(path: Path) -> bytes | None:
+    return read_bytes(path) if path.exists() else None
+
+
+def _sizes(target: str, paths: Iterable[str]) -> dict[str, int]:
+    """Return the bytes of those files that are at `target`, at least of all `paths` that are."""
+    if is_url(target):
+        return {entry.path: entry.size for entry in Store(target).entries()}
+    return {path: (Path(target) / path).stat().st_size for path in paths if (Path(target) / path).is_file()}
 
 
 def refuse_foreign(target: str) -> None:
