@@ -58,7 +58,7 @@ def test_a_list_of_arrays_is_a_recording():
         (np.zeros((5, 3)), r"one array of shape \(5, 3\) is one scan: give a list"),
         (
             [np.zeros((5, 2))],
-            r"list of \(N, 3\) arrays, metres: scan 0 must be \(N, 3\) or \(N, 4\), got shape \(5, 2\)",
+            r"list of \(N, 3\) arrays, metres: scan 0 must be \(N, 3 or 4\), got shape \(5, 2\)",
         ),
         (3, "a recording is a sequence or a list"),
     ],

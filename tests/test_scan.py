@@ -131,3 +131,42 @@ def test_sensors_and_mounts_that_do_not_fit_are_refused(sensor, mounts, why):
 def test_what_no_sensor_sees_is_not_valid():
     far = [[1e4, 0.0, 0.0], [3e4, 0.0, 0.0], [6e18, 1.0, 1.0], [0.0, -3e38, 0.0], [1.0, np.inf, 0.0]]
     assert Scan(np.array(far, np.float32)).is_valid.tolist() == [True, False, False, False, False]
+
+
+def test_columns_become_what_they_are_documented_to_be():
+    scan = Scan(
+        points(3).astype(np.float64)[::-1], time=np.arange(3), ring=[0, 1, 65535], intensity=[True, False, True]
+    )
+    assert scan.points.flags.c_contiguous
+    assert [column.dtype for column in (scan.points, scan.time, scan.ring)] == ["float32", "float32", "uint16"]
+    np.testing.assert_array_equal(scan.intensity, [1.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "message"),
+    [
+        ("points", None, "points must be real numbers, got object"),
+        ("points", np.zeros((5, 3), complex), "points must be real numbers, got complex128"),
+        ("points", [[1.0, 2.0, 3.0], [1.0]], "points must be one array of numbers"),
+        ("time", ["a"] * 5, "time must be real numbers"),
+        ("ring", [0, 1, 2, 3, -1], "ring must be whole numbers that uint16 holds, got -1 to 3"),
+        ("ring", [0.5] * 5, "ring must be whole numbers that uint16 holds"),
+        ("sensor", [256] * 5, "sensor must be whole numbers that uint8 holds"),
+        ("T_scan_sensor", np.full((1, 4, 4), np.nan), "sensor and T_scan_sensor go together"),
+        ("stamp", "noon", "stamp seconds, got '' and 'noon'"),
+        ("name", None, "name is a text and its stamp seconds, got None and None"),
+    ],
+)  # fmt: skip
+def test_what_is_no_column_is_told(column, values, message):
+    with pytest.raises(ValueError, match=message):
+        Scan(**{"points": points(5), column: values})
+
+
+def test_mounts_that_are_no_transforms_are_told():
+    with pytest.raises(ValueError, match="T_scan_sensor holds a transform that is none"):
+        Scan(points(5), sensor=np.zeros(5), T_scan_sensor=np.full((1, 4, 4), np.nan))
+
+
+def test_names_that_no_file_can_have_do_not_become_names_of_results():
+    assert ArraySequence([Scan(points(4), name="../a"), Scan(points(4), name="b")]).names == ["000000", "000001"]
+    assert ArraySequence([Scan(points(4), name="a"), Scan(points(4), name="b")]).names == ["a", "b"]

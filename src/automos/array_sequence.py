@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import as_array
 from automos.errors import InputError
 from automos.scan import Mask, Scan, Sequence
 
@@ -29,10 +30,8 @@ class ArraySequence(Sequence):
         self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
         if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
             stamps = np.array([s.stamp for s in self._scans], np.float64)
-        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
+        self._stamps = None if stamps is None else as_array(stamps, np.float64, (len(self._scans),), "stamps")
         self._is_compensated = is_compensated
-        if self._stamps is not None and self._stamps.shape != (len(self._scans),):
-            raise ValueError(f"stamps must be ({len(self._scans)},), got shape {self._stamps.shape}")
 
     def __len__(self) -> int:
         return len(self._scans)
@@ -42,9 +41,10 @@ class ArraySequence(Sequence):
 
     @property
     def names(self) -> list[str]:
-        """The scans' own names where each has another, else their numbers."""
+        """The scans' own names where each has another that can be a file's, else their numbers."""
         names = [scan.name for scan in self._scans]
-        return names if all(names) and len(set(names)) == len(names) else super().names
+        are_of_files = all(name.isprintable() and name == Path(name).name != "" for name in names)
+        return names if are_of_files and len(set(names)) == len(names) else super().names
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
@@ -95,8 +95,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 
 
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
-    array = np.asarray(array, np.float32)
-    if array.ndim != 2 or array.shape[1] not in (3, 4):
-        raise ValueError(f"scan {index} must be (N, 3) or (N, 4), got shape {array.shape}")
-    intensity = np.ascontiguousarray(array[:, 3]) if array.shape[1] == 4 else None
-    return Scan(np.ascontiguousarray(array[:, :3]), intensity, name=f"{index:06d}")
+    array = as_array(array, np.float32, ("N", "3 or 4"), f"scan {index}")
+    if array.shape[1] not in (3, 4):
+        raise ValueError(f"scan {index} must be (N, 3 or 4), got shape {array.shape}")
+    return Scan(array[:, :3], array[:, 3] if array.shape[1] == 4 else None, name=f"{index:06d}")

@@ -102,8 +102,9 @@ def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]
     T = np.asarray(T, np.float64)
     is_finite = np.isfinite(T).all(axis=(-1, -2))
     T = np.where(is_finite[..., None, None], T, 0.0)
-    off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
-    return np.asarray(is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
+        return np.asarray(is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0))
 
 
 def skew(v: npt.ArrayLike) -> Array:

@@ -8,18 +8,17 @@ from typing import Any
 from rich.console import Console
 
 from automos.atomic import held
-from automos.errors import InputError
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.writing import write_results
+from automos.results.writing import refuse_foreign, write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
 from automos.scan import Pose, Sequence
 from automos.settings import Settings
-from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.workspace import Workspace
 
 SHOWN = 4
 """Warnings told in the terminal; all of them are in run.json, in the report and in the review."""
@@ -47,7 +46,7 @@ def label_recording(
     ------
     InputError : the recording, the poses or the folder cannot be used.
     """
-    _refuse_foreign(folder)
+    refuse_foreign(folder)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
@@ -109,16 +108,3 @@ def timing_line(run: dict[str, Any]) -> list[str]:
     rivals = list(timing["worse_percent"].items())
     behind = f"; next best: {rivals[0][0]}, {rivals[0][1]:.1f} % worse" if rivals else ""
     return [f"sweep timing: {timing['chosen']}{behind}"]
-
-
-def _refuse_foreign(folder: Path) -> None:
-    """Raise where `folder` holds labels, poses or the like that no run of ours wrote: they would be replaced."""
-    is_ours = (folder / RUN_FILE).exists() or (folder / "stages").exists()
-    for place in (folder, folder / "predictions"):
-        if place.exists() and not place.is_dir():
-            raise InputError(f"{place} is a file: choose another --out")
-    if not is_ours and any((folder / "predictions").glob("*.label")):
-        raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
-    for name in RESULT_FILES:
-        if not is_ours and (folder / name).exists():
-            raise InputError(f"{folder / name} was not written by automos label: choose another --out")

@@ -10,17 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, SupportsFloat
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import adjoint, inverse, transform
+from automos.arrays import hold_array
+from automos.geometry import adjoint, inverse, is_rigid, transform
 
 Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-
 OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
 
@@ -29,6 +29,9 @@ MIN_RANGE = 0.1
 
 MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
+
+
+_COLUMNS = {"intensity": np.float32, "time": np.float32, "ring": np.uint16, "sensor": np.uint8}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +47,7 @@ class Scan:
     stamp : seconds, or None where the recording has no clock.
     name : stem of the file it came from; outputs for this scan carry the same name.
     sensor : (N,) uint8 or None, which of several merged LiDARs measured each point.
-    T_scan_sensor : (K, 4, 4) float64 or None, where each of them sits in the frame of `points`: its rays start there.
-        None: all rays start at the origin.
+    T_scan_sensor : (K, 4, 4) float64, where each of them sits in the frame of `points`; None: rays start at its origin.
     """
 
     points: Points
@@ -58,19 +60,20 @@ class Scan:
     T_scan_sensor: Pose | None = None
 
     def __post_init__(self) -> None:
-        if self.points.ndim != 2 or self.points.shape[1] != 3:
-            raise ValueError(f"points must be (N, 3), got shape {self.points.shape}")
-        for field in ("intensity", "time", "ring", "sensor"):
-            column = getattr(self, field)
-            if column is not None and column.shape != (len(self.points),):
-                raise ValueError(f"{field} must be ({len(self.points)},), got shape {column.shape}")
+        hold_array(self, "points", np.float32, ("N", 3))
+        for column, dtype in _COLUMNS.items():
+            hold_array(self, column, dtype, (len(self.points),), is_optional=True)
+        hold_array(self, "T_scan_sensor", np.float64, ("K", 4, 4), is_optional=True)
         mounts = self.T_scan_sensor
-        if mounts is not None and (mounts.ndim != 3 or mounts.shape[1:] != (4, 4)):
-            raise ValueError(f"T_scan_sensor must be (K, 4, 4), got shape {mounts.shape}")
-        if (self.sensor is None) != (mounts is None):
-            raise ValueError("sensor and T_scan_sensor go together: which sensor measured a point, and where that sits")
-        if self.sensor is not None and mounts is not None and self.sensor.max(initial=0) >= max(len(mounts), 1):
+        if self.sensor is None or mounts is None:
+            if self.sensor is not mounts:
+                raise ValueError("sensor and T_scan_sensor go together: who measured a point, and where that sits")
+        elif self.sensor.max(initial=0) >= max(len(mounts), 1):
             raise ValueError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
+        elif not is_rigid(mounts).all():
+            raise ValueError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
+        if not isinstance(self.name, str) or not isinstance(self.stamp, SupportsFloat | None):
+            raise ValueError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
 
     def __len__(self) -> int:
         return len(self.points)

@@ -147,3 +147,14 @@ def test_a_pose_that_is_not_in_the_table_is_told(root):
     nuscenes._read.cache_clear()
     with pytest.raises(InputError, match=r"ego_pose.json has no row scene-0061-e0, which another table names"):
         open_sequence(root)
+
+
+def test_a_file_that_is_two_scans_is_told(root):
+    path = root / "v1.0-mini" / "sample_data.json"
+    rows = json.loads(path.read_text())
+    first, second, *_ = (row for row in rows if "/LIDAR_TOP/" in row["filename"])
+    second["filename"] = first["filename"]
+    path.write_text(json.dumps(rows))
+    nuscenes._read.cache_clear()
+    with pytest.raises(InputError, match="has two scans named scene-0061__LIDAR_TOP__"):
+        open_sequence(root)

@@ -273,3 +273,24 @@ def test_places_that_hold_no_corrections_are_told(run, tmp_path):
         merge(run, tmp_path / "other", tmp_path / "out")
     with pytest.raises(InputError, match="choose another --out"):
         merge(run, tmp_path / "empty", run.folder)
+
+
+def test_results_that_are_being_replaced_are_no_results_until_the_last_file(run, root, tmp_path, monkeypatch):
+    out = tmp_path / "merged"
+    merge(run, run.folder / "predictions", out)
+    assert (out / "run.json").exists()
+    monkeypatch.setattr("automos.export.merge.pack", lambda *labels: 1 / 0)  # killed before the first label
+    with pytest.raises(ZeroDivisionError):
+        merge(run, run.folder / "predictions", out)
+    with pytest.raises(InputError, match="was not labelled to its end"):
+        RunFiles(out, run.sequence)
+    monkeypatch.undo()
+    merge(run, run.folder / "predictions", out)  # goes on in what was left
+    assert len(RunFiles(out, run.sequence)) == len(run)
+
+
+def test_labels_of_another_program_are_not_replaced(run, tmp_path):
+    (tmp_path / "theirs" / "predictions").mkdir(parents=True)
+    (tmp_path / "theirs" / "predictions" / "000000.label").write_bytes(b"theirs")
+    with pytest.raises(InputError, match="another program wrote: choose another --out"):
+        merge(run, run.folder / "predictions", tmp_path / "theirs")

@@ -214,7 +214,9 @@ def test_results_whose_labels_were_damaged_since_are_not_complete(results, targe
     assert read_marker(target) is None
 
 
-@pytest.mark.parametrize("files", ['"x"', "[1]", '{"predictions/0.label": 3}', '{"predictions/0.label": {"bytes": []}}'])
+@pytest.mark.parametrize(
+    "files", ['"x"', "[1]", '{"predictions/0.label": 3}', '{"predictions/0.label": {"bytes": []}}']
+)
 def test_a_marker_of_another_form_is_none(results, files):
     (results / MARKER).write_text(f'{{"source": "", "settings": "", "fingerprint": "", "files": {files}}}')
     assert read_marker(str(results)) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -43,6 +44,11 @@ class ListedSequence(ScanSequence):
         self.name = name or source.resolve().name
         self._files = list(files)
         self._names = [file.stem for file in files] if names is None else list(names)
+        twice = next((name for name, count in Counter(self._names).items() if count > 1), None)
+        if twice is not None:
+            raise InputError(
+                f"{source} has two scans named {twice}, whose labels would have one name; remove one of them"
+            )
         self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
         if self._stamps is not None:
             require_increasing(self._stamps, self._names, source)

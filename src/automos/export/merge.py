@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, write_text
+from automos.atomic import atomic_path, held, write_text
 from automos.errors import InputError
 from automos.export.edits import EditedScan, read_edits
 from automos.export.relabel import Change, compare, relabel
@@ -20,6 +20,7 @@ from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
+from automos.results.writing import refuse_foreign
 from automos.workspace import RUN_FILE
 
 
@@ -65,12 +66,26 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         raise InputError(f"{out} holds the results that are to be corrected: choose another --out")
     has_labels = corrected.is_dir() and any(corrected.glob("[!.]*.label"))
     edits = {} if has_labels else read_edits(corrected, run)
-    (out / "predictions").mkdir(parents=True, exist_ok=True)
+    refuse_foreign(out)
+    with held(out):
+        (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
+        _copy_beside(run, out)
+        merged = _write_labels(run, corrected if has_labels else None, edits, out)
+        write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
+        write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
+        if (run.folder / RUN_FILE).exists():
+            shutil.copyfile(run.folder / RUN_FILE, out / RUN_FILE)
+    return merged
+
+
+def _write_labels(run: RunFiles, corrected: Path | None, edits: dict[int, EditedScan], out: Path) -> Merged:
+    """Write all label files with what is in folder `corrected`, or with `edits`; return what changed."""
+    (out / "predictions").mkdir(exist_ok=True)
     merged = Merged()
     for index in run.each("merging"):
         scan = run.scan(index)
         before = run.labels(index, len(scan)), run.instances(index, len(scan))
-        if has_labels:
+        if corrected is not None:
             after = _from_file(corrected / f"{run.names[index]}.label", before)
         elif index in edits:
             changes = compare(run.boxes_upright(index), edits[index])
@@ -81,11 +96,6 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         _count_points(before[0], after[0], merged)
         with atomic_path(out / "predictions" / f"{run.names[index]}.label") as temporary:
             pack(*after).tofile(temporary)
-    _copy_beside(run, out)
-    write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
-    write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
-    if (run.folder / RUN_FILE).exists():  # last: without it the results are not whole
-        shutil.copyfile(run.folder / RUN_FILE, out / RUN_FILE)
     return merged
 
 
@@ -116,6 +126,7 @@ def _count_points(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16],
 
 def _copy_beside(run: RunFiles, out: Path) -> None:
     """Copy what the results need to be read again: poses, what the run was, and how the sensor moved in each sweep."""
+    (out / "stages").mkdir(exist_ok=True)  # by which what was left half way is known to be ours
     for name in ("poses.txt", "poses.tum", "settings.yaml"):
         if (run.folder / name).exists():
             shutil.copyfile(run.folder / name, out / name)

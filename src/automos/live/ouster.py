@@ -9,6 +9,7 @@ from typing import Any
 from automos.datasets.formats import import_extra
 from automos.datasets.ouster import first_stamp, frame_to_scan
 from automos.errors import InputError
+from automos.reading import read_text
 from automos.scan import Scan
 
 
@@ -27,7 +28,7 @@ class OusterAssembler:
         """
         self._core = import_extra("ouster.sdk.core", "ouster")
         try:
-            self._info = self._core.SensorInfo(metadata.read_text())
+            self._info = self._core.SensorInfo(read_text(metadata))
             self._format = self._core.PacketFormat.from_info(self._info)
         except Exception as error:  # the library raises what it likes
             raise InputError(
