@@ -27,6 +27,7 @@ from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
 from automos.stages import add_network_cue, find_candidates, find_segments, follow_and_judge, paint
+from automos.tracking.places import Places
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
@@ -61,7 +62,7 @@ def label(
     steps = Steps(as_sequence(recording), settings or load_settings("default"), poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
-    return Result(steps.trajectory, *steps.followed, steps.run.names, steps.run.seconds, steps.run.keys, labels)
+    return Result(steps.trajectory, *steps.followed[:2], steps.run.names, steps.run.seconds, steps.run.keys, labels)
 
 
 class Steps:
@@ -113,20 +114,19 @@ class Steps:
         return self.run.each("instances", find, scans)
 
     @cached_property
-    def followed(self) -> tuple[Tracks, Verdicts]:
-        """All objects over time, and the verdict on each (III-D)."""
-        instances, names = self.instances(), self.run.names
-        arrays = self.run.once(
-            "tracking", lambda tick: follow_and_judge(self.trajectory, instances, names, self.settings)
-        )
-        return Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays)
+    def followed(self) -> tuple[Tracks, Verdicts, Places | None]:
+        """All objects over time, the verdict on each, and the places of what stays beside them (III-D)."""
+        found = self.candidates(), self.instances(), self.run.names
+        follow = partial(follow_and_judge, self.frames, *found, self.settings, self.workers)
+        arrays = self.run.once("tracking", lambda tick: follow())
+        return Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), Places.from_arrays(arrays)
 
     def labels(self, scans: range | None = None) -> Stage:
         """Return every point's label, at least for `scans`."""
-        tracks, verdicts = self.followed
+        followed = self.followed
         found = self.candidates(scans), self.instances(scans), self.run.names
         return self.run.each(
-            "labels", partial(paint, self.frames, *found, tracks, verdicts, self.settings, self.workers), scans
+            "labels", partial(paint, self.frames, *found, *followed, self.settings, self.workers), scans
         )
 
 

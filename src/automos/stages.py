@@ -29,7 +29,6 @@ from automos.detections import Detections
 from automos.instances.detect import detect_objects
 from automos.instances.find import find_instances
 from automos.labels import Label
-from automos.odometry import Trajectory
 from automos.parallel import available_cores, map_in_order
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frame, Frames
 from automos.settings import InstancesSettings, SelfTrainingSettings, Settings
@@ -37,6 +36,7 @@ from automos.tracking.completion import paint_objects, tracks_of_points
 from automos.tracking.confidence import point_confidence
 from automos.tracking.judge import judge_by_evidence, without_scenery
 from automos.tracking.painting import paint_points
+from automos.tracking.places import Places, count_places, held_places, touched_columns
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import track_objects
 from automos.tracking.tracks import Tracks
@@ -154,20 +154,49 @@ def _components(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arra
 
 
 # ------------------------------------------------------------------------------------------------------ tracking
-def follow_and_judge(trajectory: Trajectory, instances: Stage, names: list[str], settings: Settings) -> Arrays:
-    """Return the tracks of all objects and the verdict on each."""
-    tracking, stamps = settings.tracking, trajectory.stamps
+def follow_and_judge(
+    frames: Frames, candidates: Stage, instances: Stage, names: list[str], settings: Settings, workers: int
+) -> Arrays:
+    """Return the tracks of all objects, the verdict on each, and the places that what stays beside movers has held."""
+    tracking, stamps = settings.tracking, frames.stamps
     detections = [Detections.from_arrays(instances.load(name, *Detections.columns())) for name in names]
     if tracking.method != "paper" and not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     tracks = track_objects(zip(stamps, detections, strict=True), tracking)
     if tracking.method == "paper":
-        verdicts = judge_by_trajectory(tracks, tracking.verdict)
-    else:
-        verdicts = judge_by_evidence(tracks, detections, tracking.judge)
-        tracks, verdicts = without_scenery(tracks, verdicts, detections)
-        tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
-    return {**tracks.to_arrays(), **verdicts.to_arrays()}
+        return {**tracks.to_arrays(), **judge_by_trajectory(tracks, tracking.verdict).to_arrays()}
+    verdicts = judge_by_evidence(tracks, detections, tracking.judge)
+    tracks, verdicts = without_scenery(tracks, verdicts, detections)
+    tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
+    places = find_places(frames, candidates, instances, names, tracks, verdicts, workers)
+    return {**tracks.to_arrays(), **verdicts.to_arrays(), **places.to_arrays()}
+
+
+def find_places(
+    frames: Frames,
+    candidates: Stage,
+    instances: Stage,
+    names: list[str],
+    tracks: Tracks,
+    verdicts: Verdicts,
+    workers: int,
+) -> Places:
+    """Return the places of those that movers have held which what stays has held in more scans."""
+    moving = tracks[np.flatnonzero(verdicts.is_moving[tracks.track] & tracks.is_observed)]
+    columns = touched_columns(moving.boxes)
+    by_scan = np.argsort(moving.scan, kind="stable")
+    first = np.searchsorted(moving.scan[by_scan], np.arange(len(names) + 1))
+
+    def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        found, kind = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind")["kind"]
+        stands = np.flatnonzero(kind == OBJECT)
+        track = tracks_of_points(
+            found["ids"][stands], found["stayed"][stands], moving[by_scan[first[i] : first[i + 1]]]
+        )
+        return held_places(frames[i].points_level[stands], track >= 0, columns)
+
+    scans = range(len(names)) if len(columns) else ()
+    return Places(count_places(map_in_order(held, scans, workers, threads=True)), verdicts.is_moving)
 
 
 # -------------------------------------------------------------------------------------------------------- labels
@@ -178,6 +207,7 @@ def paint(
     names: list[str],
     tracks: Tracks,
     verdicts: Verdicts,
+    places: Places | None,
     settings: Settings,
     workers: int,
     missing: list[int],
@@ -190,7 +220,7 @@ def paint(
     def paint_scan(i: int) -> Arrays:
         rows = by_scan[first[i] : first[i + 1]]
         found, about = instances.load(names[i]), candidates.load(names[i], "kind", "log_odds")
-        return paint_frame(frames[i], about, found, tracks[rows], verdicts, settings, is_followed)
+        return paint_frame(frames[i], about, found, tracks[rows], verdicts, places, settings, is_followed)
 
     return zip(missing, map_in_order(paint_scan, missing, workers, threads=True), strict=True)
 
@@ -201,12 +231,14 @@ def paint_frame(
     found: Mapping[str, npt.NDArray],
     here: Tracks,
     verdicts: Verdicts,
+    places: Places | None,
     settings: Settings,
     is_followed: bool,
 ) -> dict[str, npt.NDArray]:
     """Return every point's label, the moving track it belongs to, and how sure that is.
 
     about, found : the frame's candidates and instances.   here : the rows of all tracks in it.
+    places : of what stays beside movers, where that is known.
     is_followed : whether scans follow each other fast enough for tracks to be trusted.
     """
     is_moving = verdicts.is_moving[here.track]
@@ -221,6 +253,9 @@ def paint_frame(
             frame.points_level, found["ids"], found["stayed"], about["kind"] == GROUND, may_move, moving,
             settings.tracking.completion,
         )  # fmt: skip
+        if places is not None:
+            stands = places.static_points(frame.points_level, track)
+            label[stands], track[stands] = Label.STATIC, -1
         label[about["kind"] == EGO_BODY] = Label.UNLABELED
     owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], here))
     confidence = point_confidence(track >= 0, owner, verdicts.confidence, about["log_odds"], about["kind"])

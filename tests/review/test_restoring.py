@@ -60,7 +60,7 @@ def damage(folder, sequence, share):
     (folder / "stages" / f"tracking-{stages.keys['tracking']}" / "concerns.npz").unlink()
     found = stages.stage("candidates"), stages.stage("instances")
     every = list(range(len(sequence)))
-    for i, arrays in paint(stages.frames, *found, stages.names, tracks, verdicts, stages.settings, 1, every):
+    for i, arrays in paint(stages.frames, *found, stages.names, tracks, verdicts, None, stages.settings, 1, every):
         stages.stage("labels").save(stages.names[i], arrays)
     again = RunStages(folder, sequence)
     for i in every:

@@ -75,3 +75,16 @@ def test_no_moving_tracks_leave_everything_static():
     labels, tracks = paint_objects(points, nowhere, nowhere, part == 0, part >= 0, none, CompletionSettings())
     assert (labels == Label.STATIC).all()
     assert (tracks == -1).all()
+
+
+def test_on_smooth_ground_what_stands_a_few_centimetres_high_is_the_object_and_on_rough_ground_it_is_not():
+    points, part = scene()
+    points[part == 2, 2] = 0.06
+    labels, _ = paint(points, part)
+    assert (labels[part == 2] == Label.MOVING).all()
+    points[part == 0, 2] += np.random.default_rng(0).normal(0.0, 0.03, (part == 0).sum()).astype(np.float32)
+    labels, _ = paint(points, part)
+    assert (labels[part == 2] == Label.STATIC).all()
+    points[part == 2, 2] = 0.15  # more than any ground's roughness is taken for
+    labels, _ = paint(points, part)
+    assert (labels[part == 2] == Label.MOVING).all()

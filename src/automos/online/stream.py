@@ -201,7 +201,14 @@ class Stream:
         ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
         followed = self._following.at(held.stamp, ahead)
         painted = paint_frame(
-            frame, held.about, held.segments, followed.here, followed.verdicts, self._settings, followed.is_followed
+            frame,
+            held.about,
+            held.segments,
+            followed.here,
+            followed.verdicts,
+            None,
+            self._settings,
+            followed.is_followed,
         )
         labels, track = painted["label"], painted["track"]
         unknown = _is_unknown(held.about, held.segments)

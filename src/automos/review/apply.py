@@ -119,7 +119,9 @@ def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> di
     unsure = np.array([track for track, verdict in decided.items() if verdict == "unknown"], np.int64)
     verdicts.verdict[unsure] = Verdict.MOVING  # painted as if it moved, to learn which points it has
     found = stages.stage("candidates"), stages.stage("instances")
-    painted = paint(stages.frames, *found, stages.names, stages.tracks, verdicts, stages.settings, 1, [index])
+    painted = paint(
+        stages.frames, *found, stages.names, stages.tracks, verdicts, stages.places, stages.settings, 1, [index]
+    )
     per_point = dict(next(iter(painted))[1])
     is_unsure = np.isin(per_point["track"], unsure)
     per_point["label"] = np.where(is_unsure, np.uint8(Label.UNLABELED), per_point["label"])

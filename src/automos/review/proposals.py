@@ -177,7 +177,7 @@ class Proposer:
         track = Tracks(one, np.array([index]), np.array([segment]), box[None, :3], box[None, 3:6], box[6:], fast)
         judged = Verdicts(np.array([Verdict.MOVING], np.int8), np.ones(1))
         found = stages.stage("candidates"), stages.stage("instances")
-        painted = paint(stages.frames, *found, stages.names, track, judged, stages.settings, 1, [index])
+        painted = paint(stages.frames, *found, stages.names, track, judged, None, stages.settings, 1, [index])
         return np.flatnonzero(next(iter(painted))[1]["track"] == 0)
 
     def _moves_already(self, index: int, changes: Changes) -> npt.NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from automos.odometry import Trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Frame, Sequence
 from automos.settings import load_settings
+from automos.tracking.places import Places
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace
@@ -55,6 +56,7 @@ class RunStages:
         followed = self.stage("tracking").load("all")
         self.tracks = Tracks.from_arrays(followed)
         self.verdicts = Verdicts.from_arrays(followed)
+        self.places = Places.from_arrays(followed)
         self.frames = _CachedFrames(sequence, self.trajectory)
         self._validity = lru_cache(CACHED_BITS)(self._read_validity)
 

@@ -7,6 +7,8 @@ stands above it. Where an object was out of sight for a moment, what its box hol
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +19,11 @@ from automos.tracking.tracks import Tracks
 
 RING = 1.5
 """Metres around an object's box in which the ground beside it is looked for."""
-GROUND_CLEARANCE = 0.1
-"""Metres above the ground beside it, from which on it is the object."""
+CLEARANCE = (0.03, 0.1)
+"""Metres above the ground beside it, from which on it is the object: at least, at most."""
+ROUGHNESS = 3.0
+"""Between them, in standard deviations of the ground beside it about its plane: a floor is told from a shoe on it at
+a few centimetres, cobbles and a verge are not."""
 
 
 def paint_objects(
@@ -49,7 +54,7 @@ def paint_objects(
     boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
     _fill(
         np.asarray(points), ids, stayed, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
-        settings.margin, RING, GROUND_CLEARANCE, track_of,
+        settings.margin, track_of,
     )  # fmt: skip
     return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
 
@@ -64,7 +69,7 @@ def tracks_of_points(
 
 
 @numba.njit(cache=True, nogil=True)
-def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, ring, clearance, track_of):  # type: ignore[no-untyped-def]
+def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, track_of):  # type: ignore[no-untyped-def]
     near = np.empty(len(points), np.int64)
     for b in range(len(boxes)):
         center, half, c, s = boxes[b, :3], 0.5 * boxes[b, 3:6], boxes[b, 6], boxes[b, 7]
@@ -78,9 +83,9 @@ def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, mar
                     high[2] = max(high[2], points[i, 2])
         else:
             low, high = np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], center[2] + half[2]])
-        reach = np.hypot(max(-low[0], high[0]), max(-low[1], high[1])) + ring + margin
+        reach = np.hypot(max(-low[0], high[0]), max(-low[1], high[1])) + RING + margin
         n = 0
-        A, rhs = np.zeros((3, 3)), np.zeros(3)
+        A, rhs, squares = np.zeros((3, 3)), np.zeros(3), 0.0
         for i in range(len(points)):
             if abs(points[i, 0] - center[0]) > reach or abs(points[i, 1] - center[1]) > reach:
                 continue
@@ -90,18 +95,23 @@ def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, mar
                 if points[i, 2] <= high[2] + margin:
                     near[n] = i
                     n += 1
-            elif beyond <= ring + margin and is_ground[i]:
-                row = (u, v, 1.0)
+            elif beyond <= RING + margin and is_ground[i]:
+                row, height = (u, v, 1.0), points[i, 2] - center[2]
+                squares += height * height
                 for j in range(3):
-                    rhs[j] += row[j] * (points[i, 2] - center[2])
+                    rhs[j] += row[j] * height
                     for k in range(3):
                         A[j, k] += row[j] * row[k]
         if A[2, 2] < 10.0:  # too little ground beside it to know where it is below
-            plane = (0.0, 0.0, np.inf)
+            plane, clearance = (0.0, 0.0, np.inf), 0.0
         else:
+            count, moments = A[2, 2], rhs.copy()
             A[0, 0] += 1e-3 * A[2, 2]
             A[1, 1] += 1e-3 * A[2, 2]
             plane = _solve(A, rhs)
+            explained = plane[0] * moments[0] + plane[1] * moments[1] + plane[2] * moments[2]
+            roughness = math.sqrt(max(squares - explained, 0.0) / count)
+            clearance = min(max(ROUGHNESS * roughness, CLEARANCE[0]), CLEARANCE[1])
         for k in range(n):
             i = near[k]
             if track_of[i] >= 0 or not may_move[i]:
