@@ -84,16 +84,20 @@ class EgoBody:
         return is_body
 
 
+def nobody(pattern: BeamPattern) -> EgoBody:
+    """Return the body of a sensor that none is in the way of."""
+    return EgoBody(np.zeros((pattern.n_rows, pattern.n_columns), np.float32), pattern)
+
+
 def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> EgoBody:
     """Return the body that a handful of `frames`, spread over the recording, show."""
     shape = (pattern.n_rows, pattern.n_columns)
-    nobody = EgoBody(np.zeros(shape, np.float32), pattern)
     sample = _scans_apart(frames)
     origins = frames.T_level_sensor[sample, :3, 3]
     # Nearer than half the way, all of the world is looked at from elsewhere at some time.
     max_range = min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(origins, axis=0))))
     if len(sample) < MIN_SCANS or max_range < settings.near_reach:
-        return nobody
+        return nobody(pattern)
     with ThreadPoolExecutor(threads) as pool:
         ranges = np.stack(list(pool.map(lambda i: nearest_ranges(frames[i], pattern, max_range), sample)))
     ends, slack, near = np.zeros((3, 2, *shape), np.float32)

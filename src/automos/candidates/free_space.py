@@ -98,4 +98,4 @@ class FreeSpace:
 
     def _ask(self, index: int, mine: Seen, others: list[Seen], partners: npt.NDArray[np.int64]) -> Evidence:
         """Return what the scans `partners`, who saw `others`, say about frame `index`."""
-        return ask(mine, others, self.stamps[partners] - self.stamps[index], self.lidars, self.settings)
+        return ask(mine, others, self.stamps[partners] - self.stamps[index], self.settings)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Lidar, Seen, View
+from automos.candidates.free_space_view import Seen, View
 from automos.candidates.free_space_vote import look_through
 from automos.candidates.free_space_weigh import (
     find_open,
@@ -82,20 +82,19 @@ def ask(
     mine: Seen,
     others: list[Seen],
     offsets: Array,
-    lidars: list[Lidar],
     settings: FreeSpaceSettings,
     pool: ThreadPoolExecutor | None = None,
 ) -> Evidence:
     """Return what `others` say about the points of the scan that saw `mine`.
 
-    offsets : (P,) seconds from it to each of them, increasing.   lidars : what is learnt of each LiDAR.
+    offsets : (P,) seconds from it to each of them, increasing.
     pool : threads to share the work; the result does not depend on them.
     """
     n = len(mine.kind)
     net, through, hits = np.zeros(n, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
     for view in mine.views:
         heights = mine.height[view.rows][view.is_object]
-        told = _ask_about(view, heights, others, offsets, lidars, settings, pool)
+        told = _ask_about(view, heights, others, offsets, settings, pool)
         net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
     return Evidence(mine.kind, net, through, hits, mine.height, mine.solidity)
 
@@ -105,20 +104,19 @@ def _ask_about(
     heights: npt.NDArray[np.float32],
     others: list[Seen],
     offsets: Array,
-    lidars: list[Lidar],
     settings: FreeSpaceSettings,
     pool: ThreadPoolExecutor | None,
 ) -> list[npt.NDArray]:
     """Return net, through and hits (K,) of a view's objects; what is said of one point does not depend on others."""
     if pool is None:
-        return list(_ask_part(mine, heights, others, offsets, lidars, settings))
+        return list(_ask_part(mine, heights, others, offsets, settings))
     parts = np.array_split(np.arange(len(heights)), _PARTS)
     views = [
         replace(mine, objects=np.ascontiguousarray(mine.objects[:, rows]), is_supported=mine.is_supported[rows])
         for rows in parts
     ]
     asked = [
-        pool.submit(_ask_part, view, heights[rows], others, offsets, lidars, settings)
+        pool.submit(_ask_part, view, heights[rows], others, offsets, settings)
         for view, rows in zip(views, parts, strict=True)
     ]
     return [np.concatenate(column) for column in zip(*(a.result() for a in asked), strict=True)]
@@ -129,7 +127,6 @@ def _ask_part(
     heights: npt.NDArray[np.float32],
     others: list[Seen],
     offsets: Array,
-    lidars: list[Lidar],
     settings: FreeSpaceSettings,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Return net, through and hits (K,) of a view's objects, which are `heights` (K,) above the ground."""
@@ -139,11 +136,11 @@ def _ask_part(
     votes = np.zeros((len(others), n), np.int8)
     first = _first_asked(offsets)
     for k in np.flatnonzero(first):
-        _add_votes(mine, ids, own_ranges, heights, others[k], lidars, settings, votes[k])
+        _add_votes(mine, ids, own_ranges, heights, others[k], settings, votes[k])
     # Most points are hit by all who see them: the others need not be asked about those.
     ids = find_open(votes, first, SURE_HITS)
     for k in np.flatnonzero(~first):
-        _add_votes(mine, ids, own_ranges, heights, others[k], lidars, settings, votes[k])
+        _add_votes(mine, ids, own_ranges, heights, others[k], settings, votes[k])
 
     ids = find_seen_through(votes)
     weaken_lone(votes, ids, mine.is_supported[ids], settings.lone_weight)
@@ -169,7 +166,6 @@ def _add_votes(
     own_ranges: npt.NDArray,
     heights: npt.NDArray,
     other: Seen,
-    lidars: list[Lidar],
     settings: FreeSpaceSettings,
     votes: npt.NDArray[np.int8],
 ) -> None:
@@ -179,12 +175,12 @@ def _add_votes(
     points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
     codes = np.empty(len(ids), np.uint8)
     ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
-    for k, (view, lidar) in enumerate(zip(other.views, lidars, strict=True)):
+    for k, view in enumerate(other.views):
         T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-        scan = (view.motion, view.pattern, lidar.pyramid, view.image)
+        scan = (view.motion, view.pattern, view.pyramid, view.image)
         look_through(points, T, *scan, tolerances, codes, ranges, misses)
         said = votes if k == 0 else np.zeros_like(votes)
-        pitch = np.float32(lidar.pattern.row_height)
+        pitch = np.float32(view.pattern.row_height)
         weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, said)
         if k > 0:
             join_votes(votes, said)

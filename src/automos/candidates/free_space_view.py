@@ -6,12 +6,12 @@ and a pattern of their own; the ground is that of all points together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.ego_body import EgoBody, find_ego_body
+from automos.candidates.ego_body import EgoBody, find_ego_body, nobody
 from automos.candidates.free_space_image import (
     PyramidShape,
     RangeImage,
@@ -28,8 +28,9 @@ from automos.settings import EgoBodySettings, GroundSettings
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """What is learnt of one LiDAR: how its rays lie, and what of the vehicle they meet."""
+    """What is learnt of one LiDAR: where it sits in a scan's frame, how its rays lie, what of the vehicle they meet."""
 
+    T_scan_sensor: Pose
     pattern: BeamPattern
     pyramid: PyramidShape
     body: EgoBody
@@ -45,7 +46,7 @@ class View:
     objects : (3, K) float32, metres, these points in the LiDAR's frame at mid-sweep.
     is_supported : (K,) which of these other rays of the scan have met as well, above or below and beside.
     image : of all its points.   motion : (6,) float32, twist of the LiDAR over the sweep, zeros where unknown.
-    pattern : the LiDAR's, with the times of this scan.
+    pattern : the LiDAR's, with the times of this scan.   pyramid : how the image's coarser levels lie.
     """
 
     rows: npt.NDArray[np.int64] | slice
@@ -55,6 +56,7 @@ class View:
     image: RangeImage
     motion: npt.NDArray[np.float32]
     pattern: BeamPattern
+    pyramid: PyramidShape
     T_level_sensor: Pose
 
 
@@ -72,6 +74,11 @@ class Seen:
     height: npt.NDArray[np.float32]
     solidity: npt.NDArray[np.uint8]
     views: list[View]
+
+    def moved(self, T_after_before: Pose) -> Seen:
+        """Return the same, seen from elsewhere: all poses moved by (4, 4) in the level frame."""
+        views = [replace(view, T_level_sensor=T_after_before @ view.T_level_sensor) for view in self.views]
+        return replace(self, views=views)
 
 
 class FramesOfLidar:
@@ -98,9 +105,17 @@ def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings,
     lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
     for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
         pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
-        own = FramesOfLidar(frames, k, frames.T_level_sensor @ T_scan_sensor)
-        lidars.append(Lidar(pattern, pyramid_shape(pattern), find_ego_body(own, pattern, ego_body, threads)))
-    return lidars
+        lidars.append(Lidar(T_scan_sensor, pattern, pyramid_shape(pattern), nobody(pattern)))
+    return with_body(lidars, frames, ego_body, threads)
+
+
+def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
+    """Return `lidars` with what `frames` show each of them to meet of its own vehicle."""
+    found = []
+    for k, lidar in enumerate(lidars):
+        own = FramesOfLidar(frames, k, frames.T_level_sensor @ lidar.T_scan_sensor)
+        found.append(replace(lidar, body=find_ego_body(own, lidar.pattern, ego_body, threads)))
+    return found
 
 
 def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
@@ -145,5 +160,5 @@ def _view(
     objects = np.take(part.points, np.flatnonzero(is_object), axis=0)
     return View(
         rows, is_object, np.ascontiguousarray(objects.T), ways[is_object] == 2, image, motion, pattern,
-        part.T_level_sensor,
+        lidar.pyramid, part.T_level_sensor,
     )  # fmt: skip

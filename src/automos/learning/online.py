@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
@@ -22,15 +23,14 @@ from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry.motion import SweepTiming, compensate, sweep_times
+from automos.odometry.motion import SweepTiming
+from automos.odometry.trajectory import frame_of
 from automos.online.odometry import CausalOdometry, Moved
 from automos.scan import Frame, Points, Pose, Scan
 from automos.settings import Settings
 
 STAGES = ("odometry", "image", "network", "clean-up")
 
-_TIMING_SCANS = 16
-"""Scans after which it is found out how sweeps are timed."""
 _PATTERN_POINTS = 1000
 """Points a scan needs to show the sensor's beams."""
 
@@ -53,10 +53,11 @@ class OnlineSegmenter:
     ):
         """Take the network, and how the sensor's sweeps are timed where that is known (else it is found out)."""
         self._network = network
-        self._odometry = CausalOdometry(settings.odometry, _TIMING_SCANS, timing, is_compensated)
+        self._odometry = CausalOdometry(settings.odometry, ThreadPoolExecutor(1), timing, is_compensated)
         self._view: SensorView | None = None
         self._past: deque[tuple[Points, Pose, float]] = deque()  # thinned points, T_world_sensor, stamp
         self.T_world_sensor: Pose = np.eye(4)
+        self._T_world_path: Pose = np.eye(4)
         self.seconds = {stage: deque[float](maxlen=1000) for stage in STAGES}
 
     def step(self, scan: Scan) -> npt.NDArray[np.uint8]:
@@ -67,7 +68,9 @@ class OnlineSegmenter:
         """Return the label (N,) uint8 and the probability of moving (N,) float32 of each point."""
         with self._timed("odometry"):
             moved = self._odometry.step(scan)
-            self.T_world_sensor = self.T_world_sensor @ moved.T_last_this
+            if moved.T_before_now is not None:
+                self._T_world_path = self._T_world_path @ moved.T_before_now
+            self.T_world_sensor = self._T_world_path @ moved.posed.T_world_sensor
             frame = _make_frame(scan, moved)
         labels, probability = np.zeros(len(scan), np.uint8), np.zeros(len(scan), np.float32)
         view = self._view_of(scan, frame)
@@ -115,9 +118,4 @@ class OnlineSegmenter:
 
 def _make_frame(scan: Scan, moved: Moved) -> Frame:
     """Return the valid points of `scan`, compensated for the motion during its sweep."""
-    kept = np.flatnonzero(scan.is_valid)
-    points, times = scan.points[kept], sweep_times(scan, moved.timing)
-    if times is not None:
-        times = times[kept]
-        points = compensate(points, times, moved.sweep_motion)
-    return Frame(points, kept, len(scan), np.eye(4), moved.stamp, times, moved.sweep_motion)
+    return frame_of(scan, moved.posed.timing, moved.posed.sweep_motion, np.eye(4), moved.stamp)

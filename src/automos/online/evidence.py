@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from automos.candidates.free_space_ask import SPAN_TOLERANCE, Evidence, ask, partners_of
-from automos.candidates.free_space_view import Lidar, Seen, View
+from automos.candidates.free_space_view import Seen, View
+from automos.scan import Pose
 from automos.settings import FreeSpaceSettings
 
 
@@ -22,10 +25,9 @@ class _Look:
 class EvidenceWindow:
     """Memory holds the scans that may still be asked: all of the last few seconds, some of those before."""
 
-    def __init__(self, settings: FreeSpaceSettings, lidars: list[Lidar], pool: ThreadPoolExecutor):
-        """Take how others are asked, what is learnt of each LiDAR, and threads to share the work."""
-        self.lidars = lidars
-        self._settings, self._pool = settings, pool
+    def __init__(self, settings: FreeSpaceSettings):
+        """Take how others are asked."""
+        self._settings = settings
         self._looks: list[_Look] = []
 
     def __len__(self) -> int:
@@ -37,23 +39,23 @@ class EvidenceWindow:
         is_far = not self._looks or np.floor(stamp / step) > np.floor(self._looks[-1].stamp / step)
         self._looks.append(_Look(stamp, is_far, seen))
 
-    def replace(self, stamp: float, seen: Seen) -> None:
-        """Take `seen` for what the scan at `stamp` saw, if it is remembered."""
+    def renew(self, seen: dict[float, Seen], T_after_before: Pose) -> None:
+        """Take over what some scans, by stamp, are now known to have seen, and move all by (4, 4) `T_after_before`."""
         for look in self._looks:
-            if look.stamp == stamp:
-                look.seen = seen if len(look.seen.kind) else _as_partner(seen)
+            known = seen.get(look.stamp, look.seen)
+            look.seen = (known if len(look.seen.kind) else as_partner(known)).moved(T_after_before)
 
-    def ask(self, stamp: float, mine: Seen, shared: bool = True) -> Evidence:
-        """Return what all scans that are remembered say of the one at `stamp`, which saw `mine`.
+    def question(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], Evidence]:
+        """Return what asks all scans that are remembered now about the one at `stamp`, which saw `mine`.
 
-        shared : whether threads share the work; False in one of these threads.
+        It takes threads to share the work, or None in one of these threads. Whenever it is called, it asks the same.
         """
         stamps = np.array([look.stamp for look in self._looks])
         is_far = np.array([look.is_far for look in self._looks], np.bool_)
         chosen = partners_of(stamp, stamps, is_far, self._settings)
         chosen = chosen[stamps[chosen] != stamp]
         others = [self._looks[k].seen for k in chosen]
-        return ask(mine, others, stamps[chosen] - stamp, self.lidars, self._settings, self._pool if shared else None)
+        return partial(ask, mine, others, stamps[chosen] - stamp, self._settings)
 
     def forget(self, stamp: float) -> None:
         """Drop what no scan at `stamp` or later asks; of scans before it only what they saw is kept."""
@@ -62,10 +64,10 @@ class EvidenceWindow:
         self._looks = [look for look in self._looks if look.stamp >= (far if look.is_far else near)]
         for look in self._looks:
             if look.stamp < stamp and len(look.seen.kind):
-                look.seen = _as_partner(look.seen)
+                look.seen = as_partner(look.seen)
 
 
-def _as_partner(seen: Seen) -> Seen:
+def as_partner(seen: Seen) -> Seen:
     """Return what others need: the images without the points."""
     nothing = np.zeros(0, np.uint8)
     return Seen(nothing, nothing.astype(np.float32), nothing, [_without_points(view) for view in seen.views])

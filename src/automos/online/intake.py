@@ -45,6 +45,7 @@ class Intake:
     def __init__(self) -> None:
         self._stamp: float | None = None
         self._points: Points | None = None
+        self._n_lidars = 0
         self._steps: deque[float] = deque(maxlen=20)
         self._n_late = 0
         self._trouble: Kind | None = None
@@ -56,7 +57,7 @@ class Intake:
         if kind in (Kind.NEXT, Kind.RESTART):
             if self._stamp is not None and kind is Kind.NEXT:
                 self._steps.append(stamp - self._stamp)
-            self._stamp, self._points, self._n_late = stamp, scan.points, 0
+            self._stamp, self._points, self._n_late, self._n_lidars = stamp, scan.points, 0, _n_lidars(scan)
         if kind is Kind.RESTART:
             self._steps.clear()
         is_new = kind is not self._trouble or kind is Kind.RESTART
@@ -78,6 +79,8 @@ class Intake:
             return Kind.NEXT, ""
         if len(scan) == len(self._points) and np.array_equal(scan.points, self._points):
             return Kind.REPEAT, "it is the scan before once more; it gets the same labels"
+        if _n_lidars(scan) != self._n_lidars:
+            return Kind.RESTART, f"it is of {_n_lidars(scan)} LiDARs, after {self._n_lidars}; everything begins anew"
         if stamp <= self._stamp:
             self._n_late += 1
             if self._n_late < MOST_LATE:
@@ -88,3 +91,7 @@ class Intake:
         if gap > max(LONGEST_GAP, USUAL_GAPS * usual):
             return Kind.RESTART, f"nothing came for {gap:.1f} s; everything begins anew"
         return Kind.NEXT, ""
+
+
+def _n_lidars(scan: Scan) -> int:
+    return 1 if scan.T_scan_sensor is None else len(scan.T_scan_sensor)

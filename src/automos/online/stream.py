@@ -7,16 +7,17 @@ seen its places, too, the evidence is made again and the tracker moves on over i
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Seen, learn_lidars, look, ray_steps
+from automos.candidates.free_space_ask import Evidence
+from automos.candidates.free_space_view import Seen, look, ray_steps
 from automos.detections import Detections
-from automos.geometry import make_transform
+from automos.geometry import inverse, make_transform
 from automos.instances.detect import recount
 from automos.labels import Label
 from automos.odometry.level import level_frame
@@ -25,7 +26,10 @@ from automos.odometry.trajectory import frame_of
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import Followed, Following
 from automos.online.labelled_scan import LabelledScan, objects_of
-from automos.online.odometry import CausalOdometry, Moved, Remade
+from automos.online.lidars import LidarLearner
+from automos.online.odometry import CausalOdometry, Moved
+from automos.online.path import Posed
+from automos.online.renewal import Renewal
 from automos.scan import OBJECT, Frame, Pose, Scan
 from automos.settings import Settings
 from automos.stages import candidates_of, paint_frame, segment_frame
@@ -33,10 +37,6 @@ from automos.workspace import Arrays
 
 GROWN = 1.0
 """Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
-TIMING_SCANS = 16
-"""Scans in which the sensor moves, after which it is found out how sweeps are timed."""
-PATTERN_POINTS = 1000
-"""Points a scan needs to show the sensor's beams."""
 SETTLED = 1.0
 """Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
 
@@ -73,11 +73,13 @@ class Stream:
         """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
-        self._odometry = CausalOdometry(settings.odometry, TIMING_SCANS, None, is_compensated)
-        self._T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
+        self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
+        self._T_level_world: Pose = np.eye(4) if T_world_first is None else T_world_first
+        self._T_level_sensor = self._T_level_world
         self._is_level = False
-        self._window: EvidenceWindow | None = None
-        self._ray_steps = np.zeros(2)
+        self._learner = LidarLearner(settings.candidates)
+        self._window = EvidenceWindow(settings.candidates.free_space)
+        self._renewal = Renewal(settings.candidates.ground, pool)
         self._following = Following(settings.tracking, first_track)
         self._held: deque[_Held] = deque()
         self._growing: deque[_Held] = deque()
@@ -95,85 +97,84 @@ class Stream:
 
     def push(self, number: int, scan: Scan) -> Iterator[LabelledScan]:
         """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp."""
+        grown = self._grow(scan.stamp)
         moved = self._odometry.step(scan)
-        self._T_level_sensor = self._T_level_sensor @ moved.T_last_this
-        if not self._is_level:
-            self._find_level(scan, moved)
         self._start = min(self._start, moved.stamp)
-        if moved.remade:
-            self._remake(moved)
-        grown = self._grow(moved.stamp)
-        held = _Held(number, moved.stamp, _make_frame(scan, moved, self._T_level_sensor))
+        self._renew(moved)
+        if not self._is_level:
+            self._find_level(scan, moved.posed)
+        self._T_level_sensor = self._T_level_world @ moved.posed.T_world_sensor
+        held = _Held(number, moved.stamp, _make_frame(scan, moved.posed, self._T_level_sensor, moved.stamp))
         self._held.append(held)
         self._look(held)
-        if self._window is not None:
-            self._find_segments(held)
+        self._find_segments(held)
         for done in grown:
             self._following.renew(*done.result())
         yield from self._give_back(held.stamp)
 
-    def _remake(self, moved: Moved) -> None:
-        """Take the last scans as they are known now: what they saw, and those that wait."""
-        for again in moved.remade:
-            frame = _make_frame(again.scan, again, self._T_level_sensor @ again.T_now_then)
-            seen = None if self._window is None else look(frame, self._window.lidars, self._settings.candidates.ground)
-            if self._window is not None and seen is not None:
-                self._window.replace(again.stamp, seen)
-            for held in (*self._held, *self._growing):
-                if held.stamp == again.stamp:
-                    held.frame, held.seen = frame, seen
+    def _renew(self, moved: Moved) -> None:
+        """Make anew what earlier scans saw, while another path catches up; take all of it over once it has."""
+        for came, posed in moved.again:
+            held = next((h for h in (*self._held, *self._growing) if h.stamp == came.stamp), None)
+            frame = _make_frame(came.scan, posed, self._T_level_world @ posed.T_world_sensor, came.stamp)
+            self._renewal.add(frame, self._learner.lidars, held is not None)
+        if moved.T_before_now is None:
+            return
+        T_level_before, self._T_level_world = self._T_level_world, self._T_level_world @ moved.T_before_now
+        frames = self._renewal.take_over(self._T_level_world @ inverse(T_level_before), self._window)
+        for held in (*self._held, *self._growing):
+            if held.stamp in frames:
+                held.frame, held.seen = frames[held.stamp]
+        self._learner.forget_poses()
 
-    def _grow(self, now: float) -> list[Future[tuple[float, Detections]]]:
+    def _grow(self, now: float | None) -> list[Future[tuple[float, Detections]]]:
         """Ask about scans some time ago once more, beside what else is done meanwhile."""
         asked = []
-        while self._growing and self._growing[0].stamp <= now - GROWN:
-            asked.append(self._pool.submit(self._recount, self._growing.popleft()))
+        while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
+            held = self._growing.popleft()
+            if held.seen is not None and held.segments is not None:
+                question = self._window.question(held.stamp, held.seen)
+                asked.append(self._pool.submit(self._recount, held.stamp, held.segments, question))
         return asked
 
-    def _recount(self, held: _Held) -> tuple[float, Detections]:
-        assert self._window is not None
-        assert held.seen is not None
-        assert held.segments is not None
-        evidence = self._window.ask(held.stamp, held.seen, shared=False)
-        ids, stayed, about = held.segments["ids"], held.segments["stayed"], self._settings.instances.components
-        return held.stamp, recount(held.detections, ids, stayed, evidence.net, about)
+    def _recount(
+        self, stamp: float, segments: Arrays, question: Callable[[None], Evidence]
+    ) -> tuple[float, Detections]:
+        ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
+        return stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None).net, about)
 
     def finish(self) -> Iterator[LabelledScan]:
         """Yield the rest."""
         if self._held:
             yield from self._give_back(np.inf)
 
-    def _find_level(self, scan: Scan, moved: Moved) -> None:
+    def _find_level(self, scan: Scan, posed: Posed) -> None:
         """Turn the world upright at the first scan that shows the ground."""
-        points, _ = usable_points(scan, moved.timing, moved.sweep_motion, self._settings.odometry)
+        points, _ = usable_points(scan, posed.timing, posed.sweep_motion, self._settings.odometry)
         T, found = level_frame([points], np.eye(4)[None], self._settings.odometry)
         if found:
-            before = self._T_level_sensor
+            before = self._T_level_world @ posed.T_world_sensor
             turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])
             c, s = np.cos(turn), np.sin(turn)
-            self._T_level_sensor = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T
-            self._T_level_sensor[:2, 3] = before[:2, 3]
+            T_level_sensor = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T
+            T_level_sensor[:2, 3] = before[:2, 3]
+            self._T_level_world = T_level_sensor @ inverse(posed.T_world_sensor)
             self._is_level = True
 
     def _look(self, held: _Held) -> None:
-        """Note what the scan saw; the first that shows the sensor's beams says how they lie."""
-        about = self._settings.candidates
-        if self._window is None:
-            if len(held.frame.points) < PATTERN_POINTS:
-                return
-            frames = _OneFrame(held.frame)
-            lidars = learn_lidars(frames, [held.frame], about.ego_body, 1)
-            self._window = EvidenceWindow(about.free_space, lidars, self._pool)
-            self._ray_steps = ray_steps(lidars)
-        held.seen = look(held.frame, self._window.lidars, about.ground)
-        self._window.add(held.stamp, held.seen)
+        """Note what the scan saw, once it is known how the sensor's beams lie."""
+        self._learner.add(held.frame)
+        if self._learner.lidars:
+            held.seen = look(held.frame, self._learner.lidars, self._settings.candidates.ground)
+            self._window.add(held.stamp, held.seen)
 
     def _find_segments(self, held: _Held) -> None:
         """Make the scan's evidence and segments from all scans that are remembered."""
-        if held.seen is None or self._window is None:
+        if held.seen is None:
             return
-        evidence = self._window.ask(held.stamp, held.seen)
-        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, self._ray_steps)
+        evidence = self._window.question(held.stamp, held.seen)(self._pool)
+        steps = ray_steps(self._learner.lidars)
+        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give_back(self, now: float) -> Iterator[LabelledScan]:
@@ -190,9 +191,7 @@ class Stream:
         while self._held and self._held[0].stamp <= now - self._lag + 1e-6:
             yield self._paint(self._held[0])
             self._held.popleft()
-        if self._window is not None:
-            waiting = [held.stamp for held in (*self._held, *self._growing)]
-            self._window.forget(min([now, *waiting]))
+        self._window.forget(min([now, *(held.stamp for held in (*self._held, *self._growing))]))
 
     def _paint(self, held: _Held) -> LabelledScan:
         frame = held.frame
@@ -219,30 +218,9 @@ class Stream:
         return LabelledScan(held.number, held.stamp, frame.T_level_sensor, labels, track_ids, confidence, objects)
 
 
-class _OneFrame:
-    """A single frame where the frames of a recording are asked for."""
-
-    def __init__(self, frame: Frame):
-        self._frame = frame
-
-    @property
-    def T_level_sensor(self) -> Pose:
-        return self._frame.T_level_sensor[None]
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        return np.array([self._frame.stamp])
-
-    def __len__(self) -> int:
-        return 1
-
-    def __getitem__(self, index: int) -> Frame:
-        return self._frame
-
-
-def _make_frame(scan: Scan, moved: Moved | Remade, T_level_sensor: Pose) -> Frame:
+def _make_frame(scan: Scan, posed: Posed, T_level_sensor: Pose, stamp: float) -> Frame:
     """Return the valid points of `scan`, compensated for the motion during its sweep."""
-    return frame_of(scan, moved.timing, moved.sweep_motion, T_level_sensor, moved.stamp)
+    return frame_of(scan, posed.timing, posed.sweep_motion, T_level_sensor, stamp)
 
 
 def _is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
