@@ -97,5 +97,5 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
     array = as_array(array, np.float32, ("N", "3 or 4"), f"scan {index}")
     if array.shape[1] not in (3, 4):
-        raise ValueError(f"scan {index} must be (N, 3 or 4), got shape {array.shape}")
+        raise InputError(f"scan {index} must be (N, 3 or 4), got shape {array.shape}")
     return Scan(array[:, :3], array[:, 3] if array.shape[1] == 4 else None, name=f"{index:06d}")

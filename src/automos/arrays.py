@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
+
 
 def as_array(values: npt.ArrayLike, dtype: npt.DTypeLike, shape: tuple[int | str, ...], what: str) -> npt.NDArray[Any]:
     """Return `values` as a contiguous array of `dtype`.
@@ -20,23 +22,23 @@ def as_array(values: npt.ArrayLike, dtype: npt.DTypeLike, shape: tuple[int | str
 
     Raises
     ------
-    ValueError
+    InputError
         They are no such numbers, or of another shape.
     """
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
-        raise ValueError(f"{what} must be one array of numbers, got rows of different lengths") from None
+        raise InputError(f"{what} must be one array of numbers, got rows of different lengths") from None
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"{what} must be real numbers, got {array.dtype} ({type(values).__name__})")
+        raise InputError(f"{what} must be real numbers, got {array.dtype} ({type(values).__name__})")
     wanted = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
     lengths = zip(array.shape, shape, strict=False)
     if array.ndim != len(shape) or any(isinstance(wish, int) and got != wish for got, wish in lengths):
-        raise ValueError(f"{what} must be {wanted}, got shape {array.shape}")
+        raise InputError(f"{what} must be {wanted}, got shape {array.shape}")
     with np.errstate(over="ignore", invalid="ignore"):  # beyond what float32 holds is infinite
         out = np.ascontiguousarray(array, dtype)
     if out.dtype.kind in "iu" and out.dtype != array.dtype and not np.array_equal(out, array):
-        raise ValueError(f"{what} must be whole numbers that {out.dtype} holds, got {array.min()} to {array.max()}")
+        raise InputError(f"{what} must be whole numbers that {out.dtype} holds, got {array.min()} to {array.max()}")
     return out
 
 

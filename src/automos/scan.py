@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.arrays import hold_array
+from automos.errors import InputError
 from automos.geometry import adjoint, inverse, is_rigid, transform
 
 Points = npt.NDArray[np.float32]
@@ -31,12 +32,9 @@ MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
 
 
-_COLUMNS = {"intensity": np.float32, "time": np.float32, "ring": np.uint16, "sensor": np.uint8}
-
-
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """One sweep of the sensor, in the sensor frame, in the user's order.
+    """One sweep of the sensor, in the sensor frame, in the user's order; InputError tells a column that is none.
 
     Attributes
     ----------
@@ -61,19 +59,19 @@ class Scan:
 
     def __post_init__(self) -> None:
         hold_array(self, "points", np.float32, ("N", 3))
-        for column, dtype in _COLUMNS.items():
+        for column, dtype in (("intensity", "f4"), ("time", "f4"), ("ring", "u2"), ("sensor", "u1")):
             hold_array(self, column, dtype, (len(self.points),), is_optional=True)
         hold_array(self, "T_scan_sensor", np.float64, ("K", 4, 4), is_optional=True)
         mounts = self.T_scan_sensor
         if self.sensor is None or mounts is None:
             if self.sensor is not mounts:
-                raise ValueError("sensor and T_scan_sensor go together: who measured a point, and where that sits")
+                raise InputError("sensor and T_scan_sensor go together: who measured a point, and where that sits")
         elif self.sensor.max(initial=0) >= max(len(mounts), 1):
-            raise ValueError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
+            raise InputError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
         elif not is_rigid(mounts).all():
-            raise ValueError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
+            raise InputError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
         if not isinstance(self.name, str) or not isinstance(self.stamp, SupportsFloat | None):
-            raise ValueError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
+            raise InputError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
 
     def __len__(self) -> int:
         return len(self.points)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from automos.array_sequence import ArraySequence
+from automos.errors import InputError
 from automos.odometry.clock import DistinctScans, find_missing, read_clock, with_repeats
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
@@ -89,3 +90,19 @@ def test_a_repeated_scan_is_where_and_when_the_first_one_was():
     np.testing.assert_allclose(whole.T_world_sensor[:, 0, 3], [0.0, 0.0, 2.0, 2.0, 2.0])
     np.testing.assert_allclose(whole.stamps, [0.0, 0.001, 0.1, 0.101, 0.102])
     assert len(whole) == 5
+
+
+@pytest.mark.parametrize(
+    ("stamps", "message"),
+    [
+        ([0.0, np.nan, 0.2], "memory has a scan at nan s, which is no time"),
+        ([0.0, 1e300, 2e300], "memory has a scan at 1e.300 s, which is no time"),
+        ([1.6e18, 1.6e18 + 1e8, 1.6e18 + 2e8], "which is no time: give seconds"),  # nanoseconds since 1970
+        ([0.0, 0.2, 0.1], "memory: scan 2 is -0.1 s after the one before it"),
+        ([0.0, 0.0, 0.0], "times must increase, and are seconds"),
+        ([0.0, 1e-9, 2e-9], "usually there are 1e-09 s between scans"),
+    ],
+)
+def test_times_that_are_no_clock_are_told(stamps, message):
+    with pytest.raises(InputError, match=message):
+        clock_of(stamps)

@@ -7,11 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
 from automos.odometry.trajectory import Trajectory
 from automos.scan import Pose, Scan, Sequence
 
 USUAL_PERIOD = 0.1
 """Seconds between scans where the recording has no clock."""
+SHORTEST_PERIOD = 1e-3
+"""Seconds: no sensor scans as often."""
+LATEST = 1e11
+"""Seconds: three thousand years. Larger numbers count milliseconds or less since 1970."""
 N_AROUND = 3
 """Steps on either side that tell how fast the sensor was."""
 MOST_MISSING = 5
@@ -54,15 +59,30 @@ class Clock:
 
 
 def read_clock(sequence: Sequence) -> Clock:
-    """Return the clock of `sequence`; ten scans a second where it has none."""
+    """Return the clock of `sequence`; ten scans a second where it has none.
+
+    Raises
+    ------
+    InputError
+        Its stamps do not increase, or are no seconds.
+    """
     stamps, has_stamps = sequence.stamps, sequence.stamps is not None
     if stamps is None:
         stamps = USUAL_PERIOD * np.arange(len(sequence), dtype=np.float64)
+    if not (np.abs(stamps) < LATEST).all():
+        odd = stamps[int(np.argmin(np.abs(stamps) < LATEST))]
+        raise InputError(f"{sequence.name} has a scan at {odd:g} s, which is no time: give seconds, or no times")
     stamps = np.round(stamps, STAMP_DIGITS)
     if len(stamps) < 2:
         return Clock(stamps, USUAL_PERIOD, np.ones(0), has_stamps)
     steps = np.diff(stamps)
     usual = float(np.median(steps))
+    if not (steps > 0.0).all() or usual < SHORTEST_PERIOD:
+        least = int(np.argmin(steps))
+        raise InputError(
+            f"{sequence.name}: scan {least + 1} is {steps[least]:g} s after the one before it, usually there are "
+            f"{usual:g} s between scans: times must increase, and are seconds; give such, or none"
+        )
     gaps = np.where(steps > 1.5 * usual, steps / usual, 1.0)
     return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, has_stamps)
 
