@@ -24,7 +24,7 @@ from rich.table import Table
 from automos import load_settings
 from automos.parallel import map_in_order
 from automos.scale.executors import Executor
-from automos.scale.label import Means, label_fleet
+from automos.scale.label import Resources, label_fleet
 from automos.scale.local_pool import LocalPool
 from automos.scale.ray_cluster import RayCluster
 from automos.scale.sources import find_all
@@ -47,7 +47,7 @@ def measure(recordings: list, what: str, make: callable, workers: int) -> dict:
     """Return what labelling `recordings` costs."""
     with tempfile.TemporaryDirectory() as out:
         start = time.perf_counter()
-        means = Means(work=Path(out) / "work", workers=workers)
+        means = Resources(work=Path(out) / "work", workers=workers)
         outcome = label_fleet(recordings, out, load_settings("default"), means, executor=lambda means: make())
         wall = time.perf_counter() - start
         status = read_status(out)

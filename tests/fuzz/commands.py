@@ -44,7 +44,7 @@ def write_all(root: Path) -> None:
     from automos.export import export_run
     from automos.labeling import label_recording
     from automos.review.session import Session
-    from automos.scale.label import Means, label_fleet
+    from automos.scale.label import Resources, label_fleet
     from automos.scale.sources import find_all
 
     world, log = lane(N_SCANS), root / "log"
@@ -66,7 +66,7 @@ def write_all(root: Path) -> None:
     session.close()
     for name in ("a", "b"):
         shutil.copytree(log, root / "logs" / name)
-    label_fleet(find_all(str(root / "logs")), str(root / "fleet"), settings, Means(workers=1, work=root / "work"))
+    label_fleet(find_all(str(root / "logs")), str(root / "fleet"), settings, Resources(workers=1, work=root / "work"))
     shutil.rmtree(root / "work", ignore_errors=True)
 
 
