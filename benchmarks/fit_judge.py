@@ -23,7 +23,7 @@ from automos import load_settings, open_sequence
 from automos.detections import Detections
 from automos.labels import Label, to_mos
 from automos.pipeline import Steps
-from automos.tracking.judge import PRIOR, WEIGHTS, track_terms
+from automos.tracking.judge import PRIOR, WEIGHTS, segment_terms, track_terms
 from automos.tracking.tracker import track_objects
 
 Table = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ def _tracks_of(recording: Path) -> Table:
                 n += _count(own[is_kind], len(n))
             np.add.at(points[:, column], tracks.track[rows], n[tracks.segment[rows]])
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
-    return np.column_stack([track_terms(tracks, detections), points])[n_seen > 1]
+    return np.column_stack([track_terms(tracks, [segment_terms(found) for found in detections]), points])[n_seen > 1]
 
 
 def _count(ids: npt.NDArray[np.int32], n: int) -> Table:

@@ -15,6 +15,7 @@ from automos.tracking.judge import (
     UNDER_WAY,
     WEIGHTS,
     judge_by_evidence,
+    segment_terms,
     track_terms,
     without_scenery,
 )
@@ -47,8 +48,12 @@ def verdict_on(**track):
     return judge_by_evidence(*one_track(**track), JudgeSettings()).verdict[0]
 
 
+def terms_of_tracks(table, seen):
+    return track_terms(table, [segment_terms(found) for found in seen])
+
+
 def terms_of(**track):
-    return dict(zip(WEIGHTS, track_terms(*one_track(**track))[0], strict=True))
+    return dict(zip(WEIGHTS, terms_of_tracks(*one_track(**track))[0], strict=True))
 
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
@@ -145,7 +150,7 @@ def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
     for i, one in enumerate(seen):
         one.boxes.size[:, 2] = 1.0 + i % 2
         one.boxes.center[:, 2] = 0.5 * one.boxes.size[:, 2]
-    assert track_terms(table, seen)[0, list(WEIGHTS).index("unsteady")] == 0.0
+    assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("unsteady")] == 0.0
     assert terms_of(center=STRAIGHT, z=CLIMBING)["unsteady"] > 1.0
 
 
@@ -155,7 +160,7 @@ def test_what_lets_through_the_rays_that_meet_it_is_porous():
     for solidity, porosity in ((1.0, 0.0), (share_of_a_face, 0.0), (0.5 * share_of_a_face, 0.5), (0.0, 1.0)):
         for one in seen:
             one.solidity[:] = solidity
-        assert track_terms(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(porosity)
+        assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(porosity)
 
 
 def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew():

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.detections import Detections
 from automos.settings import TrackingSettings
-from automos.tracking.judge import is_scenery, judge_by_evidence
+from automos.tracking.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import LogEntry, Tracker, as_table
 from automos.tracking.tracks import Tracks
@@ -49,7 +49,7 @@ class _Step:
     stamp: float
     found: Detections
     entry: LogEntry
-    is_asked: bool = False
+    terms: SegmentTerms
 
 
 class Following:
@@ -73,7 +73,7 @@ class Following:
 
         is_asked : whether others from a second or more were asked about it.
         """
-        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), is_asked))
+        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), segment_terms(found, is_asked)))
         while self._steps[0].stamp < stamp - MEMORY:
             self._steps.popleft()
             self._has_forgotten = True
@@ -82,19 +82,20 @@ class Following:
         """Take over what is known now of the segments of the scan at `stamp`, as far as that is remembered."""
         for k, step in enumerate(self._steps):
             if step.stamp == stamp:
-                self._steps[k] = replace(step, found=found, is_asked=True)
+                self._steps[k] = replace(step, found=found, terms=segment_terms(found))
 
     def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
         """Return the objects of the scan at `stamp`; `ahead` are those that were not added yet, with their times."""
         tracker = copy.copy(self._tracker)
-        steps = [*self._steps, *(_Step(t, found, tracker.step(t, found)) for t, found in ahead)]
+        steps = list(self._steps)
+        for t, found in ahead:
+            steps.append(_Step(t, found, tracker.step(t, found), segment_terms(found, is_asked=False)))
         scan = next(k for k, step in enumerate(steps) if step.stamp == stamp)
         stamps = np.array([step.stamp for step in steps])
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        is_asked = np.array([step.is_asked for step in steps])
-        verdicts = judge_by_evidence(tracks, detections, self._settings.judge, is_asked)
+        verdicts = judge_tracks(tracks, [step.terms for step in steps], self._settings.judge)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
         np.minimum.at(begins, tracks.track, tracks.scan)
@@ -129,8 +130,9 @@ def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int6
     log = []
     for k, step in enumerate(steps):
         number, _, segment, mean = step.entry
-        rows = np.flatnonzero(np.isin(number, wanted))
-        log.append((np.searchsorted(wanted, number[rows]), k, segment[rows], mean[rows]))
+        track = np.searchsorted(wanted, number)
+        rows = np.flatnonzero(wanted[np.minimum(track, len(wanted) - 1)] == number) if len(wanted) else track[:0]
+        log.append((track[rows], k, segment[rows], mean[rows]))
     tracks = as_table(log)
-    here, track = np.unique(tracks.track, return_inverse=True)
-    return replace(tracks, track=track.astype(np.int64)), wanted[here]
+    is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0
+    return replace(tracks, track=(np.cumsum(is_there) - 1)[tracks.track]), wanted[is_there]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
@@ -62,11 +63,8 @@ def motion_cost(
     """
     reach = settings.gate * np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
     spread = kalman.measurement_noise(seen.boxes, noise)[:, :2, :2]
-    reach = reach[:, None] + settings.gate * np.sqrt(spread[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
-    is_near = np.ones(reach.shape, np.bool_)
-    for axis in range(2):  # a box around the gate's ellipse: most pairs are far apart
-        is_near &= np.abs(seen.boxes.center[None, :, axis] - alive.mean[:, None, axis]) < 1.5 * reach
-    k, j = np.nonzero(is_near)
+    spread_reach = settings.gate * np.sqrt(spread[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    k, j = _near_pairs(alive.mean, reach, seen.boxes.center, spread_reach)  # most pairs are far apart
     offset = seen.boxes.center[j] - alive.mean[k, :3]
     squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread[j])
     climb = np.abs(offset[:, 2])
@@ -82,13 +80,28 @@ def motion_cost(
         & (growth < MAX_SIZE_CHANGE)
         & (thinning < np.log(MAX_COUNT_RATIO))
     )
-    cost = np.full(is_near.shape, np.inf)
+    cost = np.full((len(alive), len(seen)), np.inf)
     cost[k, j] = np.where(
         is_possible,
         squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * contrast,
         np.inf,
     )
     return cost
+
+
+@numba.njit(cache=True, nogil=True)
+def _near_pairs(a, reach_a, b, reach_b):  # type: ignore[no-untyped-def]
+    """Return the rows of `a` and of `b` whose first two coordinates are within a box around the gate's ellipse."""
+    pairs = [(0, 0) for _ in range(0)]
+    for k in range(len(a)):
+        for j in range(len(b)):
+            reach = 1.5 * (reach_a[k] + reach_b[j])
+            if abs(b[j, 0] - a[k, 0]) < reach and abs(b[j, 1] - a[k, 1]) < reach:
+                pairs.append((k, j))
+    rows, columns = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.int64)
+    for i in range(len(pairs)):
+        rows[i], columns[i] = pairs[i]
+    return rows, columns
 
 
 def _mahalanobis(offset: npt.NDArray[np.float64], spread: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -108,14 +121,14 @@ def assign(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.ND
     n = n_rows + n_columns
     graph = coo_array((np.ones(len(row)), (row, n_rows + column)), shape=(n, n))
     group = connected_components(graph, directed=False)[1][row] if len(row) else row
-    order = np.argsort(group, kind="stable")
-    pairs = []
-    for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+    is_alone = np.bincount(group)[group] == 1 if len(group) else np.zeros(0, np.bool_)
+    pairs = [(row[is_alone], column[is_alone])]
+    rest = np.flatnonzero(~is_alone)
+    rest = rest[np.argsort(group[rest], kind="stable")]
+    for members in np.split(rest, np.flatnonzero(np.diff(group[rest])) + 1):
         rows, columns = np.unique(row[members]), np.unique(column[members])
-        if len(members) > 1:
-            chosen = _assign_all(cost[np.ix_(rows, columns)])
-            rows, columns = rows[chosen[0]], columns[chosen[1]]
-        pairs.append((rows, columns))
+        chosen = _assign_all(cost[np.ix_(rows, columns)]) if len(members) else (rows, columns)
+        pairs.append((rows[chosen[0]], columns[chosen[1]]))
     rows, columns = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     order = np.argsort(rows)
     return rows[order], columns[order]
@@ -123,6 +136,9 @@ def assign(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.ND
 
 def _assign_all(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return rows and columns of the best assignment; a finite stand-in, since SciPy refuses rows of inf."""
+    if 1 in cost.shape:
+        row, column = divmod(int(np.argmin(cost)), cost.shape[1])
+        return np.array([row]), np.array([column])
     is_allowed = np.isfinite(cost)
     forbidden = (cost[is_allowed].max() + 1.0) * (min(cost.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -39,6 +39,8 @@ from automos.detections import Detections
 from automos.settings import JudgeSettings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+
+Array = npt.NDArray[np.float64]
 
 PRIOR = 1.60
 """Log-odds of something of which nothing is known but that it was seen twice as one segment."""
@@ -71,12 +73,41 @@ _ENDS, _AROUND = 5, 3
 """Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
-def judge_by_evidence(
-    tracks: Tracks,
-    detections: Sequence[Detections],
-    settings: JudgeSettings,
-    is_asked: npt.NDArray[np.bool_] | None = None,
-) -> Verdicts:
+@dataclass(frozen=True, eq=False)
+class SegmentTerms:
+    """What each of the M segments of one scan says of the track it belongs to.
+
+    Attributes
+    ----------
+    faces : (M, 6) metres, x, y, z of its low and of its high sides.
+    evidence : (M,) log-likelihood ratio that it moves, of what its points say.
+    columns : (M, 3) metres above the ground; 1 for what is no whole segment; porosity in [0, 1].
+    """
+
+    faces: Array
+    evidence: Array
+    columns: Array
+
+
+def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
+    """Return what the segments of a scan say.
+
+    What nobody saw again speaks against a mover, if anybody was asked: others from a second or more. Until then
+    (`is_asked` is False) the known points speak, split as the same distributions say, if they are enough of the thing.
+    """
+    boxes = found.boxes
+    c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
+    length, width, height = boxes.size.T
+    half = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
+    unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
+    counts = np.stack([found.n_moving, found.n_static, unknown if is_asked else -np.maximum(unknown, 1e-9)], axis=-1)
+    evidence = np.empty(len(found))
+    _weigh_counts(counts, evidence)
+    columns = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)
+    return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), evidence, columns)
+
+
+def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
     The confidence is the probability that the verdict is right. What was seen once is static.
@@ -84,9 +115,13 @@ def judge_by_evidence(
     Parameters
     ----------
     detections : per scan, its segments.
-    is_asked : per scan, whether others from a second or more were asked about it; all were where not given.
     """
-    log_odds = PRIOR + track_terms(tracks, detections, is_asked) @ np.array(list(WEIGHTS.values()))
+    return judge_tracks(tracks, [segment_terms(found) for found in detections], settings)
+
+
+def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings) -> Verdicts:
+    """Return the same as `judge_by_evidence` from the `terms` of each scan's segments."""
+    log_odds = PRIOR + track_terms(tracks, terms) @ np.array(list(WEIGHTS.values()))
     n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
     probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
@@ -110,36 +145,24 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
     return stays & ~verdicts.is_moving
 
 
-def track_terms(
-    tracks: Tracks, detections: Sequence[Detections], is_asked: npt.NDArray[np.bool_] | None = None
-) -> npt.NDArray[np.float64]:
-    """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`.
-
-    What nobody saw again speaks against a mover, if anybody was asked (`is_asked`, see `judge_by_evidence`). Until then
-    the known points speak, split as the same distributions say, if they are enough of the thing.
-    """
-    center, half, about = np.zeros((3, len(tracks.track), 3))
-    columns = np.zeros((len(tracks.track), 3))
-    for scan, segment, rows in _observed(tracks, len(detections)):
-        found = detections[scan]
-        boxes = found.boxes[segment]
-        center[rows] = boxes.center
-        c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
-        length, width, height = boxes.size.T
-        half[rows] = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
-        unknown = np.maximum(found.n_points - found.n_moving - found.n_static, 0.0)
-        if is_asked is not None and not is_asked[scan]:
-            unknown = -np.maximum(unknown, 1e-9)
-        about[rows] = np.stack([found.n_moving, found.n_static, unknown], axis=-1)[segment]
-        columns[rows] = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)[segment]
+def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
+    """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`."""
+    out = np.zeros((len(tracks), len(WEIGHTS)))
     seen = np.flatnonzero(tracks.is_observed)
+    if len(seen) == 0:
+        return out
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    terms = np.zeros((len(tracks), len(WEIGHTS)))
-    _add_up(first, center[seen], half[seen], about[seen], columns[seen], terms)
-    return terms
+    begins = np.cumsum([0, *(len(of_scan.evidence) for of_scan in terms)])
+    segment = begins[tracks.scan[seen]] + tracks.segment[seen]
+    faces, evidence, columns = (
+        np.concatenate([getattr(of_scan, name) for of_scan in terms])[segment]
+        for name in ("faces", "evidence", "columns")
+    )
+    _add_up(first, faces, evidence, columns, out)
+    return out
 
 
-def _porosity(found: Detections) -> npt.NDArray[np.float64]:
+def _porosity(found: Detections) -> Array:
     """Return (M,) in [0, 1]: how much less solid than a face of as many rays each segment is."""
     n = np.maximum(found.n_points, 2.0)
     return np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
@@ -155,19 +178,25 @@ def _observed(tracks: Tracks, n_scans: int) -> list[tuple[int, npt.NDArray[np.in
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_up(first, center, half, counts, columns, terms):  # type: ignore[no-untyped-def]
+def _weigh_counts(counts, evidence):  # type: ignore[no-untyped-def]
+    for i in range(len(counts)):
+        ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
+        if counts[i, 2] < 0.0:
+            known = counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
+            ratio *= min(known / ENOUGH_KNOWN, 1.0)
+        evidence[i] = math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY)
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_up(first, faces, evidence, columns, terms):  # type: ignore[no-untyped-def]
     for k in range(len(first) - 1):
         a, b = first[k], first[k + 1]
         for i in range(a, b):
-            ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
-            if counts[i, 2] < 0.0:
-                known = counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
-                ratio *= min(known / ENOUGH_KNOWN, 1.0)
-            terms[k, 0] += math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY) / (b - a)
+            terms[k, 0] += evidence[i] / (b - a)
         terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
         way, scatter = 0.0, np.zeros((2, 3))
         for axis in range(3):
-            low, high = center[a:b, axis] - half[a:b, axis], center[a:b, axis] + half[a:b, axis]
+            low, high = faces[a:b, axis].copy(), faces[a:b, 3 + axis].copy()
             scatter[0, axis], scatter[1, axis] = _scatter(low), _scatter(high)
             low_way, high_way = _way(low), _way(high)
             if axis < 2 and low_way * high_way > 0.0:
@@ -190,10 +219,38 @@ def _way(path):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def _scatter(path):  # type: ignore[no-untyped-def]
     """Return the mean square of `path` (T,) about its running median."""
-    total = 0.0
+    window, m, total = np.empty(2 * _AROUND + 1), 0, 0.0  # sorted: one value comes and one goes, which takes a tenth
+    for j in range(min(_AROUND, len(path))):
+        m = _put_in(window, m, path[j])
     for i in range(len(path)):
-        total += (path[i] - np.median(path[max(i - _AROUND, 0) : i + _AROUND + 1])) ** 2
+        if i > _AROUND:
+            m = _take_out(window, m, path[i - _AROUND - 1])
+        if i + _AROUND < len(path):
+            m = _put_in(window, m, path[i + _AROUND])
+        total += (path[i] - 0.5 * (window[m // 2] + window[(m - 1) // 2])) ** 2
     return total / len(path)
+
+
+@numba.njit(cache=True, nogil=True)
+def _put_in(values, m, value):  # type: ignore[no-untyped-def]
+    """Put `value` in its place among `m` sorted `values`; return how many there are then."""
+    at = m
+    while at > 0 and values[at - 1] > value:
+        values[at] = values[at - 1]
+        at -= 1
+    values[at] = value
+    return m + 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _take_out(values, m, value):  # type: ignore[no-untyped-def]
+    """Take `value` out of `m` sorted `values`; return how many there are then."""
+    at = 0
+    while at < m - 1 and values[at] != value:
+        at += 1
+    for k in range(at, m - 1):
+        values[k] = values[k + 1]
+    return m - 1
 
 
 @numba.njit(cache=True, nogil=True)

@@ -157,7 +157,7 @@ def as_table(log: list[LogEntry]) -> Tracks:
     last_seen = np.full(track.max(initial=-1) + 1, -1)
     np.maximum.at(last_seen, track[segment >= 0], scan[segment >= 0])
     keep = np.flatnonzero(scan <= last_seen[track])
-    order = keep[np.lexsort((scan[keep], track[keep]))]
+    order = keep[np.argsort(track[keep], kind="stable")]  # the log is in the order of scans
     mean = mean[order]
     return Tracks(
         track[order],
