@@ -168,7 +168,7 @@ def follow_and_judge(
     verdicts = judge_by_evidence(tracks, detections, tracking.judge)
     tracks, verdicts = without_scenery(tracks, verdicts, detections)
     tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
-    places = find_places(frames, candidates, instances, names, tracks, verdicts, workers)
+    places = find_places(frames, candidates, instances, names, tracks, verdicts, settings, workers)
     return {**tracks.to_arrays(), **verdicts.to_arrays(), **places.to_arrays()}
 
 
@@ -179,6 +179,7 @@ def find_places(
     names: list[str],
     tracks: Tracks,
     verdicts: Verdicts,
+    settings: Settings,
     workers: int,
 ) -> Places:
     """Return the places of those that movers have held which what stays has held in more scans."""
@@ -188,12 +189,11 @@ def find_places(
     first = np.searchsorted(moving.scan[by_scan], np.arange(len(names) + 1))
 
     def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        found, kind = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind")["kind"]
-        stands = np.flatnonzero(kind == OBJECT)
-        track = tracks_of_points(
-            found["ids"][stands], found["stayed"][stands], moving[by_scan[first[i] : first[i + 1]]]
-        )
-        return held_places(frames[i].points_level[stands], track >= 0, columns)
+        found, about = instances.load(names[i], "ids", "stayed"), candidates.load(names[i], "kind", "log_odds")
+        stands, here = np.flatnonzero(about["kind"] == OBJECT), moving[by_scan[first[i] : first[i + 1]]]
+        track = tracks_of_points(found["ids"][stands], found["stayed"][stands], here)
+        has_stayed = about["log_odds"][stands] < -settings.instances.components.min_log_odds
+        return held_places(frames[i].points_level[stands], track >= 0, (track < 0) & has_stayed, columns)
 
     scans = range(len(names)) if len(columns) else ()
     return Places(count_places(map_in_order(held, scans, workers, threads=True)), verdicts.is_moving)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.tracking.places import SIDE, Places, count_places, held_places, touched_columns
+from automos.tracking.places import OUTNUMBERED, SIDE, Places, count_places, held_places, touched_columns
 from automos.upright_boxes import Boxes
 
 BIN = np.array([[5.0, 0.1, z] for z in (0.1, 0.4, 0.7)], np.float32)
@@ -25,7 +25,8 @@ def boxes(n_scans=11):
 
 def places_of(scans, boxes):
     columns = touched_columns(boxes)
-    return Places(count_places(held_places(points, moves, columns) for points, moves in scans), np.array([True]))
+    held = (held_places(points, moves, ~moves, columns) for points, moves in scans)
+    return Places(count_places(held), np.array([True]))
 
 
 def test_the_bin_that_a_walker_passes_is_static_and_the_walker_is_not():
@@ -49,10 +50,17 @@ def test_points_of_no_track_and_of_tracks_that_were_not_counted_as_movers_stay_a
     np.testing.assert_array_equal(both.static_points(BIN, np.array([0, 1, -1], np.int32)), [True, False, False])
 
 
-def test_a_place_held_as_often_by_either_is_left_to_the_mover():
-    scans = [(BIN[:1], np.array([moves])) for moves in (True, False, True, False)]
+def test_only_a_place_that_stays_has_held_in_many_more_scans_is_taken_from_a_mover():
+    scans = [(BIN[:1], np.array([moves])) for moves in (True, *[False] * OUTNUMBERED)]
     assert not len(places_of(scans, boxes()).keys)
     assert len(places_of([*scans, (BIN[:1], np.array([False]))], boxes()).keys) == 1
+
+
+def test_what_nobody_knows_of_speaks_for_neither():
+    columns, unknown = touched_columns(boxes()), np.zeros(3, bool)
+    moved, stayed = held_places(BIN, unknown, unknown, columns)
+    assert not len(moved)
+    assert not len(stayed)
 
 
 def test_a_place_that_nothing_moving_ever_held_is_not_remembered():
@@ -72,8 +80,8 @@ def test_every_point_of_a_box_lies_in_a_column_that_it_touches(yaw):
     u, v = rng.uniform(-6, 6, 500), rng.uniform(-1.25, 1.25, 500)
     c, s = np.cos(yaw), np.sin(yaw)
     points = np.column_stack([-3.3 + c * u - s * v, 8.1 + s * u + c * v, rng.uniform(-0.5, 2.5, 500)])
-    held, _ = held_places(points.astype(np.float32), np.ones(500, bool), touched_columns(box))
-    assert set(held) == set(held_places(points.astype(np.float32), np.ones(500, bool), np.unique(everywhere()))[0])
+    held, _ = held_places(points.astype(np.float32), *np.ones((2, 500), bool), touched_columns(box))
+    assert set(held) == set(held_places(points.astype(np.float32), *np.ones((2, 500), bool), everywhere())[0])
 
 
 def everywhere():
@@ -83,7 +91,7 @@ def everywhere():
 
 def test_a_place_is_as_wide_as_it_says():
     columns = everywhere()
-    near, _ = held_places(np.array([[0.01, 0.01, 0.01], [SIDE - 0.01] * 3]), np.ones(2, bool), columns)
+    near, _ = held_places(np.array([[0.01, 0.01, 0.01], [SIDE - 0.01] * 3]), *np.ones((2, 2), bool), columns)
     assert len(near) == 1
-    apart, _ = held_places(np.array([[0.01, 0.01, 0.01], [SIDE + 0.01] * 3]), np.ones(2, bool), columns)
+    apart, _ = held_places(np.array([[0.01, 0.01, 0.01], [SIDE + 0.01] * 3]), *np.ones((2, 2), bool), columns)
     assert len(apart) == 2

@@ -21,6 +21,9 @@ from automos.upright_boxes import Boxes
 SIDE = 0.3
 """Metres, side of a place: a smaller one parts what stands from what passes it more exactly, until the beams of
 neighbouring scans no longer meet the same ones."""
+OUTNUMBERED = 2
+"""A place is static if what stays held it in more than so many times as many scans as what moves: of a tram that is not
+followed for a while the middle "has stayed", too, for as long as it takes to go by."""
 _COLUMN = 4
 """Places along the side of the columns in which places are counted: those that a moving object's box has touched."""
 _BITS = 21
@@ -67,19 +70,19 @@ def touched_columns(boxes: Boxes) -> npt.NDArray[np.int64]:
 
 
 def held_places(
-    points: npt.NDArray, moves: npt.NDArray[np.bool_], columns: npt.NDArray[np.int64]
+    points: npt.NDArray, moves: npt.NDArray[np.bool_], stays: npt.NDArray[np.bool_], columns: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the places in `columns` that a scan's moving and its other `points` (M, 3) hold, each named once."""
+    """Return the places in `columns` that hold any of a scan's `points` (M, 3) that move, and any that stay."""
     keys = _keys_inside(points, columns)
-    return np.unique(keys[(keys >= 0) & moves]), np.unique(keys[(keys >= 0) & ~moves])
+    return np.unique(keys[(keys >= 0) & moves]), np.unique(keys[(keys >= 0) & stays])
 
 
 def count_places(
     scans: Iterable[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]],
 ) -> npt.NDArray[np.int64]:
-    """Return the places, sorted, of those that anything moving held, that what stays has held in more of `scans`.
+    """Return the places, sorted, of those that anything moving held, that what stays has held in many more of `scans`.
 
-    scans : per scan, the places that moving and other points held, as `held_places` returns them.
+    scans : per scan, the places that moving points held, and those that stay, as `held_places` returns them.
     """
     keys, counts = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
     waiting: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
@@ -89,7 +92,7 @@ def count_places(
             keys, counts = _added(keys, counts, waiting)
             waiting = []
     keys, counts = _added(keys, counts, waiting)
-    return keys[(counts[:, 0] > 0) & (counts[:, 1] > counts[:, 0])]
+    return keys[(counts[:, 0] > 0) & (counts[:, 1] > OUTNUMBERED * counts[:, 0])]
 
 
 def _added(
