@@ -169,3 +169,22 @@ def test_everything_but_the_network_can_be_imported_without_optional_packages():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
+
+
+def test_files_import_each_other_in_no_circle():
+    modules = {".".join(["automos", *path.relative_to(SOURCE).with_suffix("").parts]): path for path in FILES}
+    modules = {name.removesuffix(".__init__"): path for name, path in modules.items()}
+    needs = {name: files_imported(path, modules) for name, path in modules.items()}
+    while free := {name for name, needed in needs.items() if not needed & set(needs)}:
+        needs = {name: needed for name, needed in needs.items() if name not in free}
+    assert needs == {}, "these import each other, or what does"
+
+
+def files_imported(path: Path, modules: dict[str, Path]) -> set[str]:
+    """Return those of `modules` that a file imports; `from package import module` imports the module."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module != "automos":
+            members = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (members & set(modules)) or {node.module}
+    return found & set(modules)

@@ -11,8 +11,7 @@ import torch
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
-from automos.network.deployed import FORMAT
-from automos.network.images import read_image_settings
+from automos.network.images import FORMAT, read_image_settings
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings
 

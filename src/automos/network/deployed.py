@@ -14,7 +14,7 @@ from typing import Any
 
 from automos.errors import InputError, MissingExtraError
 from automos.extras import pip_install
-from automos.network.images import read_image_settings
+from automos.network.images import FORMAT, read_image_settings
 from automos.network.projection import Image
 from automos.reading import parse_json
 from automos.settings import ImageSettings
@@ -23,8 +23,6 @@ ENGINES = ("auto", "torch", "onnxruntime", "openvino")
 DEVICES = ("auto", "cpu", "gpu")
 METADATA = "automos"
 """Key of an exported network's metadata that holds format, image settings and card as JSON."""
-FORMAT = 2
-"""Of networks in files: what their images show. 1: residuals without a sign."""
 
 
 @dataclass(frozen=True, eq=False)

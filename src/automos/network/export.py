@@ -13,8 +13,8 @@ from automos.atomic import atomic_path
 from automos.errors import AutomosError, MissingExtraError
 from automos.extras import pip_install
 from automos.network.checkpoint import Checkpoint
-from automos.network.deployed import FORMAT, METADATA, load_network
-from automos.network.images import BASE_CHANNELS
+from automos.network.deployed import METADATA, load_network
+from automos.network.images import BASE_CHANNELS, FORMAT
 from automos.network.model import MovingProbability
 
 TOLERANCE = 1e-3

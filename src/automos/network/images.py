@@ -14,6 +14,8 @@ from automos.network.residuals import MAX_RANGE, MIN_RANGE, SPACING, residual_im
 from automos.scan import Points, Pose
 from automos.settings import ImageSettings
 
+FORMAT = 2
+"""Of networks in files: what their images show. 1: residuals without a sign."""
 BASE_CHANNELS = ("range", "x", "y", "z", "intensity")
 
 _ONCE_SETTINGS = {"spacing": SPACING, "residual_min_range": MIN_RANGE, "residual_max_range": MAX_RANGE}
