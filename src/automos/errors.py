@@ -19,3 +19,8 @@ class SettingsError(AutomosError, ValueError):
 
 class MissingExtraError(AutomosError, ImportError):
     """An optional package is not installed; the message holds the pip command."""
+
+
+def plain(text: str) -> str:
+    """Return `text` as a terminal may be given it: names of files may hold what moves its cursor or changes colours."""
+    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -19,6 +19,8 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from automos.errors import plain
+
 
 class _RateColumn(ProgressColumn):
     def __init__(self, counted: str):
@@ -42,7 +44,7 @@ class StageProgress:
     def __init__(self, console: Console, title: str, counted: str = "scans"):
         """Draw on `console`, under `title`; `counted` says what."""
         columns = (BarColumn(), MofNCompleteColumn(), _RateColumn(counted), TimeElapsedColumn(), TimeRemainingColumn())
-        self._console, self._title, self._counted = console, title, counted
+        self._console, self._title, self._counted = console, plain(title), counted
         self._lines: dict[str, tuple[float, float]] = {}  # when each stage began, and when a line was last printed
         self._bars = Progress(TextColumn("{task.description}", markup=False), *columns, console=console)
         self._tasks: dict[str, TaskID] = {}

@@ -40,7 +40,7 @@ def damage(folder: Path, rng: random.Random, only: Path | None = None) -> str:
     ways: list[Callable[[Path, random.Random], str]] = [_content] * 6 if text_like else [_binary] * 4 + [_count] * 3
     ways += [_array] * (8 if path.suffix == ".npy" else 0)
     ways += [_columns] * (10 if path.suffix in (".parquet", ".feather") else 0)
-    ways += [_rows] * (10 if path.suffix == ".db3" else 0)
+    ways += [_rows] * (10 if path.suffix in (".db3", ".sqlite") else 0)
     ways += [_header] * (4 if path.suffix in (".pcd", ".ply", ".npy") else 0)
     ways += [_las_field] * (6 if path.suffix == ".las" else 0)
     ways += [_json] * (8 if path.suffix == ".json" else 0)

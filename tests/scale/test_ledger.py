@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from automos.cli.consoles import output
 from automos.errors import InputError
 from automos.scale.ledger import Ledger, ledger_name
 from automos.scale.orders import Job, Order, Recording, Report, State, Unit
@@ -140,3 +141,38 @@ def test_units_are_accounted_for_one_by_one(tmp_path, job):
         key, started = books.execute("SELECT settings_key, started FROM run").fetchone()
     assert key == "key"
     assert time.time() - started < 60
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE recordings SET state = 'odd'",
+        "UPDATE recordings SET name = NULL WHERE name = 'a'",
+        "UPDATE recordings SET scans = 'x'",
+        "UPDATE recordings SET seconds = 9e999",
+        "UPDATE recordings SET warnings = '{'",
+        "UPDATE recordings SET warnings = '[1]'",
+        "UPDATE recordings SET trace = x'ff'",
+        "UPDATE run SET seen = 'x'",
+        "ALTER TABLE recordings RENAME COLUMN points TO others",
+        # a table of rows without end
+        "DROP TABLE units; CREATE VIEW units AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
+        "SELECT x FROM c",
+    ],
+)
+def test_books_that_hold_something_else_are_told(tmp_path, change):
+    path = tmp_path / "ledger" / "run.sqlite"
+    begun(path).close()
+    with sqlite3.connect(path) as books:
+        books.executescript(change)
+    with pytest.raises(InputError, match=r"run\.sqlite is damaged"):
+        read_status(str(tmp_path))
+
+
+def test_names_of_recordings_give_the_terminal_no_orders(tmp_path, capsys):
+    ledger = begun(tmp_path / "ledger" / "run.sqlite", [Recording("a\x1b[31m\nerror: b", "/logs/a")])
+    ledger.failed(Recording("a\x1b[31m\nerror: b", "/logs/a"), "\x1b[2J", "")
+    output.print("\n".join(read_status(str(tmp_path)).lines()))
+    said = capsys.readouterr().out
+    assert "\x1b" not in said
+    assert "a\N{REPLACEMENT CHARACTER}[31m error: b" in said

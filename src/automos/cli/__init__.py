@@ -19,7 +19,7 @@ from automos.cli.look import look_app
 from automos.cli.network import network_app
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
-from automos.errors import AutomosError
+from automos.errors import AutomosError, plain
 from automos.working_folder import OURS, SAFE_PATH
 
 app = typer.Typer(
@@ -58,8 +58,7 @@ class _Debug:
 
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
-    plain = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(sentence.split("\n")))
-    console.print(Text.assemble(("error: ", "red"), plain), soft_wrap=True)
+    console.print(Text.assemble(("error: ", "red"), plain(" ".join(sentence.split("\n")))), soft_wrap=True)
     sys.exit(2)
 
 

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.console import Console
 
-console = Console(stderr=True)
-output = Console(highlight=False, markup=False, soft_wrap=True)
+from automos.errors import plain
+
+
+class PlainConsole(Console):
+    """A console that is given names from anywhere: no text in them is taken for an order to the terminal."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich does."""
+        super().print(*(plain(each) if isinstance(each, str) else each for each in objects), **options)
+
+
+console = PlainConsole(stderr=True)
+output = PlainConsole(highlight=False, markup=False, soft_wrap=True)

@@ -10,11 +10,55 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter
 
 from automos.errors import InputError
+from automos.reading import checked, require_regular
 from automos.scale.ledger import ledger_folder, missing_shards
 from automos.scale.storage import Store, is_url, join
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Recording(_Strict):
+    """A row of the table `recordings`, as far as it is read; books come from anywhere."""
+
+    name: str
+    state: Literal["waiting", "running", "done", "failed"]
+    source: str | None
+    fingerprint: str | None
+    trace: str | None
+    reason: str | None
+    scans: Count | None
+    points: Count | None
+    moving: Count | None
+    warnings: Json[list[str]] | None
+    fresh: int | None
+    seconds: FiniteFloat | None
+    cpu_seconds: FiniteFloat | None
+    peak_mb: FiniteFloat | None
+    ended: FiniteFloat | None
+
+
+class _Run(_Strict):
+    settings_key: str | None
+    started: FiniteFloat
+    seen: FiniteFloat
+    ended: FiniteFloat | None
+
+
+_ROWS: dict[str, TypeAdapter[Any]] = {
+    "recordings": TypeAdapter(list[_Recording]),
+    "units": TypeAdapter(list[dict[str, str | int | FiniteFloat | None]], config=ConfigDict(strict=True)),
+    "run": TypeAdapter(list[_Run]),
+}
+"""The tables of the books, and what their rows must be."""
 
 _SILENT_S = 60.0
 """Seconds without a sign after which whoever worked on a run is taken for dead."""
@@ -101,7 +145,7 @@ class Status:
         warned = [row for row in done if json.loads(row["warnings"] or "[]")]
         lines += [f"warning: {row['name']}: {text}" for row in warned for text in json.loads(row["warnings"])]
         lines += [f"not labelled: {name}: {reason}" for name, reason in self.failures]
-        return lines
+        return [" ".join(line.splitlines()) for line in lines]
 
 
 def read_status(target: str) -> Status:
@@ -111,22 +155,35 @@ def read_status(target: str) -> Status:
     ------
     InputError : there is no run.
     """
-    tables: dict[str, list[dict[str, Any]]] = {"recordings": [], "units": [], "run": []}
+    tables: dict[str, list[dict[str, Any]]] = {table: [] for table in _ROWS}
     with _books_of(target) as paths:
         if not paths:
             raise InputError(f"{target} holds no run of automos label over several recordings: check the path")
         for path in paths:
-            books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
-            books.row_factory = sqlite3.Row
             try:
-                for table, rows in tables.items():
-                    rows += [dict(row) for row in books.execute(f"SELECT * FROM {table}")]
-            except sqlite3.Error as error:
+                for table, rows in _read_books(path).items():
+                    tables[table] += rows
+            except (sqlite3.Error, ValueError) as error:
                 raise InputError(f"{path} is damaged ({error}): delete it and run automos label again") from None
-            finally:
-                books.close()
         shards = missing_shards(path.name for path in paths)
     return Status(_merged(tables["recordings"]), tables["units"], tables["run"], time.time(), tuple(shards))
+
+
+def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of all tables; ValueError or sqlite3.Error where they are no books."""
+    require_regular(path)
+    books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
+    try:
+        books.row_factory = sqlite3.Row
+        kinds = {row["name"]: row["type"] for row in books.execute("SELECT name, type FROM sqlite_master")}
+        if any(kinds.get(table) != "table" for table in _ROWS):  # a view may have rows without end
+            raise ValueError(f"it has not the tables {', '.join(_ROWS)}")
+        tables = {table: [dict(row) for row in books.execute(f"SELECT * FROM {table}")] for table in _ROWS}
+    finally:
+        books.close()
+    for table, rows in tables.items():
+        checked(_ROWS[table], rows)
+    return tables
 
 
 def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
