@@ -1,5 +1,6 @@
 """Whatever a program on this machine or a page of strangers sends, the review refuses it, in time, and goes on."""
 
+import http.client
 import json
 import socket
 import threading
@@ -133,6 +134,30 @@ def test_a_request_that_falls_silent_is_hung_up_on(server, monkeypatch):
         assert time.monotonic() - began < 5.0
     assert read_decisions(server.session.run.folder) == []
     assert is_well(server)
+
+
+def test_a_request_that_comes_byte_by_byte_is_hung_up_on(server, monkeypatch):
+    monkeypatch.setattr(server_module._Handler, "timeout", 0.5)
+    began = time.monotonic()
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as connection:
+        try:
+            while time.monotonic() - began < 5.0:
+                connection.sendall(b"G")
+                time.sleep(0.1)
+        except OSError:  # hung up on
+            pass
+    assert time.monotonic() - began < 5.0
+    assert is_well(server)
+
+
+def test_two_requests_of_one_connection_have_their_time_each(server, monkeypatch):
+    monkeypatch.setattr(server_module._Handler, "timeout", 1.0)
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    for _ in range(3):
+        connection.request("GET", "/api/status", headers={"Cookie": server.cookie})
+        assert json.loads(connection.getresponse().read())
+        time.sleep(0.6)
+    connection.close()
 
 
 def test_connections_beyond_what_a_browser_makes_are_refused_and_no_thread_is_kept_for_them(server, monkeypatch):

@@ -9,11 +9,14 @@ this machine do not know the token that the printed address ends in; the page ke
 from __future__ import annotations
 
 import hmac
+import io
 import json
 import logging
 import secrets
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
@@ -32,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 HOST = "127.0.0.1"
 PATIENCE = 10.0
-"""Seconds that a request may keep silent."""
+"""Seconds until a request must have begun, and again until it must have come whole."""
 MAX_CONNECTIONS = 64
 """At a time; a browser makes six."""
 _OWN = (
@@ -95,10 +98,41 @@ class ReviewServer(ThreadingHTTPServer):
         _log.debug("a request failed", exc_info=sys.exc_info())
 
 
+class _InTime(io.RawIOBase):
+    """What comes from a connection, until a request takes too long: one byte now and then must not hold a thread."""
+
+    def __init__(self, connection: socket.socket, patience: float):
+        self._connection, self._patience = connection, patience
+        self.deadline: float | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        left = self._patience if self.deadline is None else self.deadline - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        self._connection.settimeout(left)
+        n = self._connection.recv_into(buffer)
+        self._connection.settimeout(self._patience)
+        if self.deadline is None:
+            self.deadline = time.monotonic() + self._patience
+        return n
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: ReviewServer
     protocol_version = "HTTP/1.1"
     timeout = PATIENCE
+
+    def setup(self) -> None:
+        super().setup()
+        self._in = _InTime(self.connection, self.timeout)
+        self.rfile = io.BufferedReader(self._in)
+
+    def handle_one_request(self) -> None:
+        self._in.deadline = None
+        super().handle_one_request()
 
     def do_GET(self) -> None:
         self._guarded(self._get)
