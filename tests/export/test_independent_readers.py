@@ -140,3 +140,21 @@ def test_the_sdk_takes_cuboids_and_segmentation_of_segments(run, tmp_path):
         assert (np.array(frame.point_annotations, int)[is_moving] > 1).all()
     sample = typing.PointcloudSequenceSampleAttributes(**json.loads((out / "sample.json").read_text()))
     assert [frame.name for frame in sample.frames] == run.names
+
+
+def test_the_sdk_reads_a_project_of_supervisely(run, tmp_path):
+    hint = "pip install -e '.[dev-supervisely]' in an environment of its own"
+    projects = pytest.importorskip("supervisely.project.pointcloud_episode_project", reason=hint)
+    out = export(run, "supervisely", tmp_path / "out")
+    project = projects.PointcloudEpisodeProject(str(out), projects.OpenMode.READ)
+    (episode,) = list(project.datasets)
+    told = episode.get_ann(project.meta)
+    assert {item.obj_class.name for item in told.objects} == {"moving", "static"}
+    assert told.frames_count == len(list(episode)) == 3
+    boxes = [(frame.index, figure.geometry) for frame in told.frames for figure in frame.figures]
+    assert len(boxes) == len(CENTERS)
+    for index, cuboid in boxes:
+        position = np.array([cuboid.position.x, cuboid.position.y, cuboid.position.z])
+        level = transform(run.T_level_upright(index), position[None])[0]
+        assert min(np.linalg.norm(level - center) for (_, scan), center in CENTERS.items() if scan == index) < 1e-3
+        assert [cuboid.dimensions.x, cuboid.dimensions.y, cuboid.dimensions.z] == SIZE
