@@ -194,3 +194,20 @@ def test_poses_are_read_with_the_calibration_given(recording, world, tmp_path):
     sequence = open_sequence(recording)
     label_recording(sequence, tmp_path / "out", PAPER, tmp_path / "camera.txt", tmp_path / "calib.txt", workers=1)
     assert predictions(tmp_path / "out") == predictions(tmp_path / "straight")
+
+
+@pytest.mark.parametrize("out", [".", "velodyne", "labels"])
+def test_results_are_not_written_into_the_recordings_own_folders(world, tmp_path, out):
+    log = tmp_path / "log"
+    write_bins(world.sequence, log / "velodyne")
+    (log / "labels").mkdir()
+    (log / "labels" / "000000.label").touch()
+    before = sorted(log.rglob("*"))
+    with pytest.raises(InputError, match="is a folder of the recording log: choose another --out"):
+        label_recording(open_sequence(log), log / out, PAPER, workers=1)
+    assert sorted(log.rglob("*")) == before
+
+
+def test_results_in_a_folder_of_their_own_within_the_recording_go_on(world, recording):
+    done = run(recording, recording / "labelled")
+    assert run(recording, recording / "labelled") == done

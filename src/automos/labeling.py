@@ -11,7 +11,7 @@ from automos.atomic import held
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.writing import refuse_foreign, write_results
+from automos.results.writing import refuse_folders_of, refuse_foreign, write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
 from automos.review.run_stages import RunStages
@@ -47,6 +47,7 @@ def label_recording(
     InputError : the recording, the poses or the folder cannot be used.
     """
     refuse_foreign(folder)
+    refuse_folders_of(sequence, folder)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)

@@ -41,15 +41,28 @@ def refuse_foreign(folder: Path) -> None:
 
     Ours has run.json or, until it has ended, stages.
     """
-    is_ours = (folder / RUN_FILE).exists() or (folder / "stages").exists()
     for place in (folder, folder / "predictions"):
         if place.exists() and not place.is_dir():
             raise InputError(f"{place} is a file: choose another --out")
-    if not is_ours and any((folder / "predictions").glob("*.label")):
+    if not _is_ours(folder) and any((folder / "predictions").glob("*.label")):
         raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
     for name in RESULT_FILES:
-        if not is_ours and (folder / name).exists():
+        if not _is_ours(folder) and (folder / name).exists():
             raise InputError(f"{folder / name} was not written by automos label: choose another --out")
+
+
+def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
+    """Raise InputError where `folder` is the recording's own or came with it: our poses would be read as its truth."""
+    if sequence.source is None or not sequence.source.is_dir():
+        return
+    source, target = sequence.source.resolve(), folder.resolve()
+    came_with_it = target.parent == source and not _is_ours(folder) and target.is_dir() and any(target.iterdir())
+    if target == source or came_with_it:
+        raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out")
+
+
+def _is_ours(folder: Path) -> bool:
+    return (folder / RUN_FILE).exists() or (folder / "stages").exists()
 
 
 def write_results(
