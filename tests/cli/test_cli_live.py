@@ -103,6 +103,7 @@ def test_a_replay_is_written_and_summed_up(walk, tmp_path):
     assert run["recording"]["scans"] == len(labels_of(tmp_path / "out")) == len(open_sequence(path))
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to all processes of a console")
 def test_ctrl_c_ends_it_cleanly_with_a_summary(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))

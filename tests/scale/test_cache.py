@@ -1,5 +1,6 @@
 """Copies of what lies in a store: whole or not there, bounded, shared, and the same recording whenever fetched."""
 
+import sys
 import threading
 import time
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from automos.errors import InputError
-from automos.scale.cache import Cache
+from automos.scale.cache import Cache, _take
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install '.[scale]'")
 
@@ -137,3 +138,9 @@ def test_what_is_larger_than_the_cache_or_not_there_is_told(store, tmp_path):
         pass
     with pytest.raises(InputError, match="holds nothing"), Cache(tmp_path, MB).copy_of("memory://bucket/z"):
         pass
+
+
+def test_where_files_cannot_be_locked_that_is_told(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    with (tmp_path / "lock").open("w") as lock, pytest.raises(InputError, match="copy the recordings to a disk"):
+        _take(lock, wait=False)

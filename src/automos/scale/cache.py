@@ -130,8 +130,13 @@ class Cache:
 
 def _take(lock: IO[str], wait: bool, alone: bool = True) -> bool:
     """Lock a file, `alone` or together with others who read; return whether it could be done without waiting."""
-    import fcntl
-
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        raise InputError(
+            "copies of recordings are shared under locks that this system has not: copy the recordings to a disk, and "
+            "label them there"
+        ) from None
     try:
         fcntl.flock(lock, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
