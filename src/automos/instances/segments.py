@@ -211,9 +211,9 @@ def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  
                             ra, rb = _root(parent, s), _root(parent, t)
                             parent[max(ra, rb)] = min(ra, rb)
                         elif is_thin[s]:
-                            _keep_nearest(nearest, s, t, du * du + dv * dv, b * n + a)
+                            _keep_nearest(nearest, np.int64(s), np.int64(t), du * du + dv * dv, np.int64(b * n + a))
                         else:
-                            _keep_nearest(nearest, t, s, du * du + dv * dv, c)
+                            _keep_nearest(nearest, np.int64(t), np.int64(s), du * du + dv * dv, np.int64(c))
     for s in range(n_stacks):
         if nearest[s, 2] < n_stacks:
             _keep_nearest(nearest, _root(parent, s), nearest[s, 2], nearest[s, 0], nearest[s, 1])

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+import numpy.typing as npt
+
+from automos.scan import Points
 
 N_SECTORS = 720
 """Sectors in which a gap is looked for."""
@@ -64,13 +67,17 @@ def unwrap(azimuth, turn):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
-def between_blocks(turned, block, n):  # type: ignore[no-untyped-def]
+def between_blocks(turned: npt.NDArray[np.float64], block: int, n: int) -> npt.NDArray[np.float32]:
     """Return (n,) float32 the turns at every point, linear between the middles of blocks, 0 at the first point."""
-    out = np.zeros(n, np.float32)
     known = np.flatnonzero(~np.isnan(turned))
-    if len(known) < 2:
-        return out
+    out = np.zeros(n, np.float32)
+    if len(known) > 1:
+        _interpolate(known, turned, block, n, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolate(known, turned, block, n, out):  # type: ignore[no-untyped-def]
     k = 0
     start = 0.0
     for i in range(n):
@@ -82,31 +89,32 @@ def between_blocks(turned, block, n):  # type: ignore[no-untyped-def]
         if i == 0:
             start = value
         out[i] = max(value - start, 0.0)
-    return out
 
 
-@numba.njit(cache=True, nogil=True)
-def follow_gaps(points, azimuth, turn, block, turned):  # type: ignore[no-untyped-def]
+def follow_gaps(
+    points: Points, azimuth: npt.NDArray[np.float64], turn: int, block: int, turned: npt.NDArray[np.float32]
+) -> None:
     """Correct `turned` where a block reaches across a sector without points: there a point's own azimuth tells more."""
     known = np.flatnonzero(~np.isnan(azimuth))
     if len(known) < 3:
         return
-    steps = np.empty(len(known) - 1)
-    for k in range(len(steps)):
-        step = turn * (azimuth[known[k + 1]] - azimuth[known[k]])
-        steps[k] = step - np.floor(step + 0.1)
+    steps = turn * np.diff(azimuth[known])
+    steps -= np.floor(steps + 0.1)
     is_torn = np.zeros(len(azimuth), np.bool_)
-    usual = np.median(steps)
-    for k in range(len(steps)):
-        if steps[k] > 2.0 * usual:
-            is_torn[known[k] : known[k + 1] + 1] = True
+    for k in np.flatnonzero(steps > 2.0 * np.median(steps)).tolist():
+        is_torn[known[k] : known[k + 1] + 1] = True
     middle = min(known[0] * block + block // 2, len(turned) - 1)
-    start = azimuth[known[0]] - turn * turned[middle]  # azimuth of the first point
+    _follow(points, is_torn, turn, float(azimuth[known[0]] - turn * turned[middle]), block, turned)
+
+
+@numba.njit(cache=True, nogil=True)
+def _follow(points, is_torn, turn, start, block, turned):  # type: ignore[no-untyped-def]
+    """Correct `turned` in torn blocks; `start` is the azimuth of the first point."""
     for i in range(len(points)):
         x, y = float(points[i, 0]), float(points[i, 1])
         if is_torn[i // block] and 0.01 < x * x + y * y < 1e12:  # never true of NaN
             off = turn * (np.arctan2(y, x) / (2.0 * np.pi) - start) - turned[i]
-            turned[i] = max(turned[i] + off - np.round(off), 0.0)
+            turned[i] = max(turned[i] + off - np.rint(off), 0.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -120,7 +128,7 @@ def turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
         if 0.1 < r < 1e6:
             azimuth = np.arctan2(y, x) / (2.0 * np.pi)
             step = turn * (azimuth - last)
-            step -= np.round(step)
+            step -= np.rint(step)
             if is_new or step < -BACKWARD:
                 total = turn * (azimuth - start)
                 total -= np.floor(total + 0.1)

@@ -106,7 +106,8 @@ def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel
     """
     H, g = np.zeros((6, 6)), np.zeros(6)
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
-    n_matched, n_close, thickness = _fit(submap.arrays, surfels.mean, surfels.covariance, T, (kernel, noise), H, g)
+    mean, covariance = np.ascontiguousarray(surfels.mean), np.ascontiguousarray(surfels.covariance)
+    n_matched, n_close, thickness = _fit(submap.arrays, mean, covariance, T, (kernel, noise), H, g)
     return Fit(H, g, len(surfels), n_matched, n_close, thickness)
 
 
@@ -174,13 +175,21 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
             if low < 0.1 * middle:  # a plane
                 eigenvector(c, low, first)
                 variance[i, 0] = low
-                axes[i, 0] = first
+                _copy(first, axes[i, 0])
         elif high > wide and middle < 0.1 * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
                 variance[i, 0], variance[i, 1] = across(c, along, first, second)
-                axes[i, 0], axes[i, 1] = first, second
+                _copy(first, axes[i, 0])
+                _copy(second, axes[i, 1])
     return mean, axes, variance
+
+
+@numba.njit(cache=True, nogil=True)
+def _copy(direction, out):  # type: ignore[no-untyped-def]
+    """Write `direction` (3,) into `out`; assigning one array to another takes three seconds to compile."""
+    for k in range(3):
+        out[k] = direction[k]
 
 
 @numba.njit(cache=True, nogil=True)
