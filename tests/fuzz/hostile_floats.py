@@ -177,8 +177,8 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
-    center, counts = points.astype(float), np.resize(np.arange(4.0), points.shape)
-    judge._add_up(np.array([0, len(points)]), center, np.abs(center), counts, center, np.zeros((1, 6)))
+    values = points.astype(float)
+    judge._add_up(np.array([0, len(points)]), np.hstack([values, values]), values[:, 0].copy(), np.zeros((1, 6)))
 
 
 def _odometry(points: np.ndarray) -> None:

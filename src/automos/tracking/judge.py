@@ -37,6 +37,7 @@ import numpy.typing as npt
 
 from automos.detections import Detections
 from automos.settings import JudgeSettings
+from automos.tracking.face_paths import distance_gone, scatter
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
@@ -67,10 +68,8 @@ MISJUDGED = 0.03
 """Share of what stays of which the evidence is wrong in all scans: the poses are off there, or it is thin and bare."""
 NOISE = 0.05
 """Metres, scatter that no face of a tracked box is without."""
-LOW_PERCENTILE = 20
+LOW_SHARE = 0.2
 """Of a vehicle whose foot is hidden mostly, or whose ground is misjudged, some scans show it on the ground."""
-_ENDS, _AROUND = 5, 3
-"""Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,8 +157,21 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
         np.concatenate([getattr(of_scan, name) for of_scan in terms])[segment]
         for name in ("faces", "evidence", "columns")
     )
-    _add_up(first, faces, evidence, columns, out)
+    _add_up(first, faces, evidence, out)
+    owner, (lift, part, porosity) = tracks.track[seen], columns.T
+    out[:, 3] = np.clip(_low_of_each(lift, owner, first) - 1.0, 0.0, 3.0)
+    for term, values in ((4, part), (5, porosity)):
+        out[:, term] = np.bincount(owner, values, len(tracks)) / np.diff(first)
     return out
+
+
+def _low_of_each(values: Array, owner: npt.NDArray[np.int64], first: npt.NDArray[np.int64]) -> Array:
+    """Return (T,) what a share `LOW_SHARE` of each track's values is below, linear between neighbours."""
+    ascending = values[np.lexsort((values, owner))]
+    place = LOW_SHARE * (np.diff(first) - 1)
+    below = first[:-1] + place.astype(np.int64)
+    weight = place - np.floor(place)
+    return (1.0 - weight) * ascending[below] + weight * ascending[np.minimum(below + 1, first[1:] - 1)]
 
 
 def _porosity(found: Detections) -> Array:
@@ -182,75 +194,29 @@ def _weigh_counts(counts, evidence):  # type: ignore[no-untyped-def]
     for i in range(len(counts)):
         ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
         if counts[i, 2] < 0.0:
-            known = counts[i, :2].sum() / (counts[i, :2].sum() - counts[i, 2])
-            ratio *= min(known / ENOUGH_KNOWN, 1.0)
+            known = counts[i, 0] + counts[i, 1]
+            ratio *= min(known / (known - counts[i, 2]) / ENOUGH_KNOWN, 1.0)
         evidence[i] = math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY)
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_up(first, faces, evidence, columns, terms):  # type: ignore[no-untyped-def]
+def _add_up(first, faces, evidence, terms):  # type: ignore[no-untyped-def]
+    """Write the first three terms of each track. Reductions of arrays would triple what this takes to compile."""
     for k in range(len(first) - 1):
         a, b = first[k], first[k + 1]
         for i in range(a, b):
             terms[k, 0] += evidence[i] / (b - a)
         terms[k, 0] = -math.log((1.0 - MISJUDGED) * math.exp(-LOOKS * terms[k, 0]) + MISJUDGED)
-        way, scatter = 0.0, np.zeros((2, 3))
-        for axis in range(3):
-            low, high = faces[a:b, axis].copy(), faces[a:b, 3 + axis].copy()
-            scatter[0, axis], scatter[1, axis] = _scatter(low), _scatter(high)
-            low_way, high_way = _way(low), _way(high)
-            if axis < 2 and low_way * high_way > 0.0:
+        way = 0.0
+        for axis in range(2):
+            low_way, high_way = distance_gone(faces, a, b, axis), distance_gone(faces, a, b, 3 + axis)
+            if low_way * high_way > 0.0:
                 way += min(abs(low_way), abs(high_way)) ** 2
-        steadier = math.sqrt(scatter[:, :2].sum(axis=1).min())
-        terms[k, 1] = math.log(1.0 + way / (NOISE + steadier) ** 2)
-        terms[k, 2] = math.log(1.0 + math.sqrt(scatter[:, 2].min()) / NOISE)
-        terms[k, 3] = min(max(np.percentile(columns[a:b, 0], LOW_PERCENTILE) - 1.0, 0.0), 3.0)
-        terms[k, 4] = columns[a:b, 1].mean()
-        terms[k, 5] = columns[a:b, 2].mean()
-
-
-@numba.njit(cache=True, nogil=True)
-def _way(path):  # type: ignore[no-untyped-def]
-    """Return how far `path` (T,) goes: one observation of something else at an end is no way."""
-    n = max(1, min(_ENDS, len(path) // 3))
-    return np.median(path[-n:]) - np.median(path[:n])
-
-
-@numba.njit(cache=True, nogil=True)
-def _scatter(path):  # type: ignore[no-untyped-def]
-    """Return the mean square of `path` (T,) about its running median."""
-    window, m, total = np.empty(2 * _AROUND + 1), 0, 0.0  # sorted: one value comes and one goes, which takes a tenth
-    for j in range(min(_AROUND, len(path))):
-        m = _put_in(window, m, path[j])
-    for i in range(len(path)):
-        if i > _AROUND:
-            m = _take_out(window, m, path[i - _AROUND - 1])
-        if i + _AROUND < len(path):
-            m = _put_in(window, m, path[i + _AROUND])
-        total += (path[i] - 0.5 * (window[m // 2] + window[(m - 1) // 2])) ** 2
-    return total / len(path)
-
-
-@numba.njit(cache=True, nogil=True)
-def _put_in(values, m, value):  # type: ignore[no-untyped-def]
-    """Put `value` in its place among `m` sorted `values`; return how many there are then."""
-    at = m
-    while at > 0 and values[at - 1] > value:
-        values[at] = values[at - 1]
-        at -= 1
-    values[at] = value
-    return m + 1
-
-
-@numba.njit(cache=True, nogil=True)
-def _take_out(values, m, value):  # type: ignore[no-untyped-def]
-    """Take `value` out of `m` sorted `values`; return how many there are then."""
-    at = 0
-    while at < m - 1 and values[at] != value:
-        at += 1
-    for k in range(at, m - 1):
-        values[k] = values[k + 1]
-    return m - 1
+        of_low = scatter(faces, a, b, 0) + scatter(faces, a, b, 1)
+        of_high = scatter(faces, a, b, 3) + scatter(faces, a, b, 4)
+        terms[k, 1] = math.log(1.0 + way / (NOISE + math.sqrt(min(of_low, of_high))) ** 2)
+        unsteady = min(scatter(faces, a, b, 2), scatter(faces, a, b, 5))
+        terms[k, 2] = math.log(1.0 + math.sqrt(unsteady) / NOISE)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -260,8 +226,11 @@ def _log_dirichlet(counts, prior):  # type: ignore[no-untyped-def]
     A negative last count is left out: the shares of the others among themselves do not depend on it.
     """
     n = 2 if counts[2] < 0.0 else 3
-    total = prior[0] + prior[1] + (prior[2] if n == 3 else 0.0)
-    value = math.lgamma(total) - math.lgamma(total + counts[:n].sum())
+    total = of_all = 0.0
+    for c in range(n):
+        total += prior[c]
+        of_all += counts[c]
+    value = math.lgamma(total) - math.lgamma(total + of_all)
     for c in range(n):
         value += math.lgamma(prior[c] + counts[c]) - math.lgamma(prior[c])
     return value

@@ -1,0 +1,64 @@
+"""How far a face of a tracked box goes, and how it scatters about its path, for compiled loops.
+
+Medians of a few values are kept by inserting them in order: numba's own takes a second to compile.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+_ENDS, _AROUND = 5, 3
+"""Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
+
+
+@numba.njit(cache=True, nogil=True)
+def distance_gone(faces, a, b, face):  # type: ignore[no-untyped-def]
+    """Return how far a face goes in rows `a` to `b`: one observation of something else at an end is no way."""
+    n = max(1, min(_ENDS, (b - a) // 3))
+    return _median(faces, b - n, b, face) - _median(faces, a, a + n, face)
+
+
+@numba.njit(cache=True, nogil=True)
+def _median(faces, a, b, face):  # type: ignore[no-untyped-def]
+    values, m = np.empty(b - a), 0
+    for i in range(a, b):
+        m = _put_in(values, m, faces[i, face])
+    return 0.5 * (values[m // 2] + values[(m - 1) // 2])
+
+
+@numba.njit(cache=True, nogil=True)
+def scatter(faces, a, b, face):  # type: ignore[no-untyped-def]
+    """Return the mean square of a face's path, rows `a` to `b`, about its running median."""
+    window, m, total = np.empty(2 * _AROUND + 1), 0, 0.0  # sorted: one value comes and one goes, which takes a tenth
+    for i in range(a, min(a + _AROUND, b)):
+        m = _put_in(window, m, faces[i, face])
+    for i in range(a, b):
+        if i - _AROUND > a:
+            m = _take_out(window, m, faces[i - _AROUND - 1, face])
+        if i + _AROUND < b:
+            m = _put_in(window, m, faces[i + _AROUND, face])
+        total += (faces[i, face] - 0.5 * (window[m // 2] + window[(m - 1) // 2])) ** 2
+    return total / (b - a)
+
+
+@numba.njit(cache=True, nogil=True)
+def _put_in(values, m, value):  # type: ignore[no-untyped-def]
+    """Put `value` in its place among `m` sorted `values`; return how many there are then."""
+    at = m
+    while at > 0 and values[at - 1] > value:
+        values[at] = values[at - 1]
+        at -= 1
+    values[at] = value
+    return m + 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _take_out(values, m, value):  # type: ignore[no-untyped-def]
+    """Take `value` out of `m` sorted `values`; return how many there are then."""
+    at = 0
+    while at < m - 1 and values[at] != value:
+        at += 1
+    for k in range(at, m - 1):
+        values[k] = values[k + 1]
+    return m - 1
