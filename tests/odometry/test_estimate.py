@@ -7,7 +7,7 @@ from worlds import SCAN_GAP
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.odometry import estimate, estimate_trajectory, windows
+from automos.odometry import estimate, estimate_trajectory, refine
 from automos.odometry.motion import SweepTiming
 from automos.odometry.speed import OFFSETS, SpeedSearch
 from automos.odometry.timing import TimingChoice
@@ -61,7 +61,7 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
         return SpeedSearch(missing, np.zeros(len(OFFSETS)))
 
     monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
-    monkeypatch.setattr(windows, "search_speed", too_short_at_first)
+    monkeypatch.setattr(refine, "search_speed", too_short_at_first)
     raw = sequence_of([untimed(s) for s in scans])
     trajectory = estimate_trajectory(raw, OdometrySettings())
     assert [choice.timing.source for choice in chosen] == ["none", "order"]

@@ -19,11 +19,11 @@ from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
+from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import rival_speed
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
-from automos.odometry.windows import RollingRefinement
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
 

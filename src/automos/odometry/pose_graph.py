@@ -1,7 +1,6 @@
-"""A chain of poses with extra links between some: all poses solved together, links that contradict the rest given up.
+"""Least squares over poses: what refinement and loop closure solve, each with factors of its own.
 
-Gauss-Newton on SE(3), sparse. Links are judged by graduated non-convexity (Yang et al., RA-L 2020): at first all are
-believed, then those that cannot be reconciled with the chain and the other links count ever less.
+Gauss-Newton on SE(3): the unknowns are small motions of all poses, each in its own frame.
 """
 
 from __future__ import annotations
@@ -15,11 +14,68 @@ from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.scan import Pose
 
 Array = npt.NDArray[np.float64]
+Ids = npt.NDArray[np.int64]
 
 OUTLIER = 16.8
 """Squared deviations in six dimensions that one of a hundred right links exceeds."""
 RELAX = 1.4
 """Factor by which each round judges more sharply (the authors' value)."""
+FIXED = 1e12
+"""Information that keeps a pose where it is, to the micrometre."""
+NARROW = 100
+"""Poses between those that a factor joins, at most, for which a banded solver is the fastest."""
+
+
+class NormalEquations:
+    """The normal equations of N small motions (6), added up factor by factor."""
+
+    def __init__(self, held: npt.ArrayLike):
+        """Take (N,) information by which each pose is held where it is."""
+        held = np.asarray(held, np.float64)
+        self._rhs = np.zeros((len(held), 6))
+        self._rows, self._columns = [np.arange(len(held))], [np.arange(len(held))]
+        self._blocks = [held[:, None, None] * np.eye(6)]
+
+    def add(self, parts: list[tuple[Ids, Array]], information: Array, gradient: Array) -> None:
+        """Add K factors, each a residual of six dimensions.
+
+        Parameters
+        ----------
+        parts : of each pose that a factor joins, (K,) its number and (K, 6, 6) the residual's derivative by its motion.
+        information : (K, 6, 6) or, of independent dimensions, (K, 6) inverse variances of the residuals.
+        gradient : (K, 6) information times residual.
+        """
+        for a, (first, A) in enumerate(parts):
+            At = np.swapaxes(A, 1, 2)
+            np.subtract.at(self._rhs, first, np.einsum("kij,kj->ki", At, gradient))
+            At_H = At @ information if information.ndim == 3 else At * information[:, None]
+            for second, B in parts[: a + 1]:
+                self._rows.append(first)
+                self._columns.append(second)
+                self._blocks.append(At_H @ B)
+
+    def solve(self) -> Array:
+        """Return the (N, 6) motions that suit all factors best."""
+        from scipy.linalg import solveh_banded
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.linalg import spsolve
+
+        rows, columns, blocks = (np.concatenate(part) for part in (self._rows, self._columns, self._blocks))
+        is_upper = rows < columns
+        blocks = np.where(is_upper[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
+        rows, columns = np.maximum(rows, columns), np.minimum(rows, columns)
+        i = 6 * rows[:, None, None] + np.arange(6)[:, None]
+        j = 6 * columns[:, None, None] + np.arange(6)
+        n, width, is_lower = self._rhs.size, int((rows - columns).max(initial=0)) + 1, i >= j
+        i, j = np.broadcast_arrays(i, j)
+        i, j, values = i[is_lower], j[is_lower], blocks[is_lower]
+        if width <= NARROW:
+            bands = np.bincount((i - j) * n + j, values, 6 * width * n).reshape(-1, n)
+            return solveh_banded(bands, self._rhs.ravel(), lower=True, overwrite_ab=True).reshape(-1, 6)
+        lower = coo_matrix((values, (i, j)), (n, n)).tocsc()
+        full = lower + lower.T
+        full.setdiag(lower.diagonal())
+        return spsolve(full, self._rhs.ravel()).reshape(-1, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +89,33 @@ class Edges:
     deviation : (E, 6) usual error: metres, then radians.
     """
 
-    first: npt.NDArray[np.int64]
-    second: npt.NDArray[np.int64]
+    first: Ids
+    second: Ids
     T_first_second: Pose
     deviation: Array
 
-    def __len__(self) -> int:
-        return len(self.first)
+    def residuals(self, T: Pose) -> Array:
+        """Return (E, 6) deviations of the poses `T` (N, 4, 4) from the edges, in the second node's frame."""
+        return se3_log(inverse(self.T_first_second) @ inverse(T[self.first]) @ T[self.second])
+
+    def squared(self, T: Pose) -> Array:
+        """Return (E,) squared deviations of the poses, in units of the usual ones."""
+        return ((self.residuals(T) / self.deviation) ** 2).sum(axis=1)
+
+    def add_to(self, equations: NormalEquations, T: Pose, trust: npt.ArrayLike = 1.0) -> None:
+        """Add that the poses `T` suit the edges, (E,) `trust` being the share of its weight that each has."""
+        information = np.reshape(trust, (-1, 1)) / self.deviation**2
+        of_first = -adjoint(inverse(inverse(T[self.first]) @ T[self.second]))
+        of_second = np.tile(np.eye(6), (len(self.first), 1, 1))
+        parts = [(self.first, of_first), (self.second, of_second)]
+        equations.add(parts, information, information * self.residuals(T))
 
 
 def solve_pose_graph(T_world_node: Pose, chain: Edges, links: Edges) -> tuple[Pose, npt.NDArray[np.bool_]]:
     """Return the (N, 4, 4) poses that suit chain and links best, and which (L,) links they suit.
+
+    Links are judged by graduated non-convexity (Yang et al., RA-L 2020): at first all are believed, then those that
+    cannot be reconciled with the chain and the other links count ever less.
 
     Parameters
     ----------
@@ -51,51 +123,20 @@ def solve_pose_graph(T_world_node: Pose, chain: Edges, links: Edges) -> tuple[Po
     chain : edges believed.
     links : edges that may be wrong.
     """
-    T = T_world_node
-    if len(links) == 0:
+    T, squared = T_world_node, links.squared(T_world_node)
+    if len(squared) == 0:
         return T, np.zeros(0, bool)
-    edges = Edges(*(np.concatenate([getattr(e, n) for e in (chain, links)]) for n in Edges.__annotations__))
-    squared = _squared(_residuals(T, edges)[len(chain) :], links)
     sharpness = max(2.0 * float(squared.max()) / OUTLIER, 1.0)
     while True:
         for _ in range(3):
-            trust = (sharpness * OUTLIER / (squared + sharpness * OUTLIER)) ** 2
-            step = _solve_step(T, edges, np.concatenate([np.ones(len(chain)), trust]))
+            equations = NormalEquations(FIXED * (np.arange(len(T)) == 0))
+            chain.add_to(equations, T)
+            links.add_to(equations, T, (sharpness * OUTLIER / (squared + sharpness * OUTLIER)) ** 2)
+            step = equations.solve()
             T = T @ se3_exp(step)
-            squared = _squared(_residuals(T, edges)[len(chain) :], links)
+            squared = links.squared(T)
             if np.abs(step).max() < 1e-6:
                 break
         if sharpness == 1.0:
             return T, squared < OUTLIER
         sharpness = max(sharpness / RELAX, 1.0)
-
-
-def _residuals(T: Pose, edges: Edges) -> Array:
-    """Return (E, 6) deviations of the poses from the edges, in the second node's frame."""
-    return se3_log(inverse(edges.T_first_second) @ inverse(T[edges.first]) @ T[edges.second])
-
-
-def _squared(residuals: Array, edges: Edges) -> Array:
-    return ((residuals / edges.deviation) ** 2).sum(axis=1)
-
-
-def _solve_step(T: Pose, edges: Edges, trust: Array) -> Array:
-    """Return the (N, 6) small motions of all nodes, in their own frames, that one Gauss-Newton step takes."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import spsolve
-
-    n = len(T)
-    scale = np.sqrt(trust)[:, None] / edges.deviation  # (E, 6)
-    residual = scale * _residuals(T, edges)
-    of_second = scale[:, :, None] * np.eye(6)
-    of_first = -scale[:, :, None] * adjoint(inverse(inverse(T[edges.first]) @ T[edges.second]))
-    row = 6 * np.arange(len(edges))[:, None, None] + np.arange(6)[:, None] + np.zeros(6, int)
-    column = np.arange(6) + np.zeros((6, 1), int)
-    rows = np.concatenate([row.ravel(), row.ravel()])
-    columns = np.concatenate(
-        [(6 * edges.first[:, None, None] + column).ravel(), (6 * edges.second[:, None, None] + column).ravel()]
-    )
-    J = coo_matrix((np.concatenate([of_first.ravel(), of_second.ravel()]), (rows, columns)), (6 * len(edges), 6 * n))
-    J = J.tocsc()[:, 6:]  # the first pose stays
-    step = spsolve((J.T @ J).tocsc(), -(J.T @ residual.ravel()))
-    return np.concatenate([np.zeros(6), step]).reshape(n, 6)

@@ -1,34 +1,48 @@
-"""Poses that fold the world onto itself: every scan is laid on submaps half a second to some seconds before and after.
+"""Poses under which the world fits onto itself: every scan is laid on submaps half a second to some seconds away.
 
 Registering each scan to what was seen just before lets small errors add up, and traffic that keeps pace with the sensor
 looks like a standing world. Over longer baselines neither holds: errors of centimetres double the walls, and what moves
 is no longer where it was. All links are solved together with a weak wish for even motion, which bridges what no link
-holds.
+holds; in windows of some seconds, each beginning on the end of the one before, so that memory stays that of one window.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
+from automos.odometry.pose_graph import FIXED, NormalEquations
+from automos.odometry.speed import OFFSETS, lengthen, search_speed
 from automos.odometry.submap import Fit
+from automos.odometry.surfels import Surfels
+from automos.scan import Pose
 from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 CONVERGED = 0.003
 """Metres, a round that moves no scan further is the last: a tenth of a surfel's noise."""
 INFORMATION = 0.05
 """Share of a surfel's weight that is not its neighbours', which err with it."""
+LOOSE = 1e-3
+"""Information by which every scan is held where it is: what nothing links stays."""
+WINDOW = 20.0
+"""Seconds of recording refined at once: many times the longest baseline."""
+OVERLAP = 6.0
+"""Seconds of it that are refined again with the next: as long as a pose is felt."""
+SPEED_ROUNDS = 5
+"""Searches for the speed, at most, each from the poses that the one before has found."""
 
 
 def refine_poses(
     window: Window,
-    is_fixed: npt.NDArray[np.bool_],
+    is_fixed: Mask,
     settings: OdometrySettings,
     about: Alignment,
     pool: ThreadPoolExecutor | None = None,
@@ -48,69 +62,27 @@ def refine_poses(
     for kernel in about.kernels:
         fits, consistency = fit_links(window, links, kernel, about, pool)
         seen.append(consistency)
-        steps = _solve(window, links, fits, is_fixed, settings)
+        equations = NormalEquations(np.where(is_fixed | (np.arange(len(window)) == 0), FIXED, LOOSE))
+        _add_links(equations, links, fits, window.T_world_sensor)
+        _add_even_motion(equations, window, settings)
+        steps = equations.solve()
         window = window.moved(window.T_world_sensor @ se3_exp(steps))
         if np.abs(steps[:, :3]).max() < CONVERGED:
             break
     return window, seen[0], seen[-1]
 
 
-def _solve(
-    window: Window,
-    links: list[tuple[int, int]],
-    fits: list[Fit],
-    is_fixed: npt.NDArray[np.bool_],
-    settings: OdometrySettings,
-) -> Array:
-    """Return (N, 6) small motions of all scans in their own frames that suit links and even motion best."""
-    from scipy.linalg import solveh_banded
-
-    n = len(window)
+def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: list[Fit], T: Pose) -> None:
+    """Add that scans lie on the submaps they meet enough of."""
     kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
     scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T
     H = INFORMATION * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
     g = INFORMATION * np.array([fits[k].g for k in kept]).reshape(-1, 6)
-    T = window.T_world_sensor
-    A = adjoint(inverse(T[center]) @ T[scan])
-    At_H = np.swapaxes(A, 1, 2) @ H
-    rhs = np.zeros((n, 6))
-    np.subtract.at(rhs, scan, np.einsum("kji,kj->ki", A, g))
-    np.add.at(rhs, center, g)
-    rows, columns, blocks = [scan, center, scan], [scan, center, center], [At_H @ A, H, -At_H]
-    _add_even_motion(rows, columns, blocks, rhs, window, settings)
-    held = np.where(is_fixed | (np.arange(n) == 0), 1e12, 1e-3)  # what nothing links stays where it is
-    rows, columns = [*rows, np.arange(n)], [*columns, np.arange(n)]
-    blocks = [*blocks, held[:, None, None] * np.eye(6)]
-    bands = _to_bands(n, np.concatenate(rows), np.concatenate(columns), np.concatenate(blocks))
-    return solveh_banded(bands, rhs.ravel(), lower=True, overwrite_ab=True).reshape(n, 6)
+    of_scan = adjoint(inverse(T[center]) @ T[scan])
+    equations.add([(center, np.tile(-np.eye(6), (len(kept), 1, 1))), (scan, of_scan)], H, g)
 
 
-def _to_bands(n: int, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], blocks: Array) -> Array:
-    """Return the lower bands, as scipy.linalg.solveh_banded takes them, of a symmetric matrix.
-
-    It is the sum of (K, 6, 6) `blocks` at block `rows` and `columns`; of a pair across the diagonal, one is given.
-    """
-    is_upper = rows < columns
-    blocks = np.where(is_upper[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
-    rows, columns = np.maximum(rows, columns), np.minimum(rows, columns)
-    i = 6 * rows[:, None, None] + np.arange(6)[:, None]
-    j = 6 * columns[:, None, None] + np.arange(6)
-    band = i - j
-    is_lower = band >= 0
-    width = 6 * (int((rows - columns).max(initial=0)) + 1)
-    flat = (band * (6 * n) + j)[is_lower]
-    bands: Array = np.bincount(flat, blocks[is_lower], width * 6 * n).astype(np.float64)
-    return bands.reshape(width, 6 * n)
-
-
-def _add_even_motion(
-    rows: list[npt.NDArray[np.int64]],
-    columns: list[npt.NDArray[np.int64]],
-    blocks: list[Array],
-    rhs: Array,
-    window: Window,
-    settings: OdometrySettings,
-) -> None:
+def _add_even_motion(equations: NormalEquations, window: Window, settings: OdometrySettings) -> None:
     """Add, for every scan with two neighbours, that the motion before it goes on after it."""
     T, gaps = window.T_world_sensor, window.gaps
     if len(T) < 3:
@@ -119,18 +91,97 @@ def _add_even_motion(
     change = np.diff(se3_log(steps) / gaps[:, None], axis=0)
     back = adjoint(inverse(steps))
     usual = np.repeat([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)], 3)
-    weight = 1.0 / (usual * (window.period**2 * np.maximum(gaps[:-1], gaps[1:]))[:, None]) ** 2  # (N - 2, 6)
+    information = 1.0 / (usual * (window.period**2 * np.maximum(gaps[:-1], gaps[1:]))[:, None]) ** 2  # (N - 2, 6)
     per_gap = 1.0 / gaps[:, None, None]
-    jacobians = {
-        0: back[:-1] * per_gap[:-1],
-        1: -back[1:] * per_gap[1:] - np.eye(6) * per_gap[:-1],
-        2: np.eye(6) * per_gap[1:],
-    }
     first = np.arange(len(change))
-    for a, A in jacobians.items():
-        np.subtract.at(rhs, first + a, np.einsum("kji,kj->ki", A, weight * change))
-        for b, B in jacobians.items():
-            if b <= a:
-                rows.append(first + a)
-                columns.append(first + b)
-                blocks.append(np.swapaxes(A, 1, 2) @ (weight[:, :, None] * B))
+    of_middle = -back[1:] * per_gap[1:] - np.eye(6) * per_gap[:-1]
+    parts = [(first, back[:-1] * per_gap[:-1]), (first + 1, of_middle), (first + 2, np.eye(6) * per_gap[1:])]
+    equations.add(parts, information, information * change)
+
+
+@dataclass(eq=False)
+class _Scan:
+    """A scan of the present window; its pose is refined up to the overlap, a first one after it."""
+
+    surfels: Surfels | Future[Surfels]
+    twist: Array
+    T_world_sensor: Pose
+    gap: float
+
+
+class RollingRefinement:
+    """Takes scans with first poses one by one, gives refined poses at the end.
+
+    Memory stays that of one window however long the recording is. In the overlap of two windows the first half keeps
+    its poses, so that the world goes on without a step; the second half, which had no future yet, is refined again.
+    """
+
+    def __init__(
+        self,
+        period: float,
+        share: float,
+        settings: OdometrySettings,
+        pool: ThreadPoolExecutor | None = None,
+        window: float = WINDOW,
+        overlap: float = OVERLAP,
+    ):
+        """Take the usual seconds between scans, the share of it a sweep lasts, and threads to work with.
+
+        `window` and `overlap` are the seconds refined at once, and again with the next.
+        """
+        self._period, self._share, self._settings, self._pool = period, share, settings, pool
+        self._length = max(round(window / period), 3)
+        self._overlap = min(max(round(overlap / period), 2), self._length - 1)
+        self._scans: list[_Scan] = []
+        self._n_known = 0  # of these, how many were refined before
+        self._finished: list[Pose] = []
+        self._before: list[Consistency] = []
+        self._after: list[Consistency] = []
+        self.lengthened = 0.0
+        """Metres by which steps were too short, all together."""
+        self.refound = np.zeros(len(OFFSETS))
+        """How much of what faces along the path is found again at other speeds, see `SpeedSearch`."""
+
+    def add(self, surfels: Surfels | Future[Surfels], twist: Array, T_last_this: Pose, gap: float) -> None:
+        """Add a scan: its surfels, the twist they are compensated with, its pose in and its gap to the scan before."""
+        if len(self._scans) == self._length:
+            self._refine()
+            self._keep_last(self._overlap)
+        T = self._scans[-1].T_world_sensor @ T_last_this if self._scans else np.eye(4)
+        self._scans.append(_Scan(surfels, twist, T, gap))
+
+    def finish(self) -> tuple[Pose, Consistency, Consistency]:
+        """Return the (N, 4, 4) refined poses, and the links' consistency before and after."""
+        if self._scans:
+            self._refine()
+            self._keep_last(0)
+        poses = np.array(self._finished).reshape(-1, 4, 4)
+        return poses, Consistency.concatenate(self._before), Consistency.concatenate(self._after)
+
+    def _refine(self) -> None:
+        scans, n_known = self._scans, self._n_known
+        surfels = [s.surfels.result() if isinstance(s.surfels, Future) else s.surfels for s in scans]
+        twists, poses = np.array([s.twist for s in scans]), np.array([s.T_world_sensor for s in scans])
+        gaps = np.array([s.gap for s in scans[1:]])
+        window = Window(surfels, twists, poses, gaps, self._period, self._share)
+        is_fixed = np.arange(len(scans)) < n_known // 2
+        for _ in range(SPEED_ROUNDS):
+            search = search_speed(window, self._settings, self._pool)
+            missing = search.missing
+            missing[: max(n_known - 1, 0)] = 0.0
+            if not missing.any():
+                break
+            self.lengthened += float(np.linalg.norm(missing, axis=1).sum())
+            window = window.moved(lengthen(window.T_world_sensor, missing))
+            window = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)[0]
+        self.refound += search.refound
+        window, before, after = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
+        self._before.append(before)
+        self._after.append(after)
+        refined = zip(window.surfels, window.twists, window.T_world_sensor, [0.0, *gaps], strict=True)
+        self._scans = [_Scan(*scan) for scan in refined]
+
+    def _keep_last(self, n: int) -> None:
+        done = len(self._scans) - n
+        self._finished += [scan.T_world_sensor for scan in self._scans[:done]]
+        self._scans, self._n_known = self._scans[done:], n

@@ -5,8 +5,8 @@ from test_refine import shaken
 from worlds import record, van
 
 from automos.odometry.motion import chain
+from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
-from automos.odometry.windows import RollingRefinement
 from automos.settings import OdometrySettings
 
 N = 45
@@ -49,7 +49,7 @@ def test_no_step_jumps_where_windows_meet(drive):
 def test_no_more_than_a_window_of_scans_is_kept(drive):
     surfels, truth = drive
     refinement = roll(surfels, truth, **SHORT)
-    assert len(refinement._surfels) <= 20
+    assert len(refinement._scans) <= 20
 
 
 def test_without_scans_there_are_no_poses():
