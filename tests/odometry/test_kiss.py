@@ -80,18 +80,13 @@ def test_invalid_points_are_left_out(scans):
 
 
 @pytest.mark.parametrize("heading", [1.0, -1.0], ids=["forwards", "backwards"])
-def test_a_start_in_full_flight_is_found(heading, monkeypatch):
+def test_a_start_in_full_flight_is_found(heading):
     n, speed = 12, 23.0
     pose = curve(heading * speed, 0.0)
     world = record(TOWN, np.array([pose(SCAN_GAP * i) for i in range(n)]), n_beams=40)
-
-    def steps_with(tried):
-        monkeypatch.setattr("automos.odometry.kiss.TRIED_STEPS", tried)
-        found = register_scans(world.sequence, OdometrySettings(), SweepTiming(), np.ones(n - 1))
-        return np.array([scan.T_last_this[0, 3] for scan in found][1:])
-
-    assert np.abs(steps_with(())).max() < 0.5  # m; rings lie on rings
-    np.testing.assert_allclose(steps_with((1.0, 2.5)), heading * SCAN_GAP * speed, atol=0.1)
+    found = register_scans(world.sequence, OdometrySettings(), SweepTiming(), np.ones(n - 1))
+    steps = np.array([scan.T_last_this[0, 3] for scan in found][1:])
+    np.testing.assert_allclose(steps, heading * SCAN_GAP * speed, atol=0.1)
 
 
 def test_a_vehicle_that_stands_stays_whatever_is_tried():

@@ -5,6 +5,7 @@ from worlds import SCAN_GAP, drive, record
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
+from automos.odometry import moving_windows, timing
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
 from automos.scan import Scan
@@ -67,6 +68,23 @@ def test_what_was_tried_and_by_how_much_it_lost_is_said():
     said = choice.to_dict()
     assert said["chosen"] == "order of the points (clockwise, 1.00 turns a scan)"
     assert said["worse_percent"]["none (compensated already, or unknown)"] > 3.0
+
+
+def test_a_second_window_is_asked_only_where_the_first_leaves_doubt(monkeypatch):
+    looks = []
+
+    def counted(*arguments):
+        for window in moving_windows.moving_windows(*arguments):
+            looks.append(window)
+            yield window
+
+    monkeypatch.setattr(timing, "moving_windows", counted)
+    scans = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(2 * N)]
+    assert choose(ArraySequence(scans)).source == "file"
+    assert len(looks) == 1
+    monkeypatch.setattr(moving_windows, "CLEAR_ERRORS", np.inf)
+    assert choose(ArraySequence(scans)).source == "file"
+    assert len(looks) == 3
 
 
 def test_compensated_sweeps_are_left_alone():

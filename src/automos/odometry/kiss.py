@@ -135,54 +135,45 @@ def register_scans(
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) motion per usual gap at the first of `scans`, of which `TRIAL_SCANS` are enough."""
     surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
-    return _find_start(scans[:START_SCANS], surfels, settings, timing, gaps)
+    return _find_start(surfels, settings, timing.share, gaps)
 
 
 def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
     """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with surfels as they came alone."""
-    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
-    scans = [Scan(s.mean) for s in surfels[:START_SCANS]]
-    start = _find_start(scans, surfels[:TRIAL_SCANS], settings, SweepTiming(), gaps)
-    return _follow_surfels(surfels, start, settings, 0.0, gaps)
+    start = _find_start(surfels[:TRIAL_SCANS], settings, 0.0, gaps)
+    return _follow(KissOdometry(_coarse(settings), SweepTiming(), start, KNOWN_MOTION), _as_scans(surfels), gaps)
+
+
+def _find_start(surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array) -> Array:
+    """Return the (6,) motion per usual gap at the start, from the surfels, as they came, of the first scans."""
+    surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
+    scans, gaps = _as_scans(surfels), gaps[: len(surfels) - 1]
+    settings, timing = _coarse(settings), SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
+    best = rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
+    if len(scans) <= START_SCANS:
+        return rest
+    axes = np.vstack([np.eye(6)[:2], -np.eye(6)[:2]])
+    least, tried = np.inf, list[Pose]()
+    for twist in [rest, *(step * axis for axis in axes for step in TRIED_STEPS)]:
+        steps = _follow(KissOdometry(settings, timing, twist, KNOWN_MOTION), scans, gaps)
+        if any(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() < SAME_START for other in tried):
+            continue
+        start, misfit = _align_start(steps, surfels, settings, share, gaps)
+        if not tried and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
+            return rest
+        if misfit is not None and misfit < least:
+            best, least = (start, misfit) if tried else (rest, misfit + np.log1p(-TRIAL_GAIN))
+        tried.append(steps)
+    return best
 
 
 def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) first motion that a few scans give: forwards from rest, then backwards."""
-    n = len(scans)
     forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION)
-    for i, scan in enumerate(scans):
-        forwards.register(scan, gaps[i - 1] if i else 0.0)
+    _follow(forwards, scans, gaps)
     backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, reverse=True)
-    for i in reversed(range(n)):
-        backwards.register(scans[i], gaps[i] if i < n - 1 else 0.0)
+    _follow(backwards, scans[::-1], gaps[::-1])
     return backwards.twist
-
-
-def _find_start(
-    scans: list[Scan], surfels: list[Surfels], settings: OdometrySettings, timing: SweepTiming, gaps: Array
-) -> Array:
-    """Return the (6,) motion per usual gap at the start, from the first scans, and the surfels of a few more."""
-    twist = _from_rest(scans, settings, timing, gaps)
-    if len(surfels) <= START_SCANS:
-        return twist
-    surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
-    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
-    gaps = gaps[: len(surfels) - 1]
-    tried = [_follow_surfels(surfels, twist, settings, timing.share, gaps)]
-    found, misfit = _align_start(tried[0], surfels, settings, timing.share, gaps)
-    if misfit is None or np.linalg.norm(found[:3]) > CLEAR_STEP:
-        return twist
-    best, least = twist, misfit + np.log1p(-TRIAL_GAIN)
-    for direction in np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]):
-        for step in TRIED_STEPS:
-            steps = _follow_surfels(surfels, step * direction, settings, timing.share, gaps)
-            if min(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() for other in tried) < SAME_START:
-                continue
-            tried.append(steps)
-            found, misfit = _align_start(steps, surfels, settings, timing.share, gaps)
-            if misfit is not None and misfit < least:
-                best, least = found, misfit
-    return best
 
 
 def _align_start(
@@ -196,12 +187,15 @@ def _align_start(
     return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit
 
 
-def _follow_surfels(
-    surfels: list[Surfels], twist: Array, settings: OdometrySettings, share: float, gaps: Array
-) -> Pose:
-    """Return (N - 1, 4, 4) steps from each scan to the one before, from its surfels as they came and a first motion."""
-    timing = SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
-    odometry = KissOdometry(settings, timing, twist, KNOWN_MOTION)
-    scans = [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
-    steps = [odometry.register(scan, gaps[i - 1] if i else 0.0).T_last_this for i, scan in enumerate(scans)]
+def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:
+    """Return (N - 1, 4, 4) steps from each scan to the one before."""
+    steps = [odometry.register(scan, gap).T_last_this for scan, gap in zip(scans, [0.0, *gaps], strict=True)]
     return np.array(steps[1:]).reshape(-1, 4, 4)
+
+
+def _as_scans(surfels: list[Surfels]) -> list[Scan]:
+    return [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
+
+
+def _coarse(settings: OdometrySettings) -> OdometrySettings:
+    return settings.model_copy(update={"voxel": COARSE_VOXEL})

@@ -1,9 +1,11 @@
-"""Short parts of a recording in which the sensor moves, and how badly they fit under a hypothesis about its sweeps."""
+"""Short parts of a recording in which the sensor moves, and under which hypothesis about its sweeps they fit best."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +29,8 @@ from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
+Array = npt.NDArray[np.float64]
+
 NEAR = 15.0
 """Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
 WINDOWS = 2
@@ -37,6 +41,18 @@ WINDOW_SCANS = 16
 """Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
 MIN_BEND = 0.1
 """Metres by which the motion within a sweep must bend it for a place to tell anything."""
+LINKS_OF_A_SCAN = 4
+"""Links of one scan err together."""
+LEAST_LINKS = 8
+"""Of a window that meet enough surfaces, to tell anything."""
+N_ERRORS = 1.5
+"""Standard errors by which another hypothesis must be better."""
+GAIN = 0.01
+"""By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
+CLEAR_GAIN = 0.03
+"""By which more for what is seldom true: halved or reversed sweeps."""
+CLEAR_ERRORS = 4.0
+"""Standard errors between the best and any hypothesis of another kind after which no more windows are asked."""
 
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
 """Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
@@ -69,28 +85,24 @@ def moving_windows(
     clock: Clock,
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
-) -> list[MovingWindow]:
-    """Return the first of a few places of the recording, its middle first, at which the sensor moves."""
+) -> Iterator[MovingWindow]:
+    """Yield a few places of the recording at which the sensor moves, one in its middle first."""
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
-        return []
+        return
     n_places = min(max(round(len(sequence) / length), 1), PLACES)
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
-    starts = places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist()
-
-    def look(start: int) -> MovingWindow | None:
+    found = 0
+    for start in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
-        return _moving_window(scans, part, clock.gaps[start : start + length - 1], sources, clock, settings)
-
-    found: list[MovingWindow] = []
-    at = 0
-    while len(found) < WINDOWS and at < len(starts):
-        wanted = starts[at : at + WINDOWS - len(found)]
-        looks = map(look, wanted) if pool is None else pool.map(look, wanted)
-        found += [window for window in looks if window is not None]
-        at += len(wanted)
-    return found
+        gaps = clock.gaps[start : start + length - 1]
+        window = _moving_window(scans, part, gaps, sources, clock, settings, pool)
+        if window is not None:
+            yield window
+            found += 1
+        if found == WINDOWS:
+            return
 
 
 def _moving_window(
@@ -100,16 +112,21 @@ def _moving_window(
     sources: dict[str, SweepTiming],
     clock: Clock,
     settings: OdometrySettings,
+    pool: ThreadPoolExecutor | None,
 ) -> MovingWindow | None:
     """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
-    surfels = {name: [_raw_surfels(scan, timing, settings) for scan in scans] for name, timing in sources.items()}
+    each: Callable = map if pool is None else pool.map
+    surfels = {
+        name: list(each(partial(_raw_surfels, timing=timing, settings=settings), scans))
+        for name, timing in sources.items()
+    }
     T = poses
     if T is None:
         steps = register_surfels(surfels["raw"], settings, gaps)
         gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
         T = chain(np.eye(4), steps)
         rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, search_speed(rough, settings).missing)
+        T = lengthen(T, search_speed(rough, settings, pool).missing)
     twists = se3_log(inverse(T[:-1]) @ T[1:])
     bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
     return MovingWindow(surfels, T, gaps, clock.period) if bend.mean() >= MIN_BEND else None
@@ -150,3 +167,79 @@ def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> 
         return raw
     times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
     return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)
+
+
+class Search:
+    """Asks every window once for each hypothesis.
+
+    Attributes
+    ----------
+    misfits : as of `TimingChoice`.
+    is_clear : whether all hypotheses of another kind than the best are clearly worse, or tell no difference.
+    """
+
+    def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None):
+        self._map: Callable = map if pool is None else pool.map
+        measure = cache(measure_misfits)
+        self._misfit = lambda guess, window, is_rough: measure(window, guess, settings, is_rough)
+        self._windows: list[MovingWindow] = []
+        self.misfits: dict[str, float] = {}
+        self.is_clear = False
+
+    def add(self, window: MovingWindow) -> None:
+        """Ask one more window from now on."""
+        self._windows.append(window)
+        self.misfits, self.is_clear = {}, True
+
+    def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
+        """Return (G, L) misfits of the links of all windows."""
+        asked = [(guess, window, is_rough) for guess in guesses for window in self._windows]
+        found = list(self._map(lambda one: self._misfit(*one), asked))
+        n = len(self._windows)
+        return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
+
+    def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
+        """Return the `n` of `guesses` under which the windows fit best as their poses are, in their order."""
+        misfits = self._ask(guesses, is_rough=True)
+        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
+        return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
+
+    def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
+        """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
+
+        What is `seldom` true must be better by more. None where there is no hypothesis, or too little to tell.
+        """
+        guesses = [*likely, *(seldom or [])]
+        if not guesses:
+            return None
+        found = self._ask(guesses, is_rough=False)
+        if np.isfinite(found).sum(axis=1).max() < LEAST_LINKS:
+            self.is_clear = False
+            return None
+        mean, error = _compare(found, found[0])
+        score = mean + np.maximum(N_ERRORS * error, GAIN + CLEAR_GAIN * (np.arange(len(guesses)) >= len(likely)))
+        score[0] = 0.0
+        best = int(np.nanargmin(score))
+        base = self.misfits.setdefault(str(guesses[0]), 0.0)
+        for guess, value in zip(guesses, mean, strict=True):
+            if np.isfinite(value):
+                self.misfits.setdefault(str(guess), base + float(value))
+        more, error = _compare(found, found[best])
+        is_other = np.array([_kind(guess) != _kind(guesses[best]) for guess in guesses]) & np.isfinite(more)
+        more, error = more[is_other], error[is_other]
+        self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > CLEAR_ERRORS * error)).all())
+        return guesses[best]
+
+
+def _compare(found: Array, best: Array) -> tuple[Array, Array]:
+    """Return by how much more the links misfit, (G,), and the standard errors, from misfits (G, L) and (L,).
+
+    Each link is compared with itself: how well links fit differs more than hypotheses do. NaN where none is met.
+    """
+    more = np.ma.masked_invalid(found - best)
+    error = more.std(axis=1) / np.sqrt(more.count(axis=1) / LINKS_OF_A_SCAN)
+    return more.mean(axis=1).filled(np.nan), error.filled(np.nan)
+
+
+def _kind(timing: SweepTiming) -> tuple[str, float]:
+    return timing.source, timing.share

@@ -8,41 +8,32 @@ seen half a second to two apart, and the hypothesis under which walls are thinne
 
 from __future__ import annotations
 
-import functools
 import logging
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming
-from automos.odometry.moving_windows import MovingWindow, measure_misfits, moving_windows
+from automos.odometry.motion import SweepTiming, sweep_times
+from automos.odometry.moving_windows import Search, moving_windows
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
-from automos.scan import Pose, Sequence
+from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
+SAME_TIME = 0.02
+"""Of the time between scans, by which two ways to time a point may differ and still say the same."""
+MOSTLY = 0.95
+"""Of a scan's points that must."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
 N_LIKELY = 3
 """Of them, looked at closely."""
-LINKS_OF_A_SCAN = 4
-"""Links of one scan err together."""
-LEAST_LINKS = 8
-"""Of a window that meet enough surfaces, to tell anything."""
-N_ERRORS = 1.5
-"""Standard errors by which another hypothesis must be better."""
-GAIN = 0.01
-"""By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
-CLEAR_GAIN = 0.03
-"""By which more for what is seldom true: halved or reversed sweeps."""
 
 
 @dataclass(frozen=True)
@@ -90,89 +81,54 @@ def choose_timing(
     is_round = _sees_all_round(sequence)
     if wanted == "auto" and not timed and not is_round:
         return TimingChoice(SweepTiming())
-    sources: dict[str, SweepTiming] = {"raw": SweepTiming()}
-    sources.update({timing.source: timing for timing in timed})
-    windows = moving_windows(sequence, settings, poses, clock, sources, pool)
-    search = _Search(windows, settings, pool)
+    is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
+    if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
+        timed = timed[:1]
+    sources: dict[str, SweepTiming] = {"raw": SweepTiming(), **{timing.source: timing for timing in timed}}
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
-    if not search.tells:  # nothing bends where nothing moves, or nothing is there to tell
+    search, best = Search(settings, pool), None
+    for window in moving_windows(sequence, settings, poses, clock, sources, pool):
+        search.add(window)
+        best = _best_hypothesis(search, sequence, timed, untimed, is_by_azimuth, clock)
+        if search.is_clear:
+            break
+    if best is None:  # nothing bends where nothing moves, or nothing is there to tell
         from_file = [timing for timing in timed if timing.source == "file"]
         return TimingChoice([*from_file, *untimed, *timed, _rear()][0])
-    best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
-    has_order = any(timing.source == "order" for timing in timed)
-    if is_round and not has_order and (best is None or best.source == "none"):
-        best = _best_seam(search, sequence, untimed)
-    if best is not None and best.source != "none":
-        best = search.best([best], [replace(best, share=share * best.share) for share in _shares(best, clock)])
-    choice = TimingChoice(best or _rear(), search.misfits)
+    choice = TimingChoice(best, search.misfits)
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
 
-class _Search:
-    """Asks every window once for each hypothesis."""
-
-    def __init__(self, windows: list[MovingWindow], settings: OdometrySettings, pool: ThreadPoolExecutor | None):
-        self._map: Callable = map if pool is None else pool.map
-        measure = functools.cache(measure_misfits)
-        self._misfit = lambda guess, k, is_rough: measure(windows[k], guess, settings, is_rough)
-        self.misfits: dict[str, float] = {}
-        as_they_came = self._map(lambda k: self._misfit(SweepTiming(), k, True), range(len(windows)))
-        self._windows = [k for k, found in enumerate(as_they_came) if np.isfinite(found).sum() >= LEAST_LINKS]
-
-    @property
-    def tells(self) -> bool:
-        """Whether any window has enough to compare hypotheses on."""
-        return bool(self._windows)
-
-    def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> npt.NDArray[np.float64]:
-        """Return (G, L) misfits of the links of all windows."""
-        asked = [(guess, k, is_rough) for guess in guesses for k in self._windows]
-        found = list(self._map(lambda one: self._misfit(*one), asked))
-        n = len(self._windows)
-        return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
-
-    def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
-        """Return the `n` of `guesses` under which the windows fit best as their poses are, in their order."""
-        misfits = self._ask(guesses, is_rough=True)
-        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
-        return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
-
-    def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
-        """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
-
-        What is `seldom` true must be better by more. None where there is no hypothesis.
-        """
-        guesses = [*likely, *(seldom or [])]
-        if not guesses:
-            return None
-        found = self._ask(guesses, is_rough=False)
-        better = found - found[0]  # of each link with itself: how well links fit differs more than hypotheses do
-        score = np.full(len(guesses), np.inf)
-        base = self.misfits.setdefault(str(guesses[0]), 0.0)
-        for g, guess in enumerate(guesses):
-            known = better[g, np.isfinite(better[g])]
-            if len(known) == 0:  # nothing meets anything under it
-                continue
-            self.misfits.setdefault(str(guess), base + float(known.mean()))
-            error = known.std() / np.sqrt(len(known) / LINKS_OF_A_SCAN)
-            margin = GAIN if g < len(likely) else GAIN + CLEAR_GAIN
-            score[g] = known.mean() + max(margin, N_ERRORS * error)
-        score[0] = 0.0
-        return guesses[int(np.argmin(score))]
+def _best_hypothesis(
+    search: Search,
+    sequence: Sequence,
+    timed: list[SweepTiming],
+    untimed: list[SweepTiming],
+    is_by_azimuth: bool,
+    clock: Clock,
+) -> SweepTiming | None:
+    """Return the best of all that may be: recorded times, none, by azimuth; or in a part of the time between scans."""
+    best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
+    if is_by_azimuth and (best is None or best.source == "none"):
+        best = _best_seam(search, sequence, untimed)
+    if best is None or best.source == "none":
+        return best
+    shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
+    is_shorter = len(shorter) > 0 and search.likeliest([best, *shorter], 1) != [best]
+    return search.best([best], shorter) if is_shorter else best
 
 
-def _best_seam(search: _Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
+def _best_seam(search: Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
     """Return the best timing that follows from the direction of points alone, or `untimed`."""
     if turn := learn_drifting_gap(sequence):
         return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    likely = search.likeliest(circle, N_LIKELY)
-    if (found := search.best([*untimed, *likely])) == SweepTiming():
-        return found
-    found = search.best(likely) or _rear()  # where two seams tell no difference, the more usual one
+    (found,) = search.likeliest(circle, 1)
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
-    return search.best([found, *(replace(found, seam_deg=seam) for seam in around)])
+    likely = search.likeliest([*circle, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
+    found_among_all = search.best([*untimed, *likely])
+    return found_among_all if found_among_all == SweepTiming() else search.best(likely)
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
@@ -208,6 +164,15 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
             "set odometry.time to auto, azimuth or none."
         )
     return found
+
+
+def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
+    """Return whether two ways to time the points of a scan say the same."""
+    in_a, in_b = sweep_times(scan, a), sweep_times(scan, b)
+    if in_a is None or in_b is None:
+        return False
+    off = np.abs(a.share * in_a - b.share * in_b)[scan.is_valid]
+    return bool((off < SAME_TIME).mean() > MOSTLY)
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
