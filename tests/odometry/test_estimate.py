@@ -7,9 +7,8 @@ from worlds import SCAN_GAP
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.odometry import estimate, estimate_trajectory, refine
+from automos.odometry import estimate, estimate_trajectory
 from automos.odometry.motion import SweepTiming
-from automos.odometry.speed import OFFSETS, SpeedSearch
 from automos.odometry.timing import TimingChoice
 from automos.scan import Scan
 from automos.settings import OdometrySettings
@@ -55,13 +54,7 @@ def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(sc
         )
         return chosen[-1]
 
-    def too_short_at_first(window, settings, pool=None):
-        missing = np.zeros((len(window) - 1, 3))
-        missing[3, 0] = 1e-3 * (len(chosen) == 1)
-        return SpeedSearch(missing, np.zeros(len(OFFSETS)))
-
     monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
-    monkeypatch.setattr(refine, "search_speed", too_short_at_first)
     raw = sequence_of([untimed(s) for s in scans])
     trajectory = estimate_trajectory(raw, OdometrySettings())
     assert [choice.timing.source for choice in chosen] == ["none", "order"]

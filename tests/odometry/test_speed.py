@@ -6,13 +6,7 @@ from worlds import record, van
 from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score_distances, stands
 from automos.odometry.links import Alignment, Window
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import (
-    OFFSETS,
-    _prior,
-    lengthen,
-    rival_speed,
-    search_speed,
-)
+from automos.odometry.speed import OFFSETS, lengthen, rival_speed, search_speed
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import surfels_of
 from automos.settings import OdometrySettings
@@ -97,12 +91,6 @@ def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
     low, high = scores
     assert low[0] > 0.0 == low[1] == low[2]
     assert high[2] > 0.0 == high[0] == high[1]
-
-
-def test_the_present_speed_is_ahead_and_backwards_is_behind():
-    speeds = np.array([-1.0, -0.125, 0.0, 0.125, 4.0])
-    ahead = _prior(speeds, np.array([0.0, 4.0]))
-    np.testing.assert_allclose(ahead, [[-0.3, 0.2, 0.2, 0.2, 0.0], [-0.3, 0.0, 0.0, 0.0, 0.2]])
 
 
 def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():

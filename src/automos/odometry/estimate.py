@@ -112,12 +112,13 @@ class _Estimate:
         """Return (N, 4, 4) poses and the timing, from the scans alone."""
         choice = choose_timing(self._sequence, self._settings, None, self.clock, self._pool)
         poses = self._follow(choice.timing)
-        if choice.timing.source == "none" and self.figures.get("lengthened_m", 0.0) > 0.0:
-            # Where a registration stands with the traffic, nothing bends: timing can be chosen only now.
+        if self._settings.time in ("auto", "azimuth") and not choice.suits(poses):
+            # Registrations had followed the traffic where timing was chosen: it can be chosen only now.
             better = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
             if better.timing != choice.timing:
-                choice, self.warnings = better, []
-                poses = self._follow(choice.timing)
+                self.warnings = []
+                poses = self._follow(better.timing)
+            choice = better
         self.figures["timing"] = choice.to_dict()
         return poses, choice.timing
 

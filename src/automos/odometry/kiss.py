@@ -134,26 +134,31 @@ def register_scans(
 
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) motion per usual gap at the first of `scans`, of which `TRIAL_SCANS` are enough."""
+    rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
     surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
-    return _find_start(surfels, settings, timing.share, gaps)
+    return _find_start(rest, surfels, settings, timing.share, gaps)
 
 
 def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
     """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with surfels as they came alone."""
-    start = _find_start(surfels[:TRIAL_SCANS], settings, 0.0, gaps)
-    return _follow(KissOdometry(_coarse(settings), SweepTiming(), start, KNOWN_MOTION), _as_scans(surfels), gaps)
+    scans, settings = _as_scans(surfels), _coarse(settings)
+    rest = _from_rest(scans[:START_SCANS], settings, SweepTiming(), gaps[: START_SCANS - 1])
+    start = _find_start(rest, surfels[:TRIAL_SCANS], settings, 0.0, gaps)
+    return _follow(KissOdometry(settings, SweepTiming(), start, KNOWN_MOTION), scans, gaps)
 
 
-def _find_start(surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array) -> Array:
-    """Return the (6,) motion per usual gap at the start, from the surfels, as they came, of the first scans."""
+def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array) -> Array:
+    """Return the (6,) motion per usual gap at the start: `rest`, found from there, or another with which `surfels` fit.
+
+    surfels : of the first scans, as they came.
+    """
     surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
     scans, gaps = _as_scans(surfels), gaps[: len(surfels) - 1]
     settings, timing = _coarse(settings), SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
-    best = rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
     if len(scans) <= START_SCANS:
         return rest
     axes = np.vstack([np.eye(6)[:2], -np.eye(6)[:2]])
-    least, tried = np.inf, list[Pose]()
+    best, least, tried = rest, np.inf, list[Pose]()
     for twist in [rest, *(step * axis for axis in axes for step in TRIED_STEPS)]:
         steps = _follow(KissOdometry(settings, timing, twist, KNOWN_MOTION), scans, gaps)
         if any(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() < SAME_START for other in tried):

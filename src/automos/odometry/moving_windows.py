@@ -66,12 +66,14 @@ class MovingWindow:
 
     Attributes
     ----------
+    first : its first scan.
     surfels : of the points as they came, for each source of times.
     T_world_sensor : (N, 4, 4) rough poses.
     gaps : (N - 1,) time between scans in units of the usual one.
     period : seconds, the usual time between scans.
     """
 
+    first: int
     surfels: dict[str, list[Surfels]]
     T_world_sensor: Pose
     gaps: npt.NDArray[np.float64]
@@ -97,7 +99,7 @@ def moving_windows(
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
         gaps = clock.gaps[start : start + length - 1]
-        window = _moving_window(scans, part, gaps, sources, clock, settings, pool)
+        window = _moving_window(start, scans, part, gaps, sources, clock, settings, pool)
         if window is not None:
             yield window
             found += 1
@@ -106,6 +108,7 @@ def moving_windows(
 
 
 def _moving_window(
+    first: int,
     scans: list[Scan],
     poses: Pose | None,
     gaps: npt.NDArray[np.float64],
@@ -116,10 +119,7 @@ def _moving_window(
 ) -> MovingWindow | None:
     """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
     each: Callable = map if pool is None else pool.map
-    surfels = {
-        name: list(each(partial(_raw_surfels, timing=timing, settings=settings), scans))
-        for name, timing in sources.items()
-    }
+    surfels = {name: list(each(partial(_raw_surfels, settings, timing), scans)) for name, timing in sources.items()}
     T = poses
     if T is None:
         steps = register_surfels(surfels["raw"], settings, gaps)
@@ -127,12 +127,17 @@ def _moving_window(
         T = chain(np.eye(4), steps)
         rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
         T = lengthen(T, search_speed(rough, settings, pool).missing)
-    twists = se3_log(inverse(T[:-1]) @ T[1:])
-    bend = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
-    return MovingWindow(surfels, T, gaps, clock.period) if bend.mean() >= MIN_BEND else None
+    return MovingWindow(first, surfels, T, gaps, clock.period) if bend_of(T) >= MIN_BEND else None
 
 
-def _raw_surfels(scan: Scan, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
+def bend_of(T_world_sensor: Pose) -> float:
+    """Return by how many metres the motion between neighbouring scans bends a sweep, on average."""
+    twists = se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:])
+    bends = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
+    return float(bends.mean()) if len(bends) else 0.0
+
+
+def _raw_surfels(settings: OdometrySettings, timing: SweepTiming, scan: Scan) -> Surfels:
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
     return surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
@@ -175,6 +180,7 @@ class Search:
     Attributes
     ----------
     misfits : as of `TimingChoice`.
+    windows : those asked.
     is_clear : whether all hypotheses of another kind than the best are clearly worse, or tell no difference.
     """
 
@@ -182,20 +188,20 @@ class Search:
         self._map: Callable = map if pool is None else pool.map
         measure = cache(measure_misfits)
         self._misfit = lambda guess, window, is_rough: measure(window, guess, settings, is_rough)
-        self._windows: list[MovingWindow] = []
+        self.windows: list[MovingWindow] = []
         self.misfits: dict[str, float] = {}
         self.is_clear = False
 
     def add(self, window: MovingWindow) -> None:
         """Ask one more window from now on."""
-        self._windows.append(window)
+        self.windows.append(window)
         self.misfits, self.is_clear = {}, True
 
     def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
         """Return (G, L) misfits of the links of all windows."""
-        asked = [(guess, window, is_rough) for guess in guesses for window in self._windows]
+        asked = [(guess, window, is_rough) for guess in guesses for window in self.windows]
         found = list(self._map(lambda one: self._misfit(*one), asked))
-        n = len(self._windows)
+        n = len(self.windows)
         return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:

@@ -193,8 +193,10 @@ def _follow_speed(scores: _Scores, window: Window, settings: OdometrySettings, i
     # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
     is_slower = speeds * np.sign(present)[:, None] < MIN_RATIO * np.abs(present)[:, None]
     believed[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)[:, None]] -= 1.0
-    prior = 0.0 if is_guess else _prior(speeds, present)  # a mistaken standstill has nothing ahead
-    path = _best_path(believed + prior, speeds, scores.times, settings.usual_acceleration)
+    believed[:, speeds < -STEP] -= REVERSE_COST
+    is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
+    lead = 0.0 if is_guess else PRIOR  # a mistaken standstill has nothing ahead
+    path = _best_path(believed + lead * is_present, speeds, scores.times, settings.usual_acceleration)
     gain = believed[rows, path] - believed[rows, nearest]
     is_better = gain > GAIN
     if not is_better.any():
@@ -206,14 +208,6 @@ def _follow_speed(scores: _Scores, window: Window, settings: OdometrySettings, i
     clock = np.concatenate([[0.0], np.cumsum(window.gaps)]) * window.period
     growth = np.interp(0.5 * (clock[1:] + clock[:-1]), scores.times, change) * np.diff(clock)
     return growth, float(gain[is_better].sum())
-
-
-def _prior(speeds: Array, present: Array) -> Array:
-    """Return (M, S) what is added to the scores of `speeds` (S,): the `present` (M,) gain, those backwards lose."""
-    is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
-    ahead = np.where(is_present, PRIOR, 0.0)
-    ahead[:, speeds < -STEP] -= REVERSE_COST
-    return ahead
 
 
 def _direction(steps: Pose) -> Array | None:

@@ -17,7 +17,7 @@ import numpy as np
 from automos.errors import InputError
 from automos.odometry.clock import Clock
 from automos.odometry.motion import SweepTiming, sweep_times
-from automos.odometry.moving_windows import Search, moving_windows
+from automos.odometry.moving_windows import MIN_BEND, Search, bend_of, moving_windows
 from automos.odometry.sweep_order import learn_drifting_gap, learn_order
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
@@ -28,6 +28,8 @@ SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
 SAME_TIME = 0.02
 """Of the time between scans, by which two ways to time a point may differ and still say the same."""
+OTHER_MOTION = 0.2
+"""Of the motion in a window, by which it may turn out to have been different: timing changes it by a tenth."""
 MOSTLY = 0.95
 """Of a scan's points that must."""
 USUAL_PERIODS = (0.1, 0.05)
@@ -45,10 +47,19 @@ class TimingChoice:
     timing : the best.
     misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met,
         less that of the first; empty where nothing had to be, or could be, decided.
+    rough : what it was decided on: the first scan of each window, and (n, 4, 4) its poses as they were taken to be.
     """
 
     timing: SweepTiming
     misfits: dict[str, float] = field(default_factory=dict)
+    rough: tuple[tuple[int, Pose], ...] = ()
+
+    def suits(self, poses: Pose) -> bool:
+        """Return whether the sensor moved in the windows, or nowhere, as all (N, 4, 4) `poses` now say."""
+        if not self.rough:
+            return bend_of(poses) < MIN_BEND
+        bends = [(bend_of(T), bend_of(poses[first : first + len(T)])) for first, T in self.rough]
+        return all(abs(then - now) < OTHER_MOTION * max(then, now) for then, now in bends)
 
     def to_dict(self) -> dict[str, object]:
         """Return what was chosen, and by how many percent its rivals are worse, the next best first."""
@@ -95,7 +106,7 @@ def choose_timing(
     if best is None:  # nothing bends where nothing moves, or nothing is there to tell
         from_file = [timing for timing in timed if timing.source == "file"]
         return TimingChoice([*from_file, *untimed, *timed, _rear()][0])
-    choice = TimingChoice(best, search.misfits)
+    choice = TimingChoice(best, search.misfits, tuple((w.first, w.T_world_sensor) for w in search.windows))
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
