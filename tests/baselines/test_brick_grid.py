@@ -50,3 +50,29 @@ def test_neighbours_are_those_at_the_right_offsets():
     assert sorted(around[around >= 0].tolist()) == [0, 1, 2]
     wide = grid.neighbours(ids[:1], grid.indices(), 4)
     assert sorted(wide[wide >= 0].tolist()) == [0, 1, 2, 3]
+
+
+def test_a_line_passes_one_voxel_per_step_along_its_longest_axis_and_its_end():
+    grid = grid_of(np.random.default_rng(0).uniform(-8.0, 8.0, (200_000, 3)))[0]
+    indices, origin = grid.indices(), np.array([0.1, 0.1, 0.1])
+    start = np.floor((origin - grid.low) / VOXEL)
+    for end in indices[[7, 100, 2000]]:
+        passed = np.full(len(grid), -1, np.int32)
+        grid.pass_lines(origin, end[None], 3, passed)
+        found = indices[passed == 3]
+        steps = np.abs(end - start).max()
+        assert len(found) == steps + 1
+        assert (end == found).all(axis=1).any()
+        along = (found - start) @ (end - start) / ((end - start) @ (end - start))
+        off = np.abs(found - start - along[:, None] * (end - start))
+        assert off.max() <= 0.75  # half a voxel beside the line, seen along its longest axis
+
+
+def test_widening_adds_all_voxels_around_and_distances_are_squared_steps():
+    grid, ids = grid_of([(0.25, 0.25, 0.25), (3.25, 0.25, 0.25)])
+    grid.widen(2)
+    assert len(grid) == 2 * 5**3
+    away = grid.squared_steps(ids[:1], grid.indices(), 3)
+    steps = ((grid.indices() - grid.indices()[ids[0]]) ** 2).sum(axis=1)
+    assert (away == np.where(steps <= 9, steps, 255)).all()
+    assert (grid.neighbours(ids, grid.indices(), 2) >= 0).all()

@@ -13,6 +13,8 @@ import numpy.typing as npt
 _SIDE_BITS = 3
 _SIDE = 1 << _SIDE_BITS
 _CELLS = _SIDE**3
+FAR = np.uint8(255)
+"""Squared steps to what is out of reach."""
 
 
 class BrickGrid:
@@ -47,6 +49,34 @@ class BrickGrid:
     def pass_rays(self, origin: npt.NDArray, ends: npt.NDArray, stamp: int, passed: npt.NDArray[np.int32]) -> None:
         """Write `stamp` into `passed` (V,) for the voxels from `origin` (3,) to before each of `ends` (M, 3)."""
         _pass_rays(np.asarray(origin), ends, self.low, 1.0 / self.voxel, self._table, self._cells, stamp, passed)
+
+    def pass_lines(
+        self, origin: npt.NDArray, ends: npt.NDArray[np.int32], stamp: int, passed: npt.NDArray[np.int32]
+    ) -> None:
+        """Write `stamp` into `passed` (V,) for the voxels on thin lines from `origin` (3,) to `ends` (M, 3) indices.
+
+        A line has one voxel per step along its longest axis (Bresenham); `pass_rays` meets all that a ray touches.
+        """
+        start = np.floor((np.asarray(origin) - self.low) / self.voxel).astype(np.int64)
+        _pass_lines(start, ends, self._table, self._cells, stamp, passed)
+
+    def widen(self, reach: int) -> None:
+        """Add the voxels within `reach` steps along each axis of those that there are."""
+        for axis in range(3):
+            middle = self.low + (self.indices() + 0.5) * self.voxel
+            for step in range(-reach, reach + 1):
+                self.add(middle + step * self.voxel * np.eye(3)[axis])
+
+    def squared_steps(
+        self, ids: npt.NDArray[np.int32], indices: npt.NDArray[np.int32], reach: int
+    ) -> npt.NDArray[np.uint8]:
+        """Return (V,) uint8: squared distance in voxels from each to the nearest of `ids` (K,), `FAR` beyond `reach`.
+
+        indices : (V, 3) int32 of all voxels (`indices`).
+        """
+        out = np.full(self.n_voxels, FAR)
+        _squared_steps(indices[ids], reach, self._table, self._cells, out)
+        return out
 
     def neighbours(self, ids: npt.NDArray[np.integer], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
         """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 where there is none.
@@ -164,14 +194,46 @@ def _indices(table, cells, out):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-untyped-def]
-    nx, ny, nz = table.shape
     for i in range(len(ids)):
         n = 0
         for x in range(indices[ids[i], 0] - reach, indices[ids[i], 0] + reach + 1):
             for y in range(indices[ids[i], 1] - reach, indices[ids[i], 1] + reach + 1):
                 for z in range(indices[ids[i], 2] - reach, indices[ids[i], 2] + reach + 1):
-                    bx, by, bz = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS
-                    inside = 0 <= bx < nx and 0 <= by < ny and 0 <= bz < nz
-                    brick = table[bx, by, bz] if inside else -1
-                    out[i, n] = cells[brick, _cell(x, y, z)] if brick >= 0 else -1
+                    out[i, n] = _voxel_at(x, y, z, table, cells)
                     n += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _pass_lines(start, ends, table, cells, stamp, passed):  # type: ignore[no-untyped-def]
+    for i in range(len(ends)):
+        dx, dy, dz = ends[i, 0] - start[0], ends[i, 1] - start[1], ends[i, 2] - start[2]
+        n = max(abs(dx), abs(dy), abs(dz), 1)
+        for j in range(n + 1):
+            x, y, z = (2 * j * dx + n) // (2 * n), (2 * j * dy + n) // (2 * n), (2 * j * dz + n) // (2 * n)
+            v = _voxel_at(start[0] + x, start[1] + y, start[2] + z, table, cells)
+            if v >= 0:
+                passed[v] = stamp
+
+
+@numba.njit(cache=True, nogil=True)
+def _squared_steps(centres, reach, table, cells, out):  # type: ignore[no-untyped-def]
+    for i in range(len(centres)):
+        for dx in range(-reach, reach + 1):
+            for dy in range(-reach, reach + 1):
+                for dz in range(-reach, reach + 1):
+                    square = dx * dx + dy * dy + dz * dz
+                    if square <= reach * reach:
+                        v = _voxel_at(centres[i, 0] + dx, centres[i, 1] + dy, centres[i, 2] + dz, table, cells)
+                        if v >= 0:
+                            out[v] = min(out[v], square)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _voxel_at(x, y, z, table, cells):  # type: ignore[no-untyped-def]
+    """The voxel at an index, -1 where there is none."""
+    bx, by, bz = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS
+    if 0 <= bx < table.shape[0] and 0 <= by < table.shape[1] and 0 <= bz < table.shape[2]:
+        brick = table[bx, by, bz]
+        if brick >= 0:
+            return cells[brick, _cell(x, y, z)]
+    return np.int32(-1)

@@ -1,10 +1,10 @@
-"""HMM-MOS: a voxel whose state changes holds, or held, something that moves, if its surroundings agree.
+"""HMM-MOS: where many voxels that were free are hit at once, something has come.
 
 Our reading of Bhandari, James, Phillips, McAree, "Moving Object Segmentation in Point Cloud Data using Hidden Markov
 Models" (IROS workshop, 2024). Every voxel is unobserved, free or occupied; what a scan says of the voxels that its rays
-went through or ended in follows from their distance to the nearest voxel that was hit. Changes are summed over their
-neighbourhood, smoothed by a median, and summed over the last scans; Otsu's threshold tells motion from flicker. Only
-the past is used, as in the paper. What we add: ground is never moving.
+went through or ended in follows from their distance to the nearest voxel that was hit. Hit voxels that were free are
+counted over a neighbourhood, in which what is unobserved counts against them; a median takes out single ones, the last
+scans are summed, and Otsu's threshold tells motion from flicker. Only the past is used, as in the paper.
 """
 
 from __future__ import annotations
@@ -17,20 +17,22 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within, labels_of_voxels
-from automos.baselines.brick_grid import BrickGrid
-from automos.candidates.ground import segment_ground
+from automos.baselines.batches import BatchSize, cut_batches, is_within, labels_of_voxels
+from automos.baselines.brick_grid import FAR, BrickGrid
 from automos.scan import Frames, Mask
-from automos.settings import GroundSettings
 
-_UNOBSERVED, _OCCUPIED, _FREE = range(3)
-_FAR = 5.0
+_BATCH = BatchSize(scans=600, length=480.0)
+"""What is further away than the reach of the rays is forgotten, as in the authors' map."""
+
+_UNKNOWN, _OCCUPIED, _FREE = range(3)
+_REACH = 4
 """Voxels from the nearest hit, from which on a surface is out of the question."""
+_BINS = 100
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """The authors' values for Apollo, which they use for vehicles.
+    """The authors' values for Apollo (config/Apollo/config_apollo.yaml), which they use for vehicles.
 
     Attributes
     ----------
@@ -39,140 +41,158 @@ class Parameters:
     deviation : metres, of a hit around the surface that caused it.
     change : probability per scan that a voxel's state changes.
     sure : probability from which on a state is believed.
-    reach : voxels around (2: 5 x 5 x 5) over which changes are summed.
-    window : scans, likewise.
-    min_sum : changes a scan that make motion, at least; Otsu's threshold may ask for more.
+    reach : voxels around (2: 5 x 5 x 5) over which changes are counted.
+    window : scans over which these counts are summed.
+    min_sum : of a voxel that goes on moving; and what a scan's threshold must exceed, else nothing moves in it.
+    forget : scans after which a voxel that was not seen is unobserved again.
     """
 
-    batch: BatchSize = BATCH
+    batch: BatchSize = _BATCH
     voxel: float = 0.25
-    min_range: float = 0.5
+    min_range: float = 1.5
     max_range: float = 120.0
     deviation: float = 0.25
     change: float = 0.005
     sure: float = 0.99
     reach: int = 2
     window: int = 5
-    min_sum: float = 3.0
+    min_sum: int = 3
+    forget: int = 300
 
 
-def find_moving(
-    frames: Frames, parameters: Parameters, ground: GroundSettings, start: int = 0
-) -> Iterator[tuple[int, Mask]]:
+def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points in voxels of movers."""
     for batch in cut_batches(frames, parameters.batch, start):
-        first, seen = batch.frames[0], range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
-        grid = BrickGrid(parameters.voxel, frames.T_level_sensor[first : seen[-1] + 1, :3, 3], parameters.max_range)
+        seen = range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
+        origins = frames.T_level_sensor[seen[0] : seen[-1] + 1, :3, 3]
+        grid = BrickGrid(parameters.voxel, origins, parameters.max_range + _REACH * parameters.voxel)
         ids_of = []
         for k in seen:
             used = is_within(frames[k], parameters.max_range, parameters.min_range)
             ids_of.append(np.full(len(used), -1, np.int32))
             ids_of[-1][used] = grid.add(frames[k].points_level[used])
+        grid.widen(parameters.reach)
         voxels = _Voxels(grid, parameters)
         for k, ids in zip(seen, ids_of, strict=True):
-            frame = frames[k]
-            used, is_ground = ids >= 0, segment_ground(frame.points_level, frame.origin_level, ground)
-            hit, standing = np.unique(ids[used]), np.unique(ids[used & ~is_ground])
-            is_moving = voxels.observe(k, frame.origin_level, frame.points_level[used], hit, standing)
+            is_moving = voxels.observe(k, frames[k].origin_level, np.unique(ids[ids >= 0]))
             if k >= batch.own[0]:
-                yield k, labels_of_voxels(ids, is_moving) & ~is_ground
+                yield k, labels_of_voxels(ids, is_moving)
 
 
 class _Voxels:
-    """What is believed of every voxel, and where changes were of late."""
+    """What is believed of every voxel of a grid, and where something came of late."""
 
     def __init__(self, grid: BrickGrid, parameters: Parameters):
         n = len(grid)
         self._grid, self._parameters, self._indices = grid, parameters, grid.indices()
-        self._belief = np.zeros((n, 3), np.float32)
-        self._belief[:, _UNOBSERVED] = 1.0
-        self._state = np.full(n, _UNOBSERVED, np.int8)
-        self._passed, self._hit = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
-        self._last_hit = np.zeros(0, np.int32)
-        self._recent: deque[npt.NDArray[np.int32]] = deque(maxlen=parameters.window)
+        self._belief = np.full(n, 0.5, np.float32)  # that it is occupied
+        self._state = np.full(n, _UNKNOWN, np.int8)
+        # the last scan that saw it (a ray went through or ended there), hit it, changed its state
+        self._seen, self._hit, self._changed = (np.full(n, -1, np.int32) for _ in range(3))
+        self._last_away = np.full(n, FAR)
+        self._sum = np.zeros(n, np.int32)
+        self._recent: deque[tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]] = deque()
+        self._moved = np.zeros(n, bool)
+        steps = np.sqrt(np.arange(256)) * parameters.voxel / parameters.deviation
+        self._surface = np.exp(-0.5 * steps**2)
+        self._surface[FAR] = 0.0
 
-    def observe(self, k: int, origin: npt.NDArray, ends: npt.NDArray, hit: npt.NDArray, standing: npt.NDArray) -> Mask:
-        """Return (V,) bool moving, after what scan `k` saw: its rays from `origin` (3,) to `ends` (M, 3).
+    def observe(self, k: int, origin: npt.NDArray, hit: npt.NDArray[np.int32]) -> Mask:
+        """Return (V,) bool moving, after what scan `k` saw: its rays from `origin` (3,) to the voxels `hit` (H,)."""
+        about = self._parameters
+        self._grid.pass_lines(origin, self._indices[hit], k, self._seen)
+        self._seen[hit] = self._hit[hit] = k
+        away = self._grid.squared_steps(hit, self._indices, _REACH)
+        nearest, self._last_away = np.minimum(away, self._last_away), away
+        about_voxels = (self._seen, nearest, self._belief, self._state, self._changed)
+        _filter(k, *about_voxels, self._surface, about.change, about.sure)
+        return self._find_movers(k, hit, self._count_changes(k, hit))
 
-        hit : voxels in which rays ended.   standing : those in which something that is not ground was hit.
-        """
-        about, n = self._parameters, len(self._state)
-        self._grid.pass_rays(origin, ends, k, self._passed)
-        self._hit[hit] = k
-        seen = np.flatnonzero((self._passed == k) | (self._hit == k))
-        before = self._state[seen].copy()
-        _filter(seen, self._likelihood(seen, hit), self._belief, self._state, about.change, about.sure)
-        after = self._state[seen]
-        changed = np.zeros(n + 1, bool)  # one more for "no voxel", -1
-        changed[standing] = self._state[standing] == _FREE  # hit, and not believed yet
-        changed[np.intersect1d(standing, seen[(before == _FREE) & (after == _OCCUPIED)])] = True
-        changed[seen[(before == _OCCUPIED) & (after == _FREE)]] = True
+    def _count_changes(self, k: int, hit: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        """Return (H,) int32: how much came around each of the voxels `hit` in scan `k`."""
+        if len(self._recent) < self._parameters.window:  # too little is known yet
+            return np.zeros(len(hit), np.int32)
+        around = self._grid.neighbours(hit, self._indices, self._parameters.reach)
+        counts = np.zeros(len(self._state), np.int32)
+        counts[hit] = _count(around, k, self._state, self._seen, self._hit, self._changed, k - self._parameters.forget)
+        return _median(self._grid.neighbours(hit, self._indices, 1), self._hit == k, counts)
 
-        scores = np.zeros(n, np.int32)
-        scores[standing] = changed[self._grid.neighbours(standing, self._indices, about.reach)].sum(axis=1)
-        scores[standing] = self._median_around(standing, scores, k)
-        self._recent.append(scores)
-        total = np.sum([part[standing] for part in self._recent], axis=0)
-        moving = standing[total >= max(otsu_threshold(total), about.min_sum * about.window)]
-        is_moving = np.zeros(n + 1, bool)
-        is_moving[np.unique(self._grid.neighbours(moving, self._indices, 1))] = True
-        return is_moving[:-1] & (self._hit == k)
-
-    def _likelihood(self, seen: npt.NDArray, hit: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-        """Return (K,) float32: how well each of `seen` agrees with a surface in it, hits of the last scan included."""
-        from scipy.spatial import cKDTree
-
-        hits = np.union1d(hit, self._last_hit)
-        self._last_hit = hit
-        if not len(hits):
-            return np.zeros(len(seen), np.float32)
-        away, _ = cKDTree(self._indices[hits]).query(self._indices[seen], distance_upper_bound=_FAR)
-        surface = np.exp(-0.5 * (away * self._parameters.voxel / self._parameters.deviation) ** 2)
-        return np.clip(surface, self._parameters.change, 1.0 - self._parameters.change).astype(np.float32)
-
-    def _median_around(self, voxels: npt.NDArray, scores: npt.NDArray, k: int) -> npt.NDArray[np.int32]:
-        """Return (K,) int32: the median score of the voxels of 3 x 3 x 3 around each of `voxels` that scan `k` hit."""
-        if not len(voxels):
-            return np.zeros(0, np.int32)
-        around = self._grid.neighbours(voxels, self._indices, 1)
-        is_hit = np.append(self._hit == k, False)[around]
-        values = np.where(is_hit, np.append(scores, 0)[around].astype(np.float32), np.float32(np.nan))
-        return np.nanmedian(values, axis=1).astype(np.int32)  # never empty: each was hit itself
+    def _find_movers(self, k: int, hit: npt.NDArray[np.int32], counts: npt.NDArray[np.int32]) -> Mask:
+        """Return (V,) bool moving in scan `k`, which hit `hit` (H,) and found `counts` (H,) changes there."""
+        about = self._parameters
+        self._sum[hit] += counts
+        self._recent.append((hit, counts))
+        if len(self._recent) > about.window:
+            old, gone = self._recent.popleft()
+            self._sum[old] -= gone
+        total = self._sum[hit]
+        threshold = otsu_threshold(total)
+        is_mover = (total > threshold) | (self._moved[hit] & (total > about.min_sum))
+        self._moved = np.zeros(len(self._state) + 1, bool)  # one more for "no voxel", -1
+        self._moved[self._grid.neighbours(hit[is_mover], self._indices, 1)] = True
+        self._moved = self._moved[:-1] & (self._hit == k)
+        return self._moved if about.min_sum < threshold < np.inf else np.zeros_like(self._moved)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _filter(seen, likelihood, belief, state, change, sure):  # type: ignore[no-untyped-def]
-    """One step of the hidden Markov model for the voxels `seen` (K,); a belief past `sure` becomes the state."""
-    stay = 1.0 - 3.0 * change
-    for i in range(len(seen)):
-        v = seen[i]
-        unobserved = (stay * belief[v, _UNOBSERVED] + change) * change
-        occupied = (stay * belief[v, _OCCUPIED] + change) * likelihood[i]
-        free = (stay * belief[v, _FREE] + change) * (1.0 - likelihood[i])
-        total = unobserved + occupied + free
-        belief[v, _UNOBSERVED], belief[v, _OCCUPIED], belief[v, _FREE] = (
-            unobserved / total,
-            occupied / total,
-            free / total,
-        )
-        if occupied / total >= sure:
-            state[v] = _OCCUPIED
-        elif free / total >= sure:
-            state[v] = _FREE
+@numba.njit(cache=True, nogil=True)
+def _filter(k, seen, away, belief, state, changed, surface, change, sure):  # type: ignore[no-untyped-def]
+    """One step of the hidden Markov model for the voxels that scan `k` saw; a belief past `sure` becomes the state.
+
+    away : (V,) uint8, squared steps to the nearest hit.   surface : (256,) how likely that is of an occupied voxel.
+    Of a voxel that was seen, "unobserved" has no likelihood: two states are left, and one number holds the belief.
+    """
+    for v in range(len(seen)):
+        if seen[v] != k:
+            continue
+        likelihood = surface[away[v]]
+        occupied = ((1.0 - 2.0 * change) * belief[v] + change) * likelihood
+        free = ((1.0 - 2.0 * change) * (1.0 - belief[v]) + change) * (1.0 - likelihood)
+        belief[v] = occupied / (occupied + free)
+        now = _OCCUPIED if belief[v] > sure else _FREE if belief[v] < 1.0 - sure else _UNKNOWN
+        if now != _UNKNOWN:
+            if state[v] != _UNKNOWN and state[v] != now:
+                changed[v] = k
+            state[v] = now
+
+
+@numba.njit(cache=True, nogil=True)
+def _count(around, k, state, seen, hit, changed, forgotten):  # type: ignore[no-untyped-def]
+    """Return (H,) int32: hit voxels whose state changed among `around` (H, W), less those unobserved, at least 0."""
+    out = np.zeros(len(around), np.int32)
+    for i in range(len(around)):
+        n = 0
+        for v in around[i]:
+            if v < 0 or state[v] == _UNKNOWN or seen[v] <= forgotten:
+                n -= 1
+            elif changed[v] == k and hit[v] == k:
+                n += 1
+        out[i] = max(n, 0)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _median(around, is_hit, counts):  # type: ignore[no-untyped-def]
+    """Return (H,) int32: the median of `counts` (V,) over those of `around` (H, W) that were hit."""
+    out = np.zeros(len(around), np.int32)
+    values = np.empty(around.shape[1], np.int32)
+    for i in range(len(around)):
+        n = 0
+        for v in around[i]:
+            if v >= 0 and is_hit[v]:
+                values[n] = counts[v]
+                n += 1
+        ordered = np.sort(values[:n])  # never empty: each was hit itself
+        out[i] = (ordered[(n - 1) // 2] + ordered[n // 2]) // 2
+    return out
 
 
 def otsu_threshold(values: npt.NDArray) -> float:
-    """Return the value from which on the positive ones of `values` (N,) integers are the upper of two classes.
-
-    It is the least of them where they cannot be told apart, and 0 where there is none.
-    """
-    counts = np.bincount(values)[1:].astype(np.float64)
-    if not counts.sum():
-        return 0.0
-    numbers = np.arange(1, len(counts) + 1)
-    below, sum_below = np.cumsum(counts), np.cumsum(counts * numbers)
-    above, sum_above = below[-1] - below, sum_below[-1] - sum_below
-    with np.errstate(divide="ignore", invalid="ignore"):
-        between = np.nan_to_num(below * above * (sum_below / below - sum_above / above) ** 2)
-    split = int(between.argmax()) + 1 if between.max() > 0.0 else 0
-    return float(numbers[split + np.flatnonzero(counts[split:])[0]])
+    """Return above what `values` (N,) are the upper of two classes, by their histogram; inf where all are the same."""
+    if not len(values) or values.min() == values.max():
+        return np.inf
+    counts, edges = np.histogram(values, _BINS)
+    bins = np.arange(_BINS)
+    below, sum_below = np.cumsum(counts)[:-1], np.cumsum(counts * bins)[:-1]
+    above, sum_above = counts.sum() - below, (counts * bins).sum() - sum_below
+    between = below * above * (sum_below / below - sum_above / above) ** 2
+    return float(edges[len(between) - between[::-1].argmax()])  # of equals, the last

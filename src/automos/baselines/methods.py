@@ -71,6 +71,6 @@ BASELINES = {
     "yoon": Method("Yoon's", _find_with("yoon", "stamps", "ground")),
     "dufomap": Method("DUFOMap", _find_with("dufomap")),
     "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
-    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos", "ground"), needs_future=False),
+    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos"), needs_future=False),
 }
 """In the order of the paper's Table I, then the newer ones."""
