@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, stack
+from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, stack, surface_at
 from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector import _Tests
 from automos.baselines.m_detector_parameters import KITTI
@@ -75,8 +75,22 @@ def test_case_1_who_walks_along_the_ray_is_an_event_though_he_lay_there_a_scan_a
     past = [
         np.concatenate([wall, screen(10.0 + 0.1 * k, 0.02, 0.05)]) for k in range(1, 5)
     ]  # 1 m/s, towards the sensor
-    assert events(screen(10.0, 0.02, 0.05), past).all()
+    assert events(screen(10.0, 0.02, 0.05), past).mean() > 0.9  # at his rim a surface leads from him to the wall
     assert not events(screen(10.0, 0.02, 0.05), past[:1]).any()  # within 0.15 m of where he stood
+
+
+def test_case_1_what_lies_little_before_a_surface_that_ran_on_through_there_is_none():
+    wall = [screen(20.0)] * 3
+    assert not events(screen(18.7, 0.03, 0.03), wall).any()  # 0.5 m, and 0.1 more for each metre beyond 10
+    assert events(screen(18.3, 0.03, 0.03), wall).all()
+
+
+def test_what_lies_at_the_edge_of_the_view_is_no_event():
+    wall, mover = screen(20.0), screen(10.0, 0.03, 0.03)
+    images = [image(wall, -0.1 * i) for i in (1, 2, 3)]
+    frame = Frame(mover, np.arange(len(mover)), len(mover), HERE, 0.0)
+    found = _Tests(KITTI, SHAPE, (-1.0, 0.01)).find_events(frame, 0.0, images)
+    assert (found == (mover[:, 2] <= 0.1)).all()
 
 
 @pytest.mark.parametrize("speed", [8.0, -8.0])
@@ -89,6 +103,21 @@ def test_cases_2_and_3_what_goes_along_the_ray_is_an_event(speed):
 def test_cases_2_and_3_what_leaps_once_is_none():
     assert not events(screen(15.8), [screen(15.0)] * 4).any()  # not hidden twice
     assert not events(screen(15.8), [screen(15.0), screen(11.0), screen(11.0)]).any()  # not about as fast
+
+
+def test_the_surface_through_what_stands_is_a_plane_and_needs_three_points():
+    slanted = screen(10.0)
+    slanted *= (1.0 + 0.2 * slanted[:, 1:2] / 10.0).astype(np.float32)  # 2 m further per radian to the left
+    drawn = image(slanted)
+    around = Window(0.015, 0.007)
+    found = surface_at(drawn.start, drawn.rays, 0.05, 0.0, 10.0, around, 5.0, SHAPE)
+    assert found == pytest.approx(10.0 * (1.0 + 0.2 * np.sin(0.05)), abs=0.01)
+    assert surface_at(drawn.start, drawn.rays, 0.05, 0.0, 20.0, around, 5.0, SHAPE) == np.inf  # too far behind
+    few = image(slanted[:2])
+    azimuth, elevation, r = direction_of(*slanted[0])
+    assert surface_at(few.start, few.rays, azimuth, elevation, r, around, 5.0, SHAPE) == np.inf
+    moving = image(slanted, moving=True)
+    assert surface_at(moving.start, moving.rays, 0.05, 0.0, 10.0, around, 5.0, SHAPE) == np.inf
 
 
 def test_clusters_are_completed_and_scattered_events_dropped():

@@ -14,6 +14,7 @@ from automos.cells import whole_below
 from automos.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
+_FLAT = 1e-7  # rad^2
 
 
 class DepthImage(NamedTuple):
@@ -171,3 +172,31 @@ def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape)
                     n += 1
                     sum_ += away
     return sum_ <= tolerance * n
+
+
+@numba.njit(cache=True, nogil=True)
+def surface_at(start, rays, azimuth, elevation, r, window, reach, shape):  # type: ignore[no-untyped-def]
+    """Return the range in a direction of the plane through what stands around it, inf where three points do not.
+
+    Only points within `reach` of range `r` count; `start` is one image's. Least squares over azimuth and elevation.
+    """
+    n, x_, y_, z_, xx, xy, yy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
+    for v in range(first, last + 1):
+        for u in range(left, right + 1):
+            p = v * shape.columns + u % shape.columns
+            for k in range(start[p], start[p + 1]):
+                x, y, z = turn_between(rays[k, 0], azimuth), rays[k, 1] - elevation, rays[k, 2] - r
+                if rays[k, 3] > 0.0 or abs(z) > reach or abs(x) > window.width or abs(y) > window.height:
+                    continue
+                n += 1
+                x_, y_, z_ = x_ + x, y_ + y, z_ + z
+                xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    if n < 3:
+        return np.inf
+    x_, y_, z_ = x_ / n, y_ / n, z_ / n
+    # The small numbers keep the plane from tilting across points that lie on a line.
+    xx, xy, yy = xx / n - x_ * x_ + _FLAT, xy / n - x_ * y_, yy / n - y_ * y_ + _FLAT
+    xz, yz = xz / n - x_ * z_, yz / n - y_ * z_
+    determinant = xx * yy - xy * xy
+    return r + z_ - ((xz * yy - yz * xy) * x_ + (yz * xx - xz * xy) * y_) / determinant

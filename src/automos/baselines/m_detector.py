@@ -19,7 +19,7 @@ from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
-from automos.baselines.range_image import ImageShape, shape_for
+from automos.baselines.range_image import ImageShape, shape_for, view_of
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask
@@ -34,7 +34,7 @@ def find_moving(
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
     shape = shape_for(frames, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
-    tests = _Tests(parameters, shape)
+    tests = _Tests(parameters, shape, view_of(frames, parameters.edge))
     lags = parameters.gap * np.arange(1, parameters.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
     past: deque[tuple[int, DepthImage]] = deque()
@@ -54,12 +54,16 @@ def find_moving(
 class _Tests:
     """The three tests with their windows, made as wide as the sensor asks for."""
 
-    def __init__(self, parameters: Parameters, shape: ImageShape):
-        self._shape, self._min_range = shape, parameters.min_range
+    def __init__(self, parameters: Parameters, shape: ImageShape, view: tuple[float, float] = (-1.0, 1.0)):
+        """Take what is published, the images' shape and between which sines of elevation points may be events."""
+        self._shape, self._min_range, self._view = shape, parameters.min_range, view
         self._wider = float(2.0 * np.pi / shape.columns / parameters.column)
         self._higher = float(shape.row_height / parameters.row)
         cases = (parameters.away, parameters.nearer)
-        self._crossing = parameters.crossing._replace(stands=self._scaled(parameters.crossing.stands))
+        crossing = parameters.crossing
+        self._crossing = crossing._replace(
+            stands=self._scaled(crossing.stands), surface_window=self._scaled(crossing.surface_window)
+        )
         self._along = tuple(
             case._replace(same=self._scaled(case.same), stands=self._scaled(case.stands), even=self._scaled(case.even))
             for case in cases
@@ -75,7 +79,9 @@ class _Tests:
     def find_events(self, frame: Frame, stamp: float, images: list[DepthImage]) -> Mask:
         """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""
         points, shape = frame.points, self._shape
-        is_asked = np.einsum("ij,ij->i", points, points) > self._min_range**2
+        ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
+        is_asked = (ranges > self._min_range) & (points[:, 2] >= self._view[0] * ranges)
+        is_asked &= points[:, 2] <= self._view[1] * ranges
         if not images:
             return np.zeros_like(is_asked)
         past = stack(images)

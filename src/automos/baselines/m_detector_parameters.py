@@ -21,6 +21,8 @@ class Parameters:
     gap : seconds between them.
     row, column : rad, pixel of a depth image in elevation and azimuth.
     min_range : metres, nearer points are no events: the vehicle itself.
+    edge : share of a scan's points at the top and at the bottom of the view that are no events: past images see but
+        one side of them. The authors give elevations (for KITTI -23 to 2 degrees), this is what these leave out.
     crossing, away, nearer : the tests; windows are for pixels of `row` x `column`.
     cluster_voxel : metres.
     cluster_reach : voxels, over which events are of one cluster.
@@ -33,6 +35,7 @@ class Parameters:
     row: float
     column: float
     min_range: float
+    edge: float
     crossing: Crossing
     away: AlongRay
     nearer: AlongRay
@@ -48,11 +51,17 @@ KITTI = Parameters(
     row=0.007,
     column=0.005,
     min_range=2.0,
+    edge=0.03,
     crossing=Crossing(
         depth=0.15,
         images=2,
         stands=Window(0.01, 0.015, 0.15),
         tolerance=0.15,
+        surface=0.5,
+        surface_from=10.0,
+        surface_slope=0.1,
+        surface_window=Window(0.015, 0.007),
+        surface_reach=10.0,
     ),
     away=AlongRay(
         sign=1.0,

@@ -17,18 +17,28 @@ from automos.baselines.depth_images import (
     is_even,
     pixels_around,
     seen_from,
+    surface_at,
     turn_between,
 )
 from automos.baselines.range_image import pixel_of
 
 
 class Crossing(NamedTuple):
-    """Case 1. Metres, rad: how far before an image a point must lie, of how many images, and where it stands."""
+    """Case 1. Metres, rad: how far before an image a point must lie, of how many images, and where it stands.
+
+    It stands, too, within `surface` of the plane through what stood around it (`surface_window`, within
+    `surface_reach`); from `surface_from` on that grows by `surface_slope` a metre.
+    """
 
     depth: float
     images: int
     stands: Window
     tolerance: float
+    surface: float
+    surface_from: float
+    surface_slope: float
+    surface_window: Window
+    surface_reach: float
 
 
 class AlongRay(NamedTuple):
@@ -77,11 +87,20 @@ def find_crossing(points, is_asked, T, past, case, shape):  # type: ignore[no-un
                 break
             if _hides(points[i], T[j], past.nearest[j], case.depth, shape):
                 a, b, r = seen_from(T[j], points[i, 0], points[i, 1], points[i, 2])
-                n += not agrees(past.start[j], past.rays, a, b, r, case.stands, case.tolerance, shape)
+                n += not _stood(past.start[j], past.rays, a, b, r, case, shape)
                 if n == case.images:
                     out[i] = True
                     break
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-untyped-def]
+    """Tell whether in an image something stood where a point lies, or a surface ran on through there."""
+    if agrees(start, rays, azimuth, elevation, r, case.stands, case.tolerance, shape):
+        return True
+    surface = surface_at(start, rays, azimuth, elevation, r, case.surface_window, case.surface_reach, shape)
+    return abs(surface - r) < case.surface + case.surface_slope * max(r - case.surface_from, 0.0)
 
 
 @numba.njit(cache=True, nogil=True)
