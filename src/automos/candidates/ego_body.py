@@ -36,6 +36,9 @@ MIN_SCANS = 9
 """With fewer scans apart from each other nothing is called body."""
 MIN_STEP, ARM = 0.1, 2.0
 """Metres: how far what is `ARM` from the sensor must have moved about it between scans looked at."""
+IN_STEP = 2.5
+"""Seconds for which traffic may keep its distance to centimetres. What was seen for no longer is body only where it is
+nearer than half the way that the sensor went."""
 MIN_OVERLAP = 0.8
 """Share of a part at the ends of the recording that must be there at both."""
 MAX_DRIFT = 0.025
@@ -82,10 +85,13 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     """Return the body that a handful of `frames`, spread over the recording, show."""
     shape = (pattern.n_rows, pattern.n_columns)
     sample = _scans_apart(frames)
-    if len(sample) < MIN_SCANS:
+    stamps, origins = frames.stamps[sample], frames.T_level_sensor[sample, :3, 3]
+    is_long = stamps[-1] - stamps[0] > IN_STEP
+    max_range = min(settings.max_range, np.inf if is_long else 0.5 * float(np.linalg.norm(np.ptp(origins, axis=0))))
+    if len(sample) < MIN_SCANS or max_range < settings.near_reach:
         return nobody(pattern)
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: nearest_ranges(frames[i], pattern, settings.max_range), sample)))
+        ranges = np.stack(list(pool.map(lambda i: nearest_ranges(frames[i], pattern, max_range), sample)))
     ends, slack, near = np.zeros((3, 2, *shape), np.float32)
     for k, part in enumerate(np.array_split(ranges, 3)[::2]):
         ends[k], slack[k] = find_constant(part, settings)
