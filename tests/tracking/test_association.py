@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.settings import AssociationSettings
-from automos.tracking.association import assign, association_cost
+from automos.detections import Detections
+from automos.settings import AssociationSettings, FilterSettings, GateSettings
+from automos.tracking import filter as kalman
+from automos.tracking.association import assign, association_cost, motion_cost
 from automos.upright_boxes import Boxes
 
 OPEN = {"max_distance": 100.0, "max_overlap_cost": 1.0, "max_volume_cost": 1.0}
@@ -58,6 +60,38 @@ def test_a_flat_box_fits_nothing():
 def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
     parts = [Boxes.concatenate([box(float(i)) for i in range(n)]) for n in (n_tracked, n_detected)]
     assert association_cost(*parts, AssociationSettings()).shape == (n_tracked, n_detected)
+
+
+# --------------------------------------------------------------------------------------------- cost of the default
+def cost_of_seeing(before: Boxes, now: Boxes) -> float:
+    """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later."""
+    noise = FilterSettings()
+    belief = kalman.start(before, noise)
+    for _ in range(10):
+        belief = kalman.update(kalman.predict(belief, 0.1, noise), before, noise)
+    hundred, nothing = np.full(1, 100.0), np.zeros(1)
+    found = Detections.of_objects(now, hundred, nothing, nothing)
+    belief = kalman.predict(belief, 0.1, noise)
+    return float(motion_cost(belief, found.moving_share, hundred, found, noise, GateSettings())[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "is_possible"),
+    [
+        (box(size=(14.2, 1.5, 3.8)), box(2.5, (16.0, 2.4, 3.8)), True),
+        (box(size=(4, 2, 1.5)), box(2.0, (4, 2, 1.5)), True),
+        (box(size=(4, 2, 1.5)), box(4.0, (4, 2, 1.5)), False),
+        (box(size=(14.2, 1.5, 3.8)), box(2.5, (1.0, 1.0, 1.8)), False),
+    ],
+    ids=["an end comes into sight", "half a car's length", "a car in its place behind", "a walker beside a lorry"],
+)
+def test_what_is_where_an_object_must_be_is_that_object_if_it_is_of_its_size(before, now, is_possible):
+    assert np.isfinite(cost_of_seeing(before, now)) == is_possible
+
+
+def test_the_nearer_of_two_that_overlap_is_the_cheaper():
+    lorry = box(size=(14.0, 2.4, 3.8))
+    assert cost_of_seeing(lorry, box(2.0, (15.0, 2.4, 3.8))) < cost_of_seeing(lorry, box(4.0, (15.0, 2.4, 3.8)))
 
 
 # ------------------------------------------------------------------------------------------------------ assignment

@@ -21,6 +21,9 @@ MAX_SIZE_CHANGE = 0.7
 """Of a ground side, at most, as a share of the longer plus 1 m."""
 MAX_COUNT_RATIO = 5.0
 """Between the numbers of points, at most."""
+MIN_OVERLAP = 0.3
+"""Between predicted and seen box, seen from above, from which on they may be one wherever their middles are: no two
+solid things are in one place, and the middle of a lorry leaps by metres as its ends come into sight."""
 SIZE_WEIGHT = 4.0
 """Cost of a change of size, in squared standard deviations."""
 COUNT_WEIGHT = 1.0
@@ -67,6 +70,8 @@ def motion_cost(
     k, j = _near_pairs(alive.mean, reach, seen.boxes.center, spread_reach)  # most pairs are far apart
     offset = seen.boxes.center[j] - alive.mean[k, :3]
     squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread[j])
+    overlap = _overlap(alive.mean[k], offset, seen.boxes.yaw[j], seen.boxes.size[j])
+    squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
     size_before = np.sort(np.maximum(alive.mean[k, 4:6], 0.1), axis=-1)
     size_now = np.sort(np.maximum(seen.boxes.size[j, :2], 0.1), axis=-1)
@@ -102,6 +107,29 @@ def _near_pairs(a, reach_a, b, reach_b):  # type: ignore[no-untyped-def]
     for i in range(len(pairs)):
         rows[i], columns[i] = pairs[i]
     return rows, columns
+
+
+def _overlap(
+    mean: npt.NDArray[np.float64],
+    offset: npt.NDArray[np.float64],
+    yaw: npt.NDArray[np.float64],
+    size: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    """Return (P,) what two boxes share of their length times what they share of their width, as of the longer of both.
+
+    mean : (P, 10) of predicted objects.   offset : (P, 3) from them to the boxes of `yaw` (P,) and `size` (P, 3).
+    """
+    share = np.ones(len(offset))
+    turn = yaw - mean[:, kalman.YAW]
+    for axis in range(2):
+        along = mean[:, kalman.YAW] + 0.5 * np.pi * axis
+        at = np.abs(np.cos(along) * offset[:, 0] + np.sin(along) * offset[:, 1])
+        own = np.maximum(mean[:, 4 + axis], 0.1)
+        c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+        other = np.maximum(c * size[:, axis] + s * size[:, 1 - axis], 0.1)
+        common = np.minimum(0.5 * (own + other) - at, np.minimum(own, other))
+        share *= np.maximum(common, 0.0) / np.maximum(own, other)
+    return share
 
 
 def _mahalanobis(offset: npt.NDArray[np.float64], spread: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
