@@ -1,6 +1,7 @@
 """Every table of README and docs from one command, run again only where the method has changed since.
 
-    python benchmarks/all.py --drive DRIVE_0005 [--only NAME ...] [--force] [--cache FOLDER]   run what is out of date
+    python benchmarks/all.py --drive DRIVE_0005 [--store STORE] [--only NAME ...] [--force] [--cache FOLDER]
+                                                                                         run what is out of date
     python benchmarks/all.py --drive DRIVE_0005 --quick                                     the short form of each
     python benchmarks/all.py --list                                               what there is, and what is out of date
     python benchmarks/all.py --write                                   stored results into the tables of README and docs
@@ -30,12 +31,13 @@ from automos.atomic import write_text
 HERE = Path(__file__).parent
 
 
-def run(job: Job, drive: Path | None, cache: Path, is_quick: bool) -> None:
-    """Run `job`'s script and store what it found."""
+def run(job: Job, drive: Path | None, store: Path, cache: Path, is_quick: bool) -> None:
+    """Run `job`'s script on the drive and the gate's worlds in `store`, and keep what it found."""
     report = cache / f"{job.name}.json"
     report.parent.mkdir(parents=True, exist_ok=True)
     arguments = job.quick if is_quick else job.arguments
-    words = [str(drive) if word == "DRIVE_0005" else word.replace("CACHE", str(cache)) for word in arguments]
+    places = {"DRIVE_0005": str(drive), "STORE": str(store)}
+    words = [places.get(word, word.replace("CACHE", str(cache))) for word in arguments]
     subprocess.run([sys.executable, HERE / job.script, *words, "--json", report], check=True)
     stored = {
         "job": job.name,
@@ -52,6 +54,9 @@ def run(job: Job, drive: Path | None, cache: Path, is_quick: bool) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drive", type=Path, help="KITTI raw drive 2011_09_26_drive_0005 with truth")
+    parser.add_argument(
+        "--store", type=Path, default=Path.home() / ".cache" / "automos" / "gate", help="gate.py's worlds"
+    )
     parser.add_argument("--only", nargs="+", choices=list(JOBS), default=list(JOBS), metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="the short form of each job")
     parser.add_argument("--force", action="store_true", help="run again what is up to date")
@@ -71,7 +76,8 @@ def main() -> None:
         if job.needs_drive and arguments.drive is None:
             parser.error(f"{name} is scored on a real drive: give --drive FOLDER, or others with --only")
         try:
-            run(job, arguments.drive, arguments.cache / code, arguments.quick)  # nothing of another state is taken
+            # nothing of another state is taken
+            run(job, arguments.drive, arguments.store, arguments.cache / code, arguments.quick)
         except subprocess.CalledProcessError as error:
             failed.append(name)
             console.print(f"{name} failed with exit code {error.returncode}; the others go on", markup=False)

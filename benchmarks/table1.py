@@ -1,9 +1,11 @@
 """Table I: every method on recordings with truth and on the scenario suite, from estimated poses.
 
     python benchmarks/table1.py [RECORDING ...] [--scenarios all | none | NAME ...] [--sensor HDL-64E] [--scans 40]
-                                [--seed 0] [--methods ...] [--repeat 1] [--cache FOLDER] [--json FILE] [--markdown FILE]
+                                [--seed 0] [--methods ...] [--repeat 1] [--cache FOLDER] [--store FOLDER]
+                                [--json FILE] [--markdown FILE]
 
-Labels, costs and simulated recordings are kept in the cache folder; a second run, or one after an interruption, makes
+With --store, worlds are those of benchmarks/gate.py, simulated where they are not there yet; without, they are whole
+recordings in the cache folder. Labels and costs are kept there, too; a second run, or one after an interruption, makes
 only what is missing or was made with other settings. Empty the folder after a change of the code. The first run after
 an installation compiles kernels, and its seconds show it.
 """
@@ -17,12 +19,14 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from store import stored_world
 
 from automos import open_sequence
 from automos.comparison.compare import Comparison, compare, write_comparison
 from automos.comparison.labelers import TITLES, choose_methods
 from automos.comparison.runs import MethodRuns
 from automos.progress import StageProgress
+from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
 STATIC_WORLDS = ("country",)
@@ -39,14 +43,14 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+")
     parser.add_argument("--repeat", type=int, default=1, help="how often each method is timed on recordings")
     parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "table1")
+    parser.add_argument("--store", type=Path, help="where gate.py keeps its worlds")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path, help="the table of all recordings, for the docs")
     arguments = parser.parse_args()
     methods = choose_methods(arguments.methods)
     named = {"all": list(SCENARIOS), "none": []}.get(arguments.scenarios[0], arguments.scenarios)
     columns: dict[str, Comparison] = {}
-    for recording in chain(arguments.recordings, (_simulated(arguments, scenario) for scenario in named)):
-        sequence = open_sequence(recording)
+    for sequence in chain(map(open_sequence, arguments.recordings), (_simulated(arguments, name) for name in named)):
         name = sequence.name.split(f"-{arguments.sensor}-")[0]
         is_real = name not in SCENARIOS
         runs = MethodRuns(
@@ -66,13 +70,15 @@ def main() -> None:
     Console(width=240).print(_table(columns, methods))
 
 
-def _simulated(arguments: argparse.Namespace, scenario: str) -> Path:
+def _simulated(arguments: argparse.Namespace, scenario: str) -> Sequence:
+    if arguments.store is not None:
+        return stored_world(arguments.store, scenario, arguments.sensor, arguments.scans, arguments.seed)
     folder = f"{scenario}-{arguments.sensor}-{arguments.scans}-{arguments.seed}-v{FORMAT}"
     recording = arguments.cache / folder
     recording.parent.mkdir(parents=True, exist_ok=True)
     with StageProgress(Console(stderr=True), folder) as progress:
         write(simulate(scenario, arguments.sensor, arguments.scans, arguments.seed), recording, 0, progress)
-    return recording
+    return open_sequence(recording)
 
 
 def _rows(columns: dict[str, Comparison], methods: list[str]) -> list[list[str]]:

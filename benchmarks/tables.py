@@ -66,8 +66,9 @@ def _presets_of_drive(result: dict) -> Rows:
 
 
 def _methods_of_worlds(*results: dict) -> Rows:
-    """One row a method, one column a world; where nothing moves, false points a scan, in brackets."""
-    worlds = {world: _joined(tuple({world: result[world]} for result in results)) for world in results[0]}
+    """One row a method, one column a world of all results; where nothing moves, false points a scan, in brackets."""
+    common = [world for world in results[0] if all(world in result for result in results)]
+    worlds = {world: _joined(tuple({world: result[world]} for result in results)) for world in common}
     rows = [["method", *(f"`{world}`" for world in worlds)]]
     titles = {name: m["title"] for world in worlds.values() for name, m in world["methods"].items()}
     for name, title in titles.items():
@@ -126,7 +127,7 @@ def _speed(result: list[dict]) -> Rows:
 TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "presets-drive": (("presets",), _presets_of_drive),
     "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), _methods_of_drive),
-    "methods-worlds": (("rivals-worlds", "presets-worlds"), _methods_of_worlds),
+    "methods-worlds": ((*(f"worlds-{rival}" for rival in RIVALS), "worlds-presets"), _methods_of_worlds),
     "suite-default": (("suite",), _suite("default")),
     "suite-paper": (("suite",), _suite("paper")),
     "robustness": (("robustness",), _robustness),
@@ -203,14 +204,14 @@ def _overview(results: dict[str, dict]) -> Rows:
 def markdown(name: str, results: dict[str, dict]) -> str | None:
     """Return table `name` of its jobs' stored results, with the states they are of; None where none was ever run.
 
-    Jobs that were not run are named below it. A table of two jobs, whose columns are the same worlds, waits for both.
+    Jobs that were not run are named below it.
     """
     if name == OVERVIEW:
         (heading, *rows), said, numbers = _overview(results), [], "---"
     else:
         jobs, make = TABLES[name]
         made = [job for job in jobs if job in results]
-        if not made or (len(made) < len(jobs) == 2):
+        if not made:
             return None
         heading, *rows = make(*(results[job]["result"] for job in made))
         said, numbers = _said(jobs, results), "---:"

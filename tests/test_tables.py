@@ -85,11 +85,13 @@ def test_a_short_form_is_said_to_be_one_and_what_was_not_run_is_named():
     assert "| `suite` | not run: `" in written
 
 
-def test_a_table_of_worlds_waits_for_both_of_its_jobs():
+def test_a_table_of_worlds_has_the_columns_that_all_its_jobs_have():
     page = "<!-- table methods-worlds -->\n<!-- end -->\n"
-    written = tables.with_tables(page, {"presets-worlds": stored(0.9)})
-    assert f"Not run for this state: `{jobs.JOBS['rivals-worlds'].command(False)}`.\n" in written
-    assert tables.with_tables(written, {"presets-worlds": stored(0.9)}) == written
+    few, more = stored(0.9), stored(0.8)
+    more["result"]["other"] = more["result"]["drive"]
+    written = tables.with_tables(page, {"worlds-yoon": few, "worlds-presets": more})
+    assert "| method | `drive` |" in written
+    assert f"{', '.join(f'`worlds-{rival}`' for rival in jobs.RIVALS if rival != 'yoon')} of" in written
 
 
 def test_a_table_of_many_jobs_shows_those_that_were_run_and_names_the_others():
