@@ -27,6 +27,17 @@ def test_a_folder_of_folders_is_all_of_them_in_natural_order(tmp_path):
     assert names_and_sources(find_all(str(tmp_path))) == expected
 
 
+def test_what_looks_like_a_recording_and_is_damaged_is_not_left_out_in_silence(tmp_path):
+    log = write_log(tmp_path / "a")
+    tables = tmp_path / "b" / "v1.0-mini"
+    tables.mkdir(parents=True)
+    for name in ("scene", "sample", "sample_data"):
+        (tables / f"{name}.json").write_text("{")
+    found = find_all(str(tmp_path))
+    assert names_and_sources(found) == [("a", str(log)), ("b", str(tmp_path / "b"))]
+    assert "scene.json is damaged" in describe(found[1])
+
+
 def test_one_recording_is_one_and_gets_the_runs_folder_for_itself(tmp_path):
     log = write_log(tmp_path / "log")
     found = alone(find_all(str(log)), None)

@@ -4,6 +4,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,9 @@ def test_a_file_holds_points_boxes_tracks_trajectory_and_curves(lane_run, tmp_pa
 def test_a_file_that_cannot_be_written_is_told(lane_run, tmp_path):
     with pytest.raises(InputError, match="no is no folder; choose another --rrd"):
         save_recording(open_run(lane_run), tmp_path / "no" / "lane.rrd", 100)
+    pytest.importorskip("rerun", reason="rerun is not installed: pip install '.[view]'")
+    with pytest.raises(InputError, match="cannot be written"):
+        save_recording(open_run(lane_run), Path("/proc/lane.rrd"), 100)  # where nobody may write
 
 
 def test_without_rerun_the_command_to_install_it_is_told(lane_run, tmp_path, monkeypatch):

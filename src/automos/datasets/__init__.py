@@ -22,6 +22,11 @@ from automos.errors import InputError
 from automos.reading import damage_told
 from automos.scan import Sequence
 
+
+class NoRecordingError(InputError):
+    """Nothing that can be read as a recording; what looks like one and is damaged is another error."""
+
+
 FORMATS: tuple[str, ...] = (
     "rosbag", "velodyne", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
     "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder",
@@ -97,8 +102,8 @@ def _find(path: Path, format: str | None) -> list[_Found]:
             if found:
                 return found + ([] if format in FORMATS else _others(path, found, format))
         if not path.exists():
-            raise InputError(f"{path} does not exist; check the path")
-        raise InputError(_nothing_found(path, format))
+            raise NoRecordingError(f"{path} does not exist; check the path")
+        raise NoRecordingError(_nothing_found(path, format))
 
 
 def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]:
@@ -138,7 +143,7 @@ def _beside(path: Path, format: str | None) -> list[_Found]:
         return []
     try:
         return _find(path, format)
-    except InputError:
+    except NoRecordingError:
         return []
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from urllib.parse import urlsplit
 
-from automos.datasets import find_recordings, open_sequence
+from automos.datasets import NoRecordingError, find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
 from automos.errors import InputError
@@ -88,17 +88,20 @@ def _in_folder(path: Path, format: str | None) -> list[Path]:
         if not path.is_dir():
             raise
         inner = sorted((p for p in path.iterdir() if not p.name.startswith(".")), key=lambda p: natural_key(p.name))
-        found = [recording for p in inner for recording in _recordings_or_none(p, format)]
+        found = [recording for p in inner for recording in _recordings_at(p, format)]
         if not found:
             raise
         return found
 
 
-def _recordings_or_none(path: Path, format: str | None) -> list[Path]:
+def _recordings_at(path: Path, format: str | None) -> list[Path]:
+    """Return the recordings at `path`; `path` itself where it cannot be told, so that it is not left out in silence."""
     try:
         return find_recordings(path, format) if path.is_dir() or path.suffix.lower() in _LOGS else []
-    except InputError:
+    except NoRecordingError:
         return []
+    except InputError:
+        return [path]
 
 
 def _in_list(path: Path, format: str | None) -> list[str]:

@@ -43,7 +43,10 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
         raise InputError(f"{path.parent} is no folder; choose another --rrd")
     with atomic_path(path) as temporary:
         stream = make_recording(run)
-        stream.save(temporary)
+        try:
+            stream.save(temporary)
+        except RuntimeError as error:
+            raise InputError(f"{path} cannot be written ({error}): choose another --rrd") from None
         log_run(run, stream, max_static)
         stream.flush()
         stream.disconnect()
