@@ -126,6 +126,15 @@ def test_settings_beyond_all_bounds_are_told(item):
         load_settings("default", None, read_overrides([item]))
 
 
+@pytest.mark.parametrize("value", [1e-300, 1e-7, -1e-7, 1e10, 1e30])
+def test_no_setting_takes_numbers_from_which_nothing_can_be_computed(value):
+    for key in ("odometry.overhead", "tracking.filter.process_variance", "candidates.ground.tolerance"):
+        with pytest.raises(SettingsError, match=rf"setting {key} = "):
+            load_settings("default", None, {key: value})
+    with pytest.raises(SettingsError, match=r"numbers are 0, or between 1e-06 and 1e\+09 in size"):
+        load_settings("default", None, {"odometry.overhead": value})
+
+
 # ------------------------------------------------------------------------------------------------------- results
 def test_a_run_that_did_not_end_is_no_result(tmp_path):
     recording, run = write_scans(tmp_path / "log", n=1), tmp_path / "run"

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, field_validator
+
+LEAST, MOST = 1e-6, 1e9
+"""Size of numbers with a fraction: beyond these, what is computed from them overflows. Lengths are metres, times
+seconds; the widest that anything of ours has is a variance of 1e6."""
 
 
 class Group(BaseModel):
     """Settings that belong together: checked when made, unchangeable then, and none beside those named."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _is_within_reach(cls, value: Any) -> Any:
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and number and not LEAST <= abs(number) <= MOST:
+                raise ValueError(f"numbers are 0, or between {LEAST:g} and {MOST:g} in size")
+        return value

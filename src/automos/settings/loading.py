@@ -133,4 +133,6 @@ def _sentence(error: ValidationError) -> str:
         same_name = [k for k in known if (k.split(".")[0], k.rsplit(".", 1)[-1]) == (path[0], path[-1])]
         near = difflib.get_close_matches(key, same_name or known, 1, 0.0)[0]
         return f"there is no setting '{key}': did you mean '{near}'? (`automos settings` lists all)"
-    return f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].lower()}"
+    return (
+        f"setting {key} = {problem['input']!r} is not possible: {problem['msg'].removeprefix('Value error, ').lower()}"
+    )

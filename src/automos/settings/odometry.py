@@ -24,17 +24,23 @@ class OdometrySettings(Group):
     voxel: float | None = Field(None, gt=0, description="m, local map voxel; none: a hundredth of max_range")
     max_range: float = Field(100.0, gt=0, le=20_000, description="m, points used for registration")
     min_range: float = Field(1.0, ge=0, description="m, points used for registration")
-    points_per_voxel: int = Field(20, ge=1, description="points kept in a voxel of the local map; fewer are faster")
+    points_per_voxel: int = Field(
+        20, ge=1, le=10_000, description="points kept in a voxel of the local map; fewer are faster"
+    )
     time: Literal["auto", "file", "order", "azimuth", "none"] = Field(
         "auto",
         description="where the points' times come from for motion compensation: the file, the order of the points, "
         "their azimuth, or none (already compensated); auto finds out under which of them the scans fit together best",
     )
     refine: bool = Field(True, description="lay scans on submaps seconds away, too")
-    usual_acceleration: float = Field(3.0, gt=0, description="m/s^2, usual change of speed; more smooths poses less")
-    usual_turn_acceleration_deg: float = Field(60.0, gt=0, description="deg/s^2, usual change of turn rate")
-    max_speed: float = Field(45.0, gt=0, description="m/s, speeds tried where registration may follow the traffic")
-    max_reverse: float = Field(10.0, ge=0, description="m/s, the same backwards")
+    usual_acceleration: float = Field(
+        3.0, ge=0.001, description="m/s^2, usual change of speed; more smooths poses less"
+    )
+    usual_turn_acceleration_deg: float = Field(60.0, ge=0.01, description="deg/s^2, usual change of turn rate")
+    max_speed: float = Field(
+        45.0, gt=0, le=1000, description="m/s, speeds tried where registration may follow the traffic"
+    )
+    max_reverse: float = Field(10.0, ge=0, le=1000, description="m/s, the same backwards")
     overhead: float = Field(2.7, description="m above the sensor along its z axis, where no vehicle reaches")
     max_wall_thickness: float = Field(0.08, gt=0, description="m over one second, thicker walls are warned of")
     max_disagreement: float = Field(
