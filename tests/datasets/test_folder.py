@@ -349,3 +349,14 @@ def test_times_of_points_that_cannot_be_are_not_used_and_that_is_said_once(tmp_p
     assert sequence[1].time is None
     (warning,) = sequence.warnings
     assert why in warning
+
+
+@pytest.mark.parametrize("turn", [0.2, 2e-4])
+def test_times_of_points_that_do_not_fit_the_gap_to_the_next_scan_are_not_used(tmp_path, write_points, columns, turn):
+    for i in range(4):
+        write_points(tmp_path / f"{i}.pcd", {**columns, "t": np.linspace(0.0, turn, 500).astype("f4")})
+    (tmp_path / "times.txt").write_text("0.0\n0.1\n0.2\n0.3\n")
+    sequence = open_sequence(tmp_path)
+    assert sequence[1].time is None
+    (warning,) = sequence.warnings
+    assert "but a scan comes every 0.1 s; they are not used" in warning

@@ -67,6 +67,7 @@ class FolderSequence(Sequence):
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
+        self._gap = _usual_gap(times)
         if stamps is None and self._point_times.is_absolute:
             times = self._times_of_points()
         self._stamps: npt.NDArray[np.float64] | None = None
@@ -221,7 +222,13 @@ class FolderSequence(Sequence):
             return PointTimes()
         columns = read_columns(self._fullest, self._codec)
         others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
-        return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder)
+        return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder, self._gap)
+
+
+def _usual_gap(times: npt.NDArray[np.float64] | None) -> float | None:
+    """Return the seconds that usually lie between scans; None where no clock tells."""
+    steps = np.zeros(0) if times is None else np.diff(np.sort(times))
+    return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
 
 
 def _warn_of_viewpoint(path: Path) -> None:
