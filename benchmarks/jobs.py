@@ -33,8 +33,8 @@ class Job:
 RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m_detector", "hmm_mos")
 PRESETS = ("paper", "default")
 RIVAL_ROOMS = (
-    *("baselines/", "evaluation/", "candidates/erasor", "candidates/ground", "candidates/region_ground"),
-    *("candidates/submaps", "candidates/voxel_map", "candidates/free_space_pattern", "instances/voxels"),
+    *("baselines/", "evaluation/", "candidates/ground", "paper/erasor", "paper/region_ground"),
+    *("paper/submaps", "paper/voxels", "voxel_map", "candidates/free_space_pattern"),
 )
 """What the other methods are made of. The poses that they are given are those of `default` when they were run."""
 

@@ -25,20 +25,24 @@ BASE = {
     "working_folder",
     "reading",
     "cells",
+    "voxel_map",
 }
-STAGES = {"odometry", "candidates", "instances", "tracking", "network"}
+METHOD = {"candidates", "instances", "tracking"}
+STAGES = {"odometry", "network", *METHOD}
 COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
 MAY_IMPORT = {
     **dict.fromkeys(BASE, BASE),
     **{stage: {*BASE, stage} for stage in STAGES},
+    "paper": {*BASE, *METHOD, "paper"},
+    "stages": {*BASE, *METHOD, "paper", "baselines", "parallel", "stages", "workspace"},
     "__main__": {"cli"},
     "pose_files": BASE,
     "datasets": {*BASE, "datasets", "pose_files"},
     "evaluation": {*BASE, "evaluation", "pose_files", "workspace"},
-    "baselines": {*BASE, "baselines", "candidates", "instances", "parallel"},
+    "baselines": {*BASE, "baselines", "candidates", "paper", "parallel"},
     "comparison": {*BASE, *COMPARED, "comparison", "odometry", "run", "workspace"},
     "live": {*BASE, "live", "datasets", "odometry", "compiling", "labeler"},
-    "mapping": {*BASE, "candidates", "datasets", "mapping", "run"},
+    "mapping": {*BASE, "datasets", "mapping", "run"},
     "results": {
         *BASE,
         "results",

@@ -1,11 +1,14 @@
 """The method, stage by stage: raw scans in, a label for every point out.
 
-    recording -> poses -> candidates -> instances -> tracks -> verdicts -> labels
-                 III-A    III-B         III-C        III-D     III-D       III-D
+    recording -> poses -> candidates -> instances -> objects -> labels
+                 III-A    III-B         III-C        III-D      III-D
 
-This file alone knows the order. Each stage takes what the ones before it found and keeps its own results in the
-workspace, scan by scan where it can; a stage whose results are there already, made from the same recording with the
-same settings, is not run again.
+A point becomes moving in `stages/labels.py`: where its segment belongs to a track that moves. That a track moves is
+decided in `tracking/judge.py`, in the preset `paper` in `paper/verdict.py`.
+
+This file alone knows the order; `stages/` has a file for each. A stage takes what those before it found and keeps its
+own results in the workspace, scan by scan where it can; a stage whose results are there already, made from the same
+recording with the same settings, is not run again.
 """
 
 from __future__ import annotations
@@ -26,8 +29,10 @@ from automos.odometry.trajectory import SequenceFrames
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
-from automos.stages import add_network_cue, find_candidates, find_segments, follow_and_judge, paint
-from automos.tracking.places import Places
+from automos.stages.candidates import add_network_cue, find_candidates
+from automos.stages.instances import find_segments
+from automos.stages.labels import label_scans
+from automos.stages.tracking import Scans, TrackedObjects, follow_and_judge
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Stage, Workspace, fingerprint
@@ -62,7 +67,8 @@ def label(
     steps = Steps(as_sequence(recording), settings or load_settings("default"), poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
-    return Result(steps.trajectory, *steps.followed[:2], steps.run.names, steps.run.seconds, steps.run.keys, labels)
+    objects, run = steps.objects, steps.run
+    return Result(steps.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels)
 
 
 class Steps:
@@ -114,20 +120,17 @@ class Steps:
         return self.run.each("instances", find, scans)
 
     @cached_property
-    def followed(self) -> tuple[Tracks, Verdicts, Places | None]:
-        """All objects over time, the verdict on each, and the places of what stays beside them (III-D)."""
-        found = self.candidates(), self.instances(), self.run.names
-        follow = partial(follow_and_judge, self.frames, *found, self.settings, self.workers)
-        arrays = self.run.once("tracking", lambda tick: follow())
-        return Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), Places.from_arrays(arrays)
+    def objects(self) -> TrackedObjects:
+        """All objects over time, and the verdict on each (III-D)."""
+        scans = Scans(self.frames, self.run.names, self.candidates(), self.instances())
+        follow = partial(follow_and_judge, scans, self.settings, self.workers)
+        return TrackedObjects.from_arrays(self.run.once("tracking", lambda tick: follow().to_arrays()))
 
     def labels(self, scans: range | None = None) -> Stage:
-        """Return every point's label, at least for `scans`."""
-        followed = self.followed
-        found = self.candidates(scans), self.instances(scans), self.run.names
-        return self.run.each(
-            "labels", partial(paint, self.frames, *found, *followed, self.settings, self.workers), scans
-        )
+        """Return every point's label, at least for `scans` (III-D): where a point becomes moving."""
+        objects = self.objects
+        about = Scans(self.frames, self.run.names, self.candidates(scans), self.instances(scans))
+        return self.run.each("labels", partial(label_scans, about, objects, self.settings, self.workers), scans)
 
 
 def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None) -> dict[str, str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 from zlib import error as ZlibError  # noqa: N812
@@ -24,6 +24,7 @@ from automos.errors import InputError
 from automos.reading import DAMAGE, parsed_again, read_json, require_regular
 
 Arrays = Mapping[str, npt.NDArray]
+PerScan = Iterable[tuple[int, Arrays]]
 RUN_FILE = "run.json"
 RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""

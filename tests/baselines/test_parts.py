@@ -13,10 +13,10 @@ from automos.baselines.methods import BASELINES
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
 from automos.baselines.regions import drop_small_regions, grow_regions
-from automos.candidates.voxel_map import VoxelMap
 from automos.errors import MissingExtraError
 from automos.scan import Frame
 from automos.settings import load_settings
+from automos.voxel_map import VoxelMap
 
 
 # -------------------------------------------------------------------------------------------------------- batches

@@ -26,10 +26,8 @@ from automos.baselines import (
 )
 from automos.baselines.brick_grid import BrickGrid
 from automos.candidates import (
-    ego_body,
     ego_body_ranges,
-    erasor,
-    erasor_bins,
+    ego_body_votes,
     free_space_looks,
     free_space_vote,
     free_space_weigh,
@@ -37,12 +35,10 @@ from automos.candidates import (
 from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.candidates.ground import fit_ground, is_on_ground
-from automos.candidates.region_ground import fit_region_ground
-from automos.candidates.voxel_map import VoxelMap
 from automos.datasets import lzf, pcap, text, velodyne_sweeps
 from automos.datasets import range_image as waymo_image
 from automos.geometry import transform
-from automos.instances import detect, hierarchy
+from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
@@ -50,6 +46,8 @@ from automos.odometry import azimuths, covariances, facing, level, registration
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
+from automos.paper import erasor, erasor_bins, hierarchy
+from automos.paper.region_ground import fit_region_ground
 from automos.scan import Frame, Scan
 from automos.settings import load_settings
 from automos.tracking import judge
@@ -57,6 +55,7 @@ from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import Boxes, iou_3d, points_in_boxes
+from automos.voxel_map import VoxelMap
 
 SOURCE = Path(automos.__file__).parent
 SETTINGS = load_settings("default")
@@ -128,7 +127,7 @@ def _ego_body(points: np.ndarray) -> None:
     ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
     ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
+        ego_body_votes.cells_within(points, rows, reach, np.full(len(points), -1))
 
 
 def _erasor(points: np.ndarray) -> None:

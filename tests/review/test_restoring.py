@@ -18,7 +18,8 @@ from automos.review.server import ReviewServer
 from automos.review.session import Session
 from automos.scan import OBJECT
 from automos.settings import load_settings
-from automos.stages import paint
+from automos.stages.labels import label_scans
+from automos.stages.tracking import TrackedObjects
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
@@ -58,9 +59,8 @@ def damage(folder, sequence, share):
     verdicts = Verdicts(verdict[numbers], stages.verdicts.confidence[numbers])
     stages.stage("tracking").save("all", {**tracks.to_arrays(), **verdicts.to_arrays()})
     (folder / "stages" / f"tracking-{stages.keys['tracking']}" / "concerns.npz").unlink()
-    found = stages.stage("candidates"), stages.stage("instances")
     every = list(range(len(sequence)))
-    for i, arrays in paint(stages.frames, *found, stages.names, tracks, verdicts, None, stages.settings, 1, every):
+    for i, arrays in label_scans(stages.scans, TrackedObjects(tracks, verdicts), stages.settings, 1, every):
         stages.stage("labels").save(stages.names[i], arrays)
     again = RunStages(folder, sequence)
     for i in every:

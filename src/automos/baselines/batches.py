@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.candidates.submaps import cut_submaps
-from automos.candidates.voxel_map import VoxelMap
+from automos.paper.submaps import cut_submaps
 from automos.scan import Frame, Frames, Mask
+from automos.voxel_map import VoxelMap
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from automos.candidates import erasor
+from automos.paper import erasor
 from automos.scan import Frames, Mask
 from automos.settings import Settings
 

@@ -27,10 +27,10 @@ from automos.baselines.batches import (
     spare_near_kept,
 )
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
-from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse
 from automos.parallel import available_cores, map_in_order
 from automos.scan import Frames, Mask
+from automos.voxel_map import VoxelMap
 
 _BATCH = BatchSize(scans=150)
 """As the authors advise."""

@@ -32,7 +32,10 @@ from automos.online.path import Posed
 from automos.online.renewal import Renewal
 from automos.scan import OBJECT, Frame, Pose, Scan
 from automos.settings import Settings
-from automos.stages import candidates_of, paint_frame, segment_frame
+from automos.stages.candidates import candidates_of
+from automos.stages.instances import segment_frame
+from automos.stages.labels import label_points
+from automos.stages.tracking import TrackedObjects
 from automos.workspace import Arrays
 
 GROWN = 1.0
@@ -199,15 +202,9 @@ class Stream:
             return LabelledScan.of_nothing(held.number, held.stamp, frame.T_level_sensor, frame.n_points)
         ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
         followed = self._following.at(held.stamp, ahead)
-        painted = paint_frame(
-            frame,
-            held.about,
-            held.segments,
-            followed.here,
-            followed.verdicts,
-            None,
-            self._settings,
-            followed.is_followed,
+        judged = TrackedObjects(followed.here, followed.verdicts)
+        painted = label_points(
+            frame, held.about, held.segments, followed.here, judged, self._settings, followed.is_followed
         )
         labels, track = painted["label"], painted["track"]
         unknown = _is_unknown(held.about, held.segments)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import match
 from automos.review.run_stages import RunStages
 from automos.scan import Sequence
-from automos.stages import paint
+from automos.stages.labels import label_scans
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import RUN_FILE, Workspace
 
@@ -118,10 +118,8 @@ def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> di
     verdicts = decided_verdicts(stages.verdicts, decided)
     unsure = np.array([track for track, verdict in decided.items() if verdict == "unknown"], np.int64)
     verdicts.verdict[unsure] = Verdict.MOVING  # painted as if it moved, to learn which points it has
-    found = stages.stage("candidates"), stages.stage("instances")
-    painted = paint(
-        stages.frames, *found, stages.names, stages.tracks, verdicts, stages.places, stages.settings, 1, [index]
-    )
+    objects = replace(stages.objects, verdicts=verdicts)
+    painted = label_scans(stages.scans, objects, stages.settings, 1, [index])
     per_point = dict(next(iter(painted))[1])
     is_unsure = np.isin(per_point["track"], unsure)
     per_point["label"] = np.where(is_unsure, np.uint8(Label.UNLABELED), per_point["label"])

@@ -23,7 +23,8 @@ from automos.review.follow import Detect, follow_segment
 from automos.review.log import now
 from automos.review.run_stages import RunStages
 from automos.scan import OBJECT
-from automos.stages import paint
+from automos.stages.labels import label_scans
+from automos.stages.tracking import TrackedObjects
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.upright_boxes import Boxes, points_in_boxes
@@ -176,8 +177,7 @@ class Proposer:
         fast = np.full((1, 3), np.inf)  # whatever counts as moving now
         track = Tracks(one, np.array([index]), np.array([segment]), box[None, :3], box[None, 3:6], box[6:], fast)
         judged = Verdicts(np.array([Verdict.MOVING], np.int8), np.ones(1))
-        found = stages.stage("candidates"), stages.stage("instances")
-        painted = paint(stages.frames, *found, stages.names, track, judged, None, stages.settings, 1, [index])
+        painted = label_scans(stages.scans, TrackedObjects(track, judged), stages.settings, 1, [index])
         return np.flatnonzero(next(iter(painted))[1]["track"] == 0)
 
     def _moves_already(self, index: int, changes: Changes) -> npt.NDArray[np.bool_]:

@@ -13,9 +13,8 @@ from automos.odometry import Trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Frame, Sequence
 from automos.settings import load_settings
-from automos.tracking.places import Places
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
+from automos.stages.tracking import Scans, TrackedObjects
+from automos.tracking.verdict import Verdict
 from automos.workspace import Stage, Workspace
 
 CACHED = 40
@@ -53,12 +52,15 @@ class RunStages:
                 f"{folder} is of {len(self.trajectory)} scans, but {sequence.name} has {len(sequence)}; give the "
                 "recording it was made from"
             )
-        followed = self.stage("tracking").load("all")
-        self.tracks = Tracks.from_arrays(followed)
-        self.verdicts = Verdicts.from_arrays(followed)
-        self.places = Places.from_arrays(followed)
+        self.objects = TrackedObjects.from_arrays(self.stage("tracking").load("all"))
+        self.tracks, self.verdicts = self.objects.tracks, self.objects.verdicts
         self.frames = _CachedFrames(sequence, self.trajectory)
         self._validity = lru_cache(CACHED_BITS)(self._read_validity)
+
+    @cached_property
+    def scans(self) -> Scans:
+        """The scans with what was found of them."""
+        return Scans(self.frames, self.names, self.stage("candidates"), self.stage("instances"))
 
     def stage(self, name: str) -> Stage:
         """Return the results of one stage."""

@@ -131,7 +131,7 @@ def _part(order: Order, sequence: Sequence) -> Report:
     if unit.kind is Kind.EVIDENCE:
         steps.instances(range(unit.first, unit.last))
     elif unit.kind is Kind.TRACKS:
-        _ = steps.followed
+        _ = steps.objects
     else:
         steps.labels(range(unit.first, unit.last))
     return Report(State.DONE, scans=len(sequence))

@@ -13,7 +13,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.labels import Label
 from automos.settings import CompletionSettings
 from automos.tracking.tracks import Tracks
 
@@ -34,8 +33,8 @@ def paint_objects(
     may_move: npt.NDArray[np.bool_],
     moving: Tracks,
     settings: CompletionSettings,
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32]]:
-    """Return the labels of one scan's points and the moving track each belongs to.
+) -> npt.NDArray[np.int32]:
+    """Return (M,) int32 the moving track that each of one scan's points belongs to, -1 for none.
 
     Parameters
     ----------
@@ -44,10 +43,6 @@ def paint_objects(
     is_ground : (M,) points taken for ground.
     may_move : (M,) points that belong to nothing known to have stayed (ego body excluded).
     moving : the rows of moving tracks in this scan, observed or predicted.
-
-    Returns
-    -------
-    labels : (M,) uint8, Label.STATIC or Label.MOVING.   tracks : (M,) int32, -1 where static.
     """
     track_of = tracks_of_points(ids, stayed, moving)
     segment_of_row = np.where(moving.is_observed, moving.segment, -1)
@@ -56,7 +51,7 @@ def paint_objects(
         np.asarray(points), ids, stayed, is_ground, may_move, boxes, segment_of_row, moving.track.astype(np.int32),
         settings.margin, track_of,
     )  # fmt: skip
-    return np.where(track_of >= 0, Label.MOVING, Label.STATIC).astype(np.uint8), track_of
+    return track_of
 
 
 def tracks_of_points(

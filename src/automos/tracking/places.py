@@ -57,9 +57,9 @@ class Places:
         return {"places": self.keys, "places_of": self.is_moving}
 
     @staticmethod
-    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Places | None:
-        """Return the places that `to_arrays` took apart, None where none are among `arrays`."""
-        return Places(arrays["places"], arrays["places_of"]) if "places" in arrays else None
+    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Places:
+        """Return the places that `to_arrays` took apart."""
+        return Places(arrays["places"], arrays["places_of"])
 
 
 def touched_columns(boxes: Boxes) -> npt.NDArray[np.int64]:

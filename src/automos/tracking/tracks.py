@@ -57,6 +57,11 @@ class Tracks:
         """The rows' boxes."""
         return Boxes(self.center, self.size, self.yaw, np.ones(len(self.track)))
 
+    def rows_by_scan(self, n_scans: int) -> list[npt.NDArray[np.int64]]:
+        """Return for each of `n_scans` the rows (K,) of the tracks in it, in order."""
+        order = np.argsort(self.scan, kind="stable")
+        return np.split(order, np.searchsorted(self.scan[order], np.arange(1, n_scans))) if n_scans else []
+
     def rows_of(self, track: int) -> slice:
         """Return the rows of one track."""
         return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))

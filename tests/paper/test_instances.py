@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.instances.find import find_instances
+from automos.paper.instances import find_instances
 from automos.settings import HdbscanSettings
 
 

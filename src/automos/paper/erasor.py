@@ -16,12 +16,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.erasor_bins import Rules, Volume, compare_bins
-from automos.candidates.submaps import cut_submaps
-from automos.candidates.voxel_map import VoxelMap
 from automos.geometry import inverse, transform
+from automos.paper.erasor_bins import Rules, Volume, compare_bins
+from automos.paper.submaps import cut_submaps
 from automos.scan import Frames
 from automos.settings import ErasorSettings
+from automos.voxel_map import VoxelMap
 
 
 class Published(NamedTuple):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from automos.candidates.region_ground import fit_region_ground
+from automos.paper.region_ground import fit_region_ground
 
 _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
 

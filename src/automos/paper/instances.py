@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.instances.boxes import fit_boxes
-from automos.instances.hierarchy import choose_segments, cluster_nested
-from automos.instances.voxels import group_by_voxel
+from automos.paper.hierarchy import choose_segments, cluster_nested
+from automos.paper.voxels import group_by_voxel
 from automos.settings import HdbscanSettings
 from automos.upright_boxes import Boxes
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.instances.voxels import group_by_voxel
+from automos.paper.voxels import group_by_voxel
 
 
 @given(st.integers(0, 10**6), st.integers(0, 300), st.sampled_from([0.1, 0.5, 2.0]))

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from automos.paper.verdict import judge_by_trajectory
 from automos.settings import VerdictSettings
 from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts, judge_by_trajectory
+from automos.tracking.verdict import Verdict, Verdicts
 
 
 def tracks(*centers, size=(4.0, 2.0, 1.5), unseen=()) -> Tracks:

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from automos.candidates.erasor import PUBLISHED, find_candidates
-from automos.candidates.erasor_bins import Volume, polar_bins
-from automos.candidates.submaps import cut_submaps
 from automos.geometry import inverse, make_transform, transform
+from automos.paper.erasor import PUBLISHED, find_candidates
+from automos.paper.erasor_bins import Volume, polar_bins
+from automos.paper.submaps import cut_submaps
 from automos.scan import Frame
 from automos.settings import ErasorSettings
 

@@ -1,0 +1,81 @@
+"""III-B: how each point of a scan may have moved, and what kind of point it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.baselines.methods import BASELINES
+from automos.candidates.cue import add_cue, read_cue
+from automos.candidates.free_space import FreeSpace
+from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.ground import fit_ground, is_on_ground
+from automos.paper.erasor import PUBLISHED
+from automos.parallel import available_cores
+from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
+from automos.settings import SelfTrainingSettings, Settings
+from automos.workspace import Arrays, PerScan
+
+_CERTAIN = 4.0
+"""Log-odds of a point that a method only calls moving, or not."""
+
+
+def find_candidates(
+    frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, missing: list[int]
+) -> PerScan:
+    """Yield for each missing scan how each of its points may have moved, and what kind of point it is."""
+    find = _free_space if settings.candidates.method == "free_space" else _moving_points
+    return find(frames, stamps, settings, workers, range(missing[0], missing[-1] + 1))
+
+
+def add_network_cue(
+    find: Callable[[list[int]], PerScan],
+    frames: Frames,
+    names: list[str],
+    settings: SelfTrainingSettings,
+    missing: list[int],
+) -> PerScan:
+    """Yield what `find` finds; where a network's word on each point is at hand, it is added (self-training)."""
+    for i, arrays in find(missing):
+        if not settings.folder:
+            yield i, arrays
+            continue
+        frame = frames[i]
+        probability = read_cue(settings, names[i], frame.n_points)[frame.kept]
+        yield i, {**arrays, "log_odds": add_cue(arrays["log_odds"], probability, settings)}
+
+
+def candidates_of(
+    log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, solidity: npt.NDArray, ray_steps: npt.NDArray
+) -> Arrays:
+    """Return what is known of a scan's points (M,), as it is kept."""
+    half = np.float16
+    per_point = {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "solidity": solidity}
+    return {**per_point, "ray_steps": ray_steps}
+
+
+def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
+    about = settings.candidates
+    space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
+    ray_steps = space.ray_steps
+    for i, evidence in space.collect(scans.start, scans.stop):
+        yield i, candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, ray_steps)
+
+
+def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
+    """Yield what ERASOR or another published method calls moving."""
+    pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
+    ray_steps = np.array([pattern.row_height, pattern.column_width])
+    find_moving = BASELINES[settings.candidates.method].find_moving
+    for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
+        frame = frames[i]
+        points, ground = frame.points_level, settings.candidates.ground
+        surface = fit_ground(points, frame.origin_level, ground)
+        kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
+        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
+        height = points[:, 2] - surface.height_at(points)
+        solidity = np.full(len(kind), 255, np.uint8)
+        yield i, candidates_of(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)

@@ -1,0 +1,88 @@
+"""III-D: every object over time, whether it has moved, and what stands in the places that movers passed by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.detections import Detections
+from automos.paper.verdict import judge_by_trajectory
+from automos.parallel import map_in_order
+from automos.scan import OBJECT, Frames
+from automos.settings import Settings
+from automos.tracking.completion import tracks_of_points
+from automos.tracking.judge import judge_by_evidence, without_scenery
+from automos.tracking.places import Places, count_places, held_places, touched_columns
+from automos.tracking.smoothing import smooth_tracks
+from automos.tracking.tracker import track_objects
+from automos.tracking.tracks import Tracks
+from automos.tracking.unfollowed import can_follow
+from automos.tracking.verdict import Verdicts
+from automos.workspace import Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """The scans of a recording with what the stages before found of them, under their names."""
+
+    frames: Frames
+    names: list[str]
+    candidates: Stage
+    instances: Stage
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedObjects:
+    """Objects over time, the verdict on each, and the places of what stays beside them, where that is known."""
+
+    tracks: Tracks
+    verdicts: Verdicts
+    places: Places | None = None
+
+    def to_arrays(self) -> dict[str, npt.NDArray]:
+        """Return everything by name, for saving."""
+        places = {} if self.places is None else self.places.to_arrays()
+        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
+        """Return the objects that `to_arrays` took apart."""
+        places = Places.from_arrays(arrays) if "places" in arrays else None
+        return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places)
+
+
+def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
+    """Return all objects of a recording, followed through time and judged."""
+    tracking, stamps = settings.tracking, scans.frames.stamps
+    detections = [Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names]
+    if tracking.method == "paper":
+        tracks = track_objects(zip(stamps, detections, strict=True), tracking)
+        return TrackedObjects(tracks, judge_by_trajectory(tracks, tracking.verdict))
+    if not can_follow(stamps):
+        detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
+    tracks = track_objects(zip(stamps, detections, strict=True), tracking)
+    verdicts = judge_by_evidence(tracks, detections, tracking.judge)
+    tracks, verdicts = without_scenery(tracks, verdicts, detections)
+    tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
+    return TrackedObjects(tracks, verdicts, find_places(scans, tracks, verdicts, settings, workers))
+
+
+def find_places(scans: Scans, tracks: Tracks, verdicts: Verdicts, settings: Settings, workers: int) -> Places:
+    """Return the places of those that movers have held where other things have stayed in many more scans."""
+    moving = tracks[np.flatnonzero(verdicts.is_moving[tracks.track] & tracks.is_observed)]
+    columns, n = touched_columns(moving.boxes), len(scans.names)
+    rows_of_scan = moving.rows_by_scan(n)
+
+    def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        name = scans.names[i]
+        found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
+        stands = np.flatnonzero(about["kind"] == OBJECT)
+        track = tracks_of_points(found["ids"][stands], found["stayed"][stands], moving[rows_of_scan[i]])
+        has_stayed = about["log_odds"][stands] < -settings.instances.components.min_log_odds
+        return held_places(scans.frames[i].points_level[stands], track >= 0, (track < 0) & has_stayed, columns)
+
+    asked = range(n) if len(columns) else ()
+    return Places(count_places(map_in_order(held, asked, workers, threads=True)), verdicts.is_moving)
