@@ -62,7 +62,7 @@ def measure(sequence: Sequence, folder: Path, n_samples: int, n_looks: int) -> d
         told = estimate(sample, answers_of_who_knows(stages, truth, sample))
         for name, value in exact.items():
             low, high = told[name]["low"], told[name]["high"]
-            holds[name] += low - ROUNDING <= value <= high + ROUNDING
+            holds[name] += int(low - ROUNDING <= value <= high + ROUNDING)
             width[name].append(high - low)
     wide = {name: float(np.median(found)) for name, found in width.items()}
     return {"samples": n_samples, "looks": n_looks, "truth": exact, "holds": holds, "width": wide}
