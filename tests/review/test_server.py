@@ -9,7 +9,7 @@ import pytest
 from asking import ask
 
 from automos.labels import Label
-from automos.review import session as session_module
+from automos.review import record as record_module
 from automos.review import writer as writer_module
 from automos.review.decisions import read_decisions
 
@@ -104,14 +104,14 @@ def test_a_decision_is_in_the_log_at_once_and_soon_in_labels_tracks_and_report(s
 
 
 def test_finishing_waits_for_a_decision_that_has_come_but_is_not_logged_yet(server, monkeypatch):
-    is_deciding, real = threading.Event(), session_module.cover_tracks
+    is_deciding, real = threading.Event(), record_module.cover_tracks
 
     def slow(*args):
         is_deciding.set()
         time.sleep(0.5)
         return real(*args)
 
-    monkeypatch.setattr(session_module, "cover_tracks", slow)
+    monkeypatch.setattr(record_module, "cover_tracks", slow)
     run = server.session.run.folder
     moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")
     before = count_moving(run)
@@ -127,7 +127,7 @@ def test_finishing_waits_for_a_decision_that_has_come_but_is_not_logged_yet(serv
 
 
 def test_decisions_are_logged_in_the_order_in_which_they_came(server, monkeypatch):
-    is_deciding, real = threading.Event(), session_module.cover_tracks
+    is_deciding, real = threading.Event(), record_module.cover_tracks
 
     def slow_at_first(*args):
         if not is_deciding.is_set():
@@ -135,7 +135,7 @@ def test_decisions_are_logged_in_the_order_in_which_they_came(server, monkeypatc
             time.sleep(0.3)
         return real(*args)
 
-    monkeypatch.setattr(session_module, "cover_tracks", slow_at_first)
+    monkeypatch.setattr(record_module, "cover_tracks", slow_at_first)
     first = threading.Thread(target=ask, args=(server, "/api/decide", {"track": 1, "verdict": "moving"}))
     first.start()
     assert is_deciding.wait(10)

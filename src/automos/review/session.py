@@ -1,10 +1,9 @@
-"""A review while it lasts: what is decided is logged at once and written into the results behind the scenes."""
+"""A review while it lasts: what the page shows, what is decided there, and what is made by hand."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -12,26 +11,23 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
-from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
-from automos.review.apply import number_of, read_changes, reapply, scans_of
-from automos.review.concerns import note_concerns
-from automos.review.decisions import CHOICES, Decision, append_decisions
+from automos.review.amendments import Amendment
+from automos.review.apply import Changes, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
-from automos.review.matching import cover_tracks
 from automos.review.pictures import Pictures
 from automos.review.places import place
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
+from automos.review.record import Record
 from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
-from automos.review.writer import Writer
 
 
 class Session:
-    """What there is to decide on, what was decided, and the thread that rewrites the results."""
+    """What there is to decide on, and everything that the page may ask or say."""
 
     def __init__(
         self,
@@ -51,18 +47,22 @@ class Session:
         self.run = run
         self.stages = RunStages(run.folder, run.sequence)
         reapply(run.folder, run.sequence, progress)
-        self.changes, self.lost = read_changes(self.stages)
-        self.queue = Queue(self.stages, note_concerns(self.stages, False))
-        self.queue.note(self.changes)
+        self.record = Record(run, self.stages)
         self.pictures = Pictures(run, self.queue)
-        self.writer = Writer(run, self.lost, lambda: self.changes)
-        self._covering = RunStages(run.folder, run.sequence)  # of its own, so that deciding never waits for looking
         self._proposer = Proposer(self.stages)
         self._proposal: Amendment | None = None
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
-        self._has_ended = False
-        self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through
         self._reading = threading.Lock()
+
+    @property
+    def changes(self) -> Changes:
+        """What was decided and made by hand, as it is now."""
+        return self.record.changes
+
+    @property
+    def queue(self) -> Queue:
+        """What there is to decide on, what holds most doubtful points first."""
+        return self.record.queue
 
     # ------------------------------------------------------------------------------------------------- what is shown
     def overview(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class Session:
             "name": self.run.sequence.name,
             "scans": self.stages.names,
             **self.queue.to_page(self.changes),
-            "lost": [decision.sentence for decision in self.lost],
+            "lost": [decision.sentence for decision in self.record.lost],
         }
 
     def scene(self, track: int) -> dict[str, Any]:
@@ -93,56 +93,28 @@ class Session:
 
     def status(self) -> dict[str, Any]:
         """Return how many decisions hold, how many are still to be written, and what went wrong if anything did."""
-        decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.writer
+        decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.record.writer
         state = {"waiting": writer.waiting, "problem": writer.problem, "finishing": writer.is_finishing}
         return {**state, "decided": decided}
 
     # ------------------------------------------------------------------------------------------------ what is decided
     def decide(self, tracks: Iterable[int], verdict: str) -> None:
-        """Log the decision that the objects with ids `tracks` are `verdict`, and have it written into the results.
-
-        verdict : one of `CHOICES`, or "found": what the pipeline found of each is right.
-
-        Raises
-        ------
-        InputError
-            There is no such object or verdict, the log cannot be written, or the review has ended.
-        """
-        tracks = list(tracks)
-        made = {self.number(one): one for one in self.changes.amendments}
-        for track in tracks:
-            if track not in made:
-                self._require(track)
-        if verdict not in (*CHOICES, "found"):
-            raise InputError(f"{verdict!r} is no verdict: decide on {', '.join(CHOICES)}")
-        with self._gated(", ".join(f"object {track}" for track in tracks)):
-            found = [track - 1 for track in tracks if track not in made]
-            self._log_decisions(found, verdict)
-            by_hand = [made[track] for track in tracks if track in made]
-            if by_hand and verdict != "found":
-                append_verdicts(self.run.folder, now(), {one.key: verdict for one in by_hand})
-                self._reread()
-            self.writer.add(scans_of(self.stages, found, by_hand))
-
-    def _log_decisions(self, found: list[int], verdict: str) -> None:
-        covers = cover_tracks(self._covering, found)
-        at, key, decided = now(), self.stages.keys["tracking"], dict(self.changes.decided)
-        decisions = []
-        for track in found:
-            was = self.stages.verdict(track)
-            word = was if verdict == "found" else verdict
-            decisions.append(Decision(at, track + 1, word, was, key, covers[track]))
-            decided[track] = word
-        append_decisions(self.run.folder, decisions)
-        held = {track: word for track, word in decided.items() if word != "undo"}
-        self.changes = replace(self.changes, decided=held)
+        """Log the decision that the objects with ids `tracks` are `verdict`; errors are those of `Record.decide`."""
+        self.record.decide(tracks, verdict)
 
     def dismiss(self, number: int) -> None:
         """Log that nothing is to be mended at the place with this number; InputError if there is none."""
-        if not 0 <= number < len(self.queue.places):
-            raise InputError(f"there is no place {number}")
-        with self._gated(f"place {number}"):
-            self.queue.dismiss(number)
+        self.record.dismiss(number)
+
+    def finish(self) -> None:
+        """Wait until everything is in the results, and write the report; errors are those of `Record.finish`."""
+        self.record.finish()
+
+    def close(self) -> None:
+        """Finish, and refuse whatever is decided from now on; errors are those of `finish`."""
+        self.record.end()
+        self.pictures.stop()
+        self.finish()
 
     # ------------------------------------------------------------------------------------------- what is made by hand
     def propose(
@@ -197,7 +169,7 @@ class Session:
             raise InputError("nothing of it is left: its end lies before its beginning")
         if verdict not in ("moving", "static", "unknown"):
             raise InputError(f"{verdict!r} is no verdict: an object is moving, static or unknown")
-        (made,) = self._make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
+        (made,) = self.record.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
         self._proposal = None
         return made
 
@@ -205,92 +177,38 @@ class Session:
         """Cut the object with id `track` before scan `index`; return the ids of the halves; InputError if it cannot."""
         self._require_scan(index)
         with self._reading:
-            return self._make(cut(self.stages, self._whole(track), index), [track])
+            return self.record.make(cut(self.stages, self._whole(track), index), [track])
 
     def split(self, track: int, index: int, box: list[float]) -> list[int]:
         """Take what is in a box drawn in scan `index` out of an object; return two ids; InputError if it cannot."""
         self._require_scan(index)
         with self._reading:
-            return self._make(split(self.stages, self._whole(track), index, np.array(box, np.float64)), [track])
+            return self.record.make(split(self.stages, self._whole(track), index, np.array(box, np.float64)), [track])
 
     def join(self, tracks: list[int]) -> int:
         """Make one object of several; return its id; InputError if there are fewer than two."""
         if len(set(tracks)) < 2:
             raise InputError("two objects are needed to join them")
         with self._reading:
-            (made,) = self._make([join(self.stages, [self._whole(track) for track in tracks])], tracks)
+            (made,) = self.record.make([join(self.stages, [self._whole(track) for track in tracks])], tracks)
         return made
 
     def _whole(self, track: int) -> Amendment:
-        if track not in {self.number(one) for one in self.changes.amendments}:
-            self._require(track)
+        self.record.require(track)
         return as_amendment(self.stages, track - 1, self.changes)
-
-    def _make(self, amendments: list[Amendment], instead_of: Iterable[int] = ()) -> list[int]:
-        """Log `amendments`, which stand for the objects `instead_of`; return their ids."""
-        with self._gated("what was made by hand"):
-            keys = new_keys(self.run.folder, len(amendments))
-            keyed = [replace(one, key=key) for one, key in zip(amendments, keys, strict=True)]
-            numbers = set(instead_of)
-            gone = [one for one in self.changes.amendments if self.number(one) in numbers]
-            append_amendments(self.run.folder, keyed)
-            append_verdicts(self.run.folder, now(), {one.key: "undo" for one in gone})
-            self._reread()
-            self.writer.add(scans_of(self.stages, [], [*keyed, *gone]))
-            return [self.number(one) for one in keyed]
 
     def number(self, amendment: Amendment) -> int:
         """Return the id of an object made by hand."""
-        return number_of(self.stages, amendment) + 1
-
-    def _reread(self) -> None:
-        self.changes, _ = read_changes(self._covering)
-        self.queue.note(self.changes)
-
-    # ------------------------------------------------------------------------------------------------------- the end
-    def finish(self) -> None:
-        """Wait until everything is in the results, then write the report; the review goes on.
-
-        Raises
-        ------
-        InputError
-            Something could not be written. It is tried again when finishing next.
-        """
-        with self._gate:
-            self.writer.finish()
-
-    def close(self) -> None:
-        """Finish, and refuse whatever is decided from now on; errors are those of `finish`."""
-        self._has_ended = True  # before the gate, so that who comes late is told so at once
-        self.pictures.stop()
-        self.finish()
+        return self.record.number(amendment)
 
     # ----------------------------------------------------------------------------------------------------- conditions
     def _subject(self, track: int) -> Subject:
-        for amendment in self.changes.amendments:
-            if self.number(amendment) == track:
-                return subject_of_amendment(self.stages, amendment, track)
-        self._require(track)
+        made = self.record.made_by_hand().get(track)
+        if made is not None:
+            return subject_of_amendment(self.stages, made, track)
+        self.record.require(track)
         return subject_of_track(self.stages, track - 1)
-
-    def _require(self, track: int) -> None:
-        if not 1 <= track <= len(self.stages.tracks):
-            raise InputError(f"there is no object {track}: they are numbered from 1 to {len(self.stages.tracks)}")
 
     def _require_scan(self, index: int) -> None:
         if not 0 <= index < len(self.stages.names):
             raise InputError(f"there is no scan {index}: they are numbered from 0 to {len(self.stages.names) - 1}")
-
-    @contextmanager
-    def _gated(self, what: str) -> Iterator[None]:
-        """Hold the gate, unless the review has ended, before or while one waits for it."""
-        self._require_open(what)
-        with self._gate:
-            self._require_open(what)
-            yield
-
-    def _require_open(self, what: str) -> None:
-        if self._has_ended:
-            raise InputError(
-                f"this review has ended, and {what} was not decided on; run automos review again and decide there"
-            )

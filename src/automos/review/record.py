@@ -1,0 +1,140 @@
+"""What was decided and made by hand so far: every decision is logged at once, whole, and one at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from automos.errors import InputError
+from automos.results.run_files import RunFiles
+from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
+from automos.review.apply import number_of, read_changes, scans_of
+from automos.review.concerns import note_concerns
+from automos.review.decisions import CHOICES, Decision, append_decisions
+from automos.review.log import now
+from automos.review.matching import cover_tracks
+from automos.review.queue import Queue
+from automos.review.run_stages import RunStages
+from automos.review.writer import Writer
+
+
+class Record:
+    """The changes of one review, the queue that they are worked off from, and the thread that writes the results."""
+
+    def __init__(self, run: RunFiles, stages: RunStages):
+        """Read what was decided before; InputError where the log is damaged."""
+        self._run, self._stages = run, stages
+        self.changes, self.lost = read_changes(stages)
+        self.queue = Queue(stages, note_concerns(stages, False))
+        self.queue.note(self.changes)
+        self.writer = Writer(run, self.lost, lambda: self.changes)
+        self._covering = RunStages(run.folder, run.sequence)  # of its own, so that deciding never waits for looking
+        self._has_ended = False
+        self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through
+
+    def decide(self, tracks: Iterable[int], verdict: str) -> None:
+        """Log the decision that the objects with ids `tracks` are `verdict`, and have it written into the results.
+
+        verdict : one of `CHOICES`, or "found": what the pipeline found of each is right.
+
+        Raises
+        ------
+        InputError
+            There is no such object or verdict, the log cannot be written, or the review has ended.
+        """
+        tracks = list(tracks)
+        made = self.made_by_hand()
+        for track in tracks:
+            self.require(track)
+        if verdict not in (*CHOICES, "found"):
+            raise InputError(f"{verdict!r} is no verdict: decide on {', '.join(CHOICES)}")
+        with self._gated(", ".join(f"object {track}" for track in tracks)):
+            found = [track - 1 for track in tracks if track not in made]
+            self._log_decisions(found, verdict)
+            by_hand = [made[track] for track in tracks if track in made]
+            if by_hand and verdict != "found":
+                append_verdicts(self._run.folder, now(), {one.key: verdict for one in by_hand})
+                self._reread()
+            self.writer.add(scans_of(self._stages, found, by_hand))
+
+    def _log_decisions(self, found: list[int], verdict: str) -> None:
+        covers = cover_tracks(self._covering, found)
+        at, key, decided = now(), self._stages.keys["tracking"], dict(self.changes.decided)
+        decisions = []
+        for track in found:
+            was = self._stages.verdict(track)
+            word = was if verdict == "found" else verdict
+            decisions.append(Decision(at, track + 1, word, was, key, covers[track]))
+            decided[track] = word
+        append_decisions(self._run.folder, decisions)
+        held = {track: word for track, word in decided.items() if word != "undo"}
+        self.changes = replace(self.changes, decided=held)
+
+    def dismiss(self, number: int) -> None:
+        """Log that nothing is to be mended at the place with this number; InputError if there is none."""
+        if not 0 <= number < len(self.queue.places):
+            raise InputError(f"there is no place {number}")
+        with self._gated(f"place {number}"):
+            self.queue.dismiss(number)
+
+    def make(self, amendments: list[Amendment], instead_of: Iterable[int] = ()) -> list[int]:
+        """Log `amendments`, which stand for the objects `instead_of`; return their ids; errors as of `decide`."""
+        with self._gated("what was made by hand"):
+            keys = new_keys(self._run.folder, len(amendments))
+            keyed = [replace(one, key=key) for one, key in zip(amendments, keys, strict=True)]
+            made = self.made_by_hand()
+            gone = [made[number] for number in set(instead_of) & made.keys()]
+            append_amendments(self._run.folder, keyed)
+            append_verdicts(self._run.folder, now(), {one.key: "undo" for one in gone})
+            self._reread()
+            self.writer.add(scans_of(self._stages, [], [*keyed, *gone]))
+            return [self.number(one) for one in keyed]
+
+    def _reread(self) -> None:
+        self.changes, _ = read_changes(self._covering)
+        self.queue.note(self.changes)
+
+    def finish(self) -> None:
+        """Wait until everything is in the results, then write the report; the review goes on.
+
+        Raises
+        ------
+        InputError
+            Something could not be written. It is tried again when finishing next.
+        """
+        with self._gate:
+            self.writer.finish()
+
+    def end(self) -> None:
+        """Refuse whatever is decided from now on; said before `finish`, so that who comes late is told so at once."""
+        self._has_ended = True
+
+    def number(self, amendment: Amendment) -> int:
+        """Return the id of an object made by hand."""
+        return number_of(self._stages, amendment) + 1
+
+    def made_by_hand(self) -> dict[int, Amendment]:
+        """Return the objects made by hand by their ids."""
+        return {self.number(one): one for one in self.changes.amendments}
+
+    def require(self, track: int) -> None:
+        """Raise InputError unless an object, found or made by hand, has the id `track`."""
+        n_found = len(self._stages.tracks)
+        if not 1 <= track <= n_found and track not in self.made_by_hand():
+            raise InputError(f"there is no object {track}: they are numbered from 1 to {n_found}")
+
+    @contextmanager
+    def _gated(self, what: str) -> Iterator[None]:
+        """Hold the gate, unless the review has ended, before or while one waits for it."""
+        self._require_open(what)
+        with self._gate:
+            self._require_open(what)
+            yield
+
+    def _require_open(self, what: str) -> None:
+        if self._has_ended:
+            raise InputError(
+                f"this review has ended, and {what} was not decided on; run automos review again and decide there"
+            )
