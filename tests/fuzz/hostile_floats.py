@@ -42,8 +42,9 @@ from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.network import cleanup, projection, residuals
-from automos.odometry import azimuths, covariances, facing, level, registration
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
+from automos.odometry import facing, level, registration, sweep_order
+from automos.odometry import surfels as surfel_kernels
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, gap_edges, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
@@ -185,28 +186,26 @@ def _odometry(points: np.ndarray) -> None:
     times = azimuth_times(points, 1, float(points[0, 0]))
     compensate(points, times, np.resize(points, 6))
     for block in (1, 7):
-        azimuth, _ = azimuths.block_azimuths(points, block)
-        for each in (azimuth, points[:, 0].astype(float)):
-            turned = azimuths.between_blocks(azimuths.unwrap(each, 1), block, len(points))
-        azimuths.follow_gaps(points, azimuth, 1, block, turned)
-    azimuths.seen_sectors(points)
-    azimuths.turns_by_beam(points, -1, float(points[0, 0]))
+        sweep_order._block_azimuths(points, block)
+    for by in ("firing", "beam"):
+        sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(by, 1, 1.0, 1.0))
+    gap_edges(points)
+    sweep_order._turns_by_beam(points, -1, float(points[0, 0]))
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
-    level._nearest_to_middle(points, level.RANGE, level.VOXEL)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
-    covariances.eigenvalues(matrix)
-    covariances.eigenvector(matrix, covariances.variance_along(matrix, along), out[0])
-    covariances.across(matrix, along, out[0], out[1])
+    surfel_kernels.eigenvalues(matrix)
+    surfel_kernels.eigenvector(matrix, surfel_kernels.variance_along(matrix, along), out[0])
+    surfel_kernels.across(matrix, along, out[0], out[1])
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
     icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
     covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
-    covariances.eigenvector(covariance, covariances.eigenvalues(covariance)[0], axes[0])
-    covariances.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
+    surfel_kernels.eigenvector(covariance, surfel_kernels.eigenvalues(covariance)[0], axes[0])
+    surfel_kernels.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         submap = make_submap([surfels, surfels], np.stack([np.eye(4), T]))

@@ -1,6 +1,7 @@
 import numpy as np
 
-from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, rows_of_first_in_voxel, without_body
+from automos.odometry.facing import without_body
+from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
 

@@ -5,7 +5,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.sweep_order import gap_edges, learn_drifting_gap, learn_order, turns_since_start
+from automos.odometry.motion import gap_edges
+from automos.odometry.sweep_order import learn_order, turns_since_start
+from automos.odometry.timing import learn_drifting_gap
 from automos.scan import Scan
 
 BEAMS = 16

@@ -15,10 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_log
-from automos.odometry.sweep_order import PointOrder, gap_edges, turns_since_start
+from automos.odometry.sweep_order import PointOrder, turns_since_start
 from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
 
+N_SECTORS = 720
+"""Sectors in which a gap is looked for."""
 MIN_POINTS = 50
 """Usable points of a scan without which it is not registered, and asked about no ground."""
 
@@ -102,6 +104,19 @@ def azimuth_times(points: Points, turn: int, seam_deg: float | None) -> npt.NDAr
     low, high = gap_edges(points)  # turns; the sweep goes from one edge of the gap all round to the other
     start, span = (high, 1.0 - (high - low)) if turn > 0 else (low, 1.0 - (high - low))
     return _azimuth_times(points, turn, 2.0 * np.pi * start, span)
+
+
+def gap_edges(points: Points) -> tuple[float, float]:
+    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
+    x, y = points[:, :2].astype(np.float64).T
+    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
+    turn = np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi) + 0.5
+    seen = np.unique(np.minimum((turn * N_SECTORS).astype(int), N_SECTORS - 1))
+    if len(seen) == 0:
+        return 0.0, 0.0
+    width = np.diff(np.append(seen, seen[0] + N_SECTORS))
+    k = int(np.argmax(width))
+    return float((seen[k] + 1) / N_SECTORS - 0.5), float((seen[k] + width[k]) / N_SECTORS - 0.5)
 
 
 def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:

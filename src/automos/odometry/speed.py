@@ -19,11 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse
-from automos.odometry.facing import EVIDENCE, expected_share, score_distances, signed_distance, stands
+from automos.odometry.facing import EVIDENCE, expected_share, score_distances, signed_distance, stands, without_body
 from automos.odometry.links import Window
 from automos.odometry.motion import chain
 from automos.odometry.submap import make_submap
-from automos.odometry.surfels import Surfels, without_body
+from automos.odometry.surfels import Surfels
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 

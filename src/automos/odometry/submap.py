@@ -14,8 +14,16 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.covariances import across, eigenvalues, eigenvector, variance_along
-from automos.odometry.surfels import Surfels, find_slot, level_of, voxel_key
+from automos.odometry.surfels import (
+    Surfels,
+    across,
+    eigenvalues,
+    eigenvector,
+    find_slot,
+    level_of,
+    variance_along,
+    voxel_key,
+)
 from automos.scan import Points, Pose
 
 VOXEL = 0.8

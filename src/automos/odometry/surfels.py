@@ -25,14 +25,6 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should show."""
 MIN_SURFEL_POINTS = 3
 """Points without which a surfel has no extent."""
-BODY_RANGE = 6.0
-"""Metres within which the vehicle's own body is looked for: a long one's ends."""
-BODY_VOXEL = 0.4
-"""Metres, edge of the voxels in which places are compared, as surfels have."""
-BODY_SHARE = 0.8
-"""Share of the scans that must see it at the same place."""
-BODY_SPREAD = 0.04
-"""Metres, deviation of that place: noise of a surfel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,37 +70,6 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
     """Return the surfels of a sweep's usable points that are seen well enough."""
     surfels = make_surfels(points, times)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
-
-
-def without_body(surfels: list[Surfels]) -> list[Surfels]:
-    """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
-
-    Near the sensor, what nearly every scan has at the same place to within centimetres belongs to the vehicle (or is
-    ground so even that nothing is lost with it). While the vehicle stands, everything does.
-    """
-    if not surfels:
-        return []
-    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
-    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
-    _, voxel, count = np.unique(_voxel_keys(means), return_inverse=True, return_counts=True)
-    spread = np.zeros(len(count))
-    for axis in range(3):
-        mean = np.bincount(voxel, means[:, axis], len(count)) / count
-        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
-    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
-    out = []
-    for scan, near in zip(surfels, is_near, strict=True):
-        keep = np.ones(len(scan), bool)
-        n = int(near.sum())
-        keep[near] = ~is_body[:n]
-        is_body = is_body[n:]
-        out.append(scan[keep])
-    return out
-
-
-def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    k = np.floor(points / BODY_VOXEL).astype(np.int64) + (1 << 20)
-    return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]
 
 
 def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32]:
@@ -219,3 +180,63 @@ def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
             rows[n] = i
             n += 1
     return rows[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def variance_along(c, a):  # type: ignore[no-untyped-def]
+    """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
+    x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
+    y = a[0] * c[1] + a[1] * c[3] + a[2] * c[4]
+    z = a[0] * c[2] + a[1] * c[4] + a[2] * c[5]
+    return a[0] * x + a[1] * y + a[2] * z
+
+
+@numba.njit(cache=True, nogil=True)
+def eigenvalues(c):  # type: ignore[no-untyped-def]
+    """Return the eigenvalues, ascending, of a symmetric 3 x 3 matrix (xx, xy, xz, yy, yz, zz), by Viete's formula."""
+    middle = (c[0] + c[3] + c[5]) / 3.0
+    x, y, z = c[0] - middle, c[3] - middle, c[5] - middle
+    scale = np.sqrt((x * x + y * y + z * z + 2.0 * (c[1] * c[1] + c[2] * c[2] + c[4] * c[4])) / 6.0)
+    if scale < 1e-15:
+        return middle, middle, middle
+    determinant = x * (y * z - c[4] * c[4]) - c[1] * (c[1] * z - c[4] * c[2]) + c[2] * (c[1] * c[4] - y * c[2])
+    angle = np.arccos(min(max(0.5 * determinant / scale**3, -1.0), 1.0)) / 3.0
+    high, low = middle + 2.0 * scale * np.cos(angle), middle + 2.0 * scale * np.cos(angle + 2.0 * np.pi / 3.0)
+    return max(low, 0.0), max(3.0 * middle - low - high, 0.0), high
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
+    """Write the unit eigenvector of an eigenvalue apart from the others: it is normal to the rows of C - value."""
+    x, y, z = c[0] - value, c[3] - value, c[5] - value
+    best = -1.0
+    for k in range(3):
+        if k == 0:
+            a, b, d = c[1] * c[4] - c[2] * y, c[2] * c[1] - x * c[4], x * y - c[1] * c[1]
+        elif k == 1:
+            a, b, d = c[1] * z - c[2] * c[4], c[2] * c[2] - x * z, x * c[4] - c[1] * c[2]
+        else:
+            a, b, d = y * z - c[4] * c[4], c[4] * c[2] - c[1] * z, c[1] * c[4] - y * c[2]
+        square = a * a + b * b + d * d
+        if square > best:
+            best = square
+            length = np.sqrt(max(square, 1e-60))
+            out[0], out[1], out[2] = a / length, b / length, d / length
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def across(c, along, first, second):  # type: ignore[no-untyped-def]
+    """Write the directions across `along` (not the x axis) of least and most variance; return both variances."""
+    length = np.sqrt(along[1] * along[1] + along[2] * along[2])
+    ex, ey, ez = 0.0, along[2] / length, -along[1] / length
+    fx, fy, fz = along[1] * ez - along[2] * ey, along[2] * ex - along[0] * ez, along[0] * ey - along[1] * ex
+    first[0], first[1], first[2] = ex, ey, ez
+    second[0], second[1], second[2] = fx, fy, fz
+    a, d = variance_along(c, first), variance_along(c, second)
+    first[0], first[1], first[2] = ex + fx, ey + fy, ez + fz
+    b = 0.5 * (variance_along(c, first) - a - d)
+    angle = 0.5 * np.arctan2(2.0 * b, a - d)
+    cos, sin = np.cos(angle), np.sin(angle)
+    second[0], second[1], second[2] = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    first[0], first[1], first[2] = cos * fx - sin * ex, cos * fy - sin * ey, cos * fz - sin * ez
+    return max(variance_along(c, first), 0.0), max(variance_along(c, second), 0.0)

@@ -11,20 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.azimuths import (
-    BACKWARD,
-    N_SECTORS,
-    between_blocks,
-    block_azimuths,
-    follow_gaps,
-    seen_sectors,
-    turns_by_beam,
-    unwrap,
-)
 from automos.scan import Points, Scan, Sequence
+
+Array = npt.NDArray[np.float64]
+By = Literal["firing", "beam"]
 
 N_BLOCKS = 400
 """Blocks a scan is read in: a thousandth of a turn's time matters little, and a block still holds every beam."""
@@ -38,8 +32,10 @@ MIN_STEADY = 0.95
 """Share of blocks that must go on in the same direction as all."""
 FIXED = 0.005
 """Turns by which the start may drift from one scan to the next and still be the same."""
-MIN_GAP = 0.01
-"""Turns, narrower gaps are shadows of things."""
+BACKWARD = 0.03
+"""Turns by which the azimuth steps back where one beam ends and the next begins."""
+NOISE = 0.1
+"""Turns by which a block may lie behind the one before: noise of what is near the axis; more is a gap ahead."""
 TURNS = (0.2, 3.0)
 """Turns in a scan, least and most: less may be a sensor that looks one way, more is a file sorted by beam."""
 
@@ -57,7 +53,7 @@ class PointOrder:
     start : azimuth in turns at which all scans begin; None where it drifts from scan to scan.
     """
 
-    by: Literal["firing", "beam"]
+    by: By
     turn: int
     turns: float
     turns_per_scan: float
@@ -71,8 +67,8 @@ class PointOrder:
 
 def learn_order(sequence: Sequence) -> PointOrder | None:
     """Return how the azimuth runs along the files of `sequence`; None where order says nothing of time."""
-    firsts = _sample(sequence)
-    found: list[tuple[Literal["firing", "beam"], int, float, float, float]] = []
+    firsts = sample_pairs(sequence)
+    found: list[tuple[By, int, float, float, float]] = []
     for n_seen, i in enumerate(firsts):
         if n_seen - len(found) >= len(firsts) / 2:  # the others cannot make up for it
             return None
@@ -96,36 +92,10 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     return PointOrder(by, turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)
 
 
-def learn_drifting_gap(sequence: Sequence) -> int:
-    """Return which way the sensor turns (+1, -1), told by a sector without points that wanders; 0 where none does.
-
-    Whoever cuts the stream before a turn is complete leaves out a sector, and the next scan begins with it.
-    """
-    turns = []
-    for i in _sample(sequence):
-        (low, high), (next_low, next_high) = (gap_edges(sequence[j].points) for j in (i, i + 1))
-        width, step = 0.5 * (high - low + next_high - next_low), 0.5 * (next_low - low + next_high - high)
-        step -= round(step)
-        is_next = MIN_GAP < width < 0.8 and abs(abs(step) - width) < 0.3 * width
-        turns.append((-1 if step > 0.0 else 1) if is_next else 0)
-    return max((-1, 0, 1), key=turns.count) if turns else 0
-
-
-def _sample(sequence: Sequence) -> list[int]:
+def sample_pairs(sequence: Sequence) -> list[int]:
     """Return a few scans that have a next one."""
     last = len(sequence) - 2
     return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
-
-
-def gap_edges(points: Points) -> tuple[float, float]:
-    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
-    is_seen = seen_sectors(np.ascontiguousarray(points))
-    seen = np.flatnonzero(is_seen)
-    if len(seen) == 0:
-        return 0.0, 0.0
-    width = np.diff(np.append(seen, seen[0] + N_SECTORS))
-    k = int(np.argmax(width))
-    return float((seen[k] + 1) / N_SECTORS - 0.5), float((seen[k] + width[k]) / N_SECTORS - 0.5)
 
 
 def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
@@ -134,11 +104,11 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     Points that are not valid have the turns of their neighbours.
     """
     if order.by == "beam":
-        return turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
+        return _turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
-    azimuth, _ = block_azimuths(scan.points, block)
-    turned = between_blocks(unwrap(azimuth, order.turn), block, len(scan))
-    follow_gaps(scan.points, azimuth, order.turn, block, turned)
+    azimuth, _ = _block_azimuths(scan.points, block)
+    turned = _at_points(_unwrap(azimuth, order.turn), block, len(scan))
+    _follow_gaps(scan.points, azimuth, order.turn, block, turned)
     first = np.flatnonzero(np.isfinite(azimuth))[:1]
     if order.start is None or len(first) == 0:
         return turned
@@ -147,10 +117,10 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     return np.maximum(turned + np.float32(late - round(late)), np.float32(0.0))
 
 
-def _read(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, float] | None:
+def _read(scan: Scan) -> tuple[By, int, float, float] | None:
     """Return what one scan's order says: by what, which way, azimuth of the first point and turns spanned (turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
-    azimuth, concentration = block_azimuths(scan.points, block)
+    azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
     if is_known.sum() < 10:
         return None
@@ -158,14 +128,14 @@ def _read(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, float] | N
     steps -= np.round(steps)
     turn = 1 if steps.sum() > 0.0 else -1
     if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > MIN_STEADY:
-        whole = between_blocks(unwrap(azimuth, turn), block, len(scan))
+        whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
         if TURNS[0] < whole[-1] < TURNS[1]:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
             return "firing", turn, float(first % 1.0), float(whole[-1])
     return _read_by_beam(scan)
 
 
-def _read_by_beam(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, float] | None:
+def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
     """Return the same of a file sorted by beam whose beams span more than a turn; others tell nothing new."""
     valid = np.flatnonzero(scan.is_valid)
     if len(valid) < N_BLOCKS:
@@ -175,14 +145,53 @@ def _read_by_beam(scan: Scan) -> tuple[Literal["firing", "beam"], int, float, fl
     steps -= np.round(steps)
     turn = 1 if np.median(steps) > 0.0 else -1
     is_back = turn * steps < -BACKWARD
-    n_beams = is_back.sum() + 1
-    if n_beams < 4 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
+    if is_back.sum() < 3 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
         return None
     start = _start_of_beams(scan.points, turn)
-    turns = turns_by_beam(scan.points, turn, start)
+    turns = _turns_by_beam(scan.points, turn, start)
     ends = np.append(turns[valid[:-1]][is_back], turns[valid[-1]])
     span = float(np.percentile(ends, 90))
     return ("beam", turn, start % 1.0, span) if 1.0 < span < TURNS[1] else None
+
+
+def _unwrap(azimuth: Array, turn: int) -> Array:
+    """Return how far each block lies behind the first, in turns: a gap is passed in the sensor's own direction."""
+    out, is_known = np.full(len(azimuth), np.nan), np.isfinite(azimuth)
+    if is_known.any():
+        steps = turn * np.diff(azimuth[is_known])
+        out[is_known] = np.concatenate([[0.0], np.cumsum(steps - np.floor(steps + NOISE))])
+    return out
+
+
+def _at_points(turned: Array, block: int, n: int) -> npt.NDArray[np.float32]:
+    """Return (n,) float32 the turns at every point, linear between the middles of blocks, 0 at the first point."""
+    known = np.flatnonzero(np.isfinite(turned))
+    if len(known) < 2:
+        return np.zeros(n, np.float32)
+    at, turns = known[[0, *range(len(known)), -1]].astype(float), turned[known[[0, *range(len(known)), -1]]]
+    at[[0, -1]] = -1.0, len(turned)  # on beyond the middles of the first and the last block
+    for end, near, next_one in ((0, 1, 2), (-1, -2, -3)):
+        turns[end] += (turns[near] - turns[next_one]) * (at[end] - at[near]) / (at[near] - at[next_one])
+    out = np.interp((np.arange(n) - 0.5 * (block - 1)) / block, at, turns)
+    return np.maximum(out - out[0], 0.0).astype(np.float32)
+
+
+def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: npt.NDArray[np.float32]) -> None:
+    """Correct `turned` where a block reaches across a sector without points: there a point's own azimuth tells more."""
+    known = np.flatnonzero(np.isfinite(azimuth))
+    if len(known) < 3:
+        return
+    steps = np.diff(_unwrap(azimuth, turn)[known])
+    is_torn = np.zeros(len(azimuth), bool)
+    for k in np.flatnonzero(steps > 2.0 * np.median(steps)).tolist():
+        is_torn[known[k] : known[k + 1] + 1] = True
+    rows = np.flatnonzero(np.repeat(is_torn, block)[: len(points)])
+    x, y = points[rows, :2].astype(np.float64).T
+    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
+    rows, own = rows[is_seen], np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi)
+    start = azimuth[known[0]] - turn * turned[known[0] * block + block // 2]  # azimuth of the first point
+    off = turn * (own - start) - turned[rows]
+    turned[rows] = np.maximum(turned[rows] + off - np.rint(off), 0.0)
 
 
 def _start_of_beams(points: Points, turn: int) -> float:
@@ -198,3 +207,46 @@ def _start_of_beams(points: Points, turn: int) -> float:
     around = np.angle(np.exp(2j * np.pi * starts).mean()) / (2.0 * np.pi)
     off = turn * (starts - around)
     return float(around + turn * np.percentile(off - np.round(off), 10))
+
+
+@numba.njit(cache=True, nogil=True)
+def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
+    """Return the mean azimuth in turns of every `block` points, NaN where none is valid, and how much they agree."""
+    n_blocks = (len(points) + block - 1) // block
+    azimuth, agreement = np.full(n_blocks, np.nan), np.zeros(n_blocks)
+    for b in range(n_blocks):
+        sx, sy, n = 0.0, 0.0, 0
+        for i in range(b * block, min((b + 1) * block, len(points))):
+            x, y = float(points[i, 0]), float(points[i, 1])
+            r = np.sqrt(x * x + y * y)
+            if 0.1 < r < 1e6:  # never true of NaN
+                sx += x / r
+                sy += y / r
+                n += 1
+        if n > 0:
+            azimuth[b] = np.arctan2(sy, sx) / (2.0 * np.pi)
+            agreement[b] = np.sqrt(sx * sx + sy * sy) / n
+    return azimuth, agreement
+
+
+@numba.njit(cache=True, nogil=True)
+def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
+    """Return (N,) float32 the turns since azimuth `start` of a file sorted by beam; each beam begins anew."""
+    out = np.zeros(len(points), np.float32)
+    total, last, is_new = 0.0, 0.0, True
+    for i in range(len(points)):
+        x, y = float(points[i, 0]), float(points[i, 1])
+        r = np.sqrt(x * x + y * y)
+        if 0.1 < r < 1e6:
+            azimuth = np.arctan2(y, x) / (2.0 * np.pi)
+            step = turn * (azimuth - last)
+            step -= np.rint(step)
+            if is_new or step < -BACKWARD:
+                total = turn * (azimuth - start)
+                total -= np.floor(total + 0.1)
+                is_new = False
+            else:
+                total += step
+            last = azimuth
+        out[i] = max(total, 0.0)
+    return out

@@ -16,9 +16,9 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, sweep_times
+from automos.odometry.motion import SweepTiming, gap_edges, sweep_times
 from automos.odometry.moving_windows import MIN_BEND, Search, bend_of, moving_windows
-from automos.odometry.sweep_order import learn_drifting_gap, learn_order
+from automos.odometry.sweep_order import learn_order, sample_pairs
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -34,6 +34,8 @@ MOSTLY = 0.95
 """Of a scan's points that must."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
+MIN_GAP = 0.01
+"""Turns, narrower gaps are shadows of things."""
 N_LIKELY = 3
 """Of them, looked at closely."""
 
@@ -140,6 +142,21 @@ def _best_seam(search: Search, sequence: Sequence, untimed: list[SweepTiming]) -
     likely = search.likeliest([*circle, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
     found_among_all = search.best([*untimed, *likely])
     return found_among_all if found_among_all == SweepTiming() else search.best(likely)
+
+
+def learn_drifting_gap(sequence: Sequence) -> int:
+    """Return which way the sensor turns (+1, -1), told by a sector without points that wanders; 0 where none does.
+
+    Whoever cuts the stream before a turn is complete leaves out a sector, and the next scan begins with it.
+    """
+    turns = []
+    for i in sample_pairs(sequence):
+        (low, high), (next_low, next_high) = (gap_edges(sequence[j].points) for j in (i, i + 1))
+        width, step = 0.5 * (high - low + next_high - next_low), 0.5 * (next_low - low + next_high - high)
+        step -= round(step)
+        is_next = MIN_GAP < width < 0.8 and abs(abs(step) - width) < 0.3 * width
+        turns.append((-1 if step > 0.0 else 1) if is_next else 0)
+    return max((-1, 0, 1), key=turns.count) if turns else 0
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
