@@ -45,8 +45,10 @@ MAX_DRIFT = 0.025
 """Metres: of a part's range from the first third of the recording to the last."""
 MIN_CELLS = 4
 """Neighbouring rays that a part of the body must be met by."""
+GOES_ON = 1.4
+"""Times the reach of what was seen to keep its place, within which what hangs together with it belongs to it."""
 ATTACHED_SHARE = 0.15
-"""Of what hangs together within the body's reach, the share that must be on it for all to be."""
+"""Of what hangs together there, the share that must be on it for all to be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class EgoBody:
         is_body = cell >= 0
         if is_body.any():
             is_ground = np.zeros_like(is_body) if is_ground is None else is_ground
-            _attach(points, is_body, is_ground, float(self.reach.max()))
+            _attach(points, is_body, is_ground, GOES_ON * float(self.reach.max()))
         return is_body
 
 
