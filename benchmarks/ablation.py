@@ -1,10 +1,13 @@
 """What each choice of the preset `default` is worth: labels with one of them taken back, on the same recordings.
 
-    python benchmarks/ablation.py RECORDING [RECORDING ...] [--choices NAME ...] [--scans N] [--json FILE]
+    python benchmarks/ablation.py RECORDING [RECORDING ...] [--store FOLDER] [--choices NAME ...] [--scans N]
+                                  [--json FILE]
 
-A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"). The poses are estimated once
-a recording; only `poses not refined` has others. The table gives the IoU of the moving
-class, and in brackets the false points, with everything and with each choice taken back.
+A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`).
+A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"); one that a compiled kernel
+reads as a global cannot be taken back so. The poses are estimated once a recording; only `poses not refined` has
+others. The table gives the IoU of the moving class, and in brackets the false points, with everything and with each
+choice taken back.
 """
 
 from __future__ import annotations
@@ -22,10 +25,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 from robustness import Altered
+from store import stored_world
 
 from automos import Workspace, label, load_settings, open_sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
+from automos.scan import Sequence
 from automos.settings import PRESETS
 
 NEVER = 1e9
@@ -49,6 +54,8 @@ CHOICES: dict[str, dict[str, Any]] = {
     "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
     "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
     "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
+    "what overlaps may be another": {"automos.tracking.association:MIN_OVERLAP": 2.0},
+    "what movers pass by moves, too": {"automos.tracking.places:OUTNUMBERED": NEVER},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},
     "the paper's tracker and verdict": {f"tracking.{k}": v for k, v in PRESETS["paper"]["tracking"].items()},
 }  # fmt: skip
@@ -72,8 +79,18 @@ def changed(constants: dict[str, Any]) -> Iterator[None]:
             holder[at] = value
 
 
-def scores(path: Path, n_scans: int | None, choice: dict[str, Any], cache: Path, progress: StageProgress) -> Scores:
-    sequence, folder = open_sequence(path), cache / path.name
+def opened(recording: str, store: Path | None) -> Sequence:
+    """Return a recording by its path, or a simulated world of `store` by its name."""
+    if store is None or Path(recording).exists():
+        return open_sequence(Path(recording))
+    scenario, sensor, n_scans, seed = recording.split(":")
+    return stored_world(store, scenario, sensor, int(n_scans), int(seed))
+
+
+def scores(
+    sequence: Sequence, n_scans: int | None, choice: dict[str, Any], cache: Path, progress: StageProgress
+) -> Scores:
+    folder = cache / sequence.name
     sequence = Altered(sequence, np.arange(len(sequence))[:n_scans])
     constants = {place: value for place, value in choice.items() if ":" in place}
     overrides = {key: value for key, value in choice.items() if key not in constants}
@@ -99,20 +116,23 @@ def main() -> None:
     import tempfile
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", type=Path, nargs="+")
+    parser.add_argument("recordings", nargs="+")
+    parser.add_argument("--store", type=Path, help="folder of simulated worlds")
     parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
     parser.add_argument("--scans", type=int, help="the first so many of each recording")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    table, rows = Table("", *(path.name for path in arguments.recordings), title="IoU % (false points)"), []
+    sequences = [opened(recording, arguments.store) for recording in arguments.recordings]
+    table, rows = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)"), []
     with tempfile.TemporaryDirectory() as cache:
         for choice in arguments.choices:
             cells = []
-            for path in arguments.recordings:
-                with StageProgress(Console(stderr=True), f"{path.name}, {choice}") as progress:
-                    found = scores(path, arguments.scans, CHOICES[choice], Path(cache), progress)
+            for sequence in sequences:
+                name = sequence.name
+                with StageProgress(Console(stderr=True), f"{name}, {choice}") as progress:
+                    found = scores(sequence, arguments.scans, CHOICES[choice], Path(cache), progress)
                 cells.append(f"{100 * found.iou:.1f} ({found.false_dynamic:,})")
-                rows.append({"choice": choice, "recording": path.name, "iou": found.iou, "false": found.false_dynamic})
+                rows.append({"choice": choice, "recording": name, "iou": found.iou, "false": found.false_dynamic})
             table.add_row(choice, *cells)
             Console().print(f"{choice}: {', '.join(cells)}")
     Console().print(table)
