@@ -47,23 +47,36 @@ def test_a_start_in_full_flight_is_found():
 
 @pytest.fixture(scope="module")
 def sweeps():
-    """Return raw sweeps of a moving sensor whose points have no times, and an order that tells none."""
-    world, rng = simulate("city", "VLP-16", n_scans=60, seed=8), np.random.default_rng(0)
-    return [Scan(scan.points[rng.permutation(len(scan))], stamp=scan.stamp) for scan in world]
+    """Return raw sweeps that begin on the right, whose points have no times, and an order that tells none."""
+    rng, turned = np.random.default_rng(0), []
+    for scan in simulate("city", "VLP-16", n_scans=60, seed=8):
+        x, y, z = rng.permutation(scan.points).T
+        turned.append(Scan(np.stack([-y, x, z], axis=1), stamp=scan.stamp))
+    return turned
 
 
 def test_timing_is_taken_over_once_the_last_scans_were_followed_under_it(sweeps):
     moved = follow(sweeps)
-    known = [i for i, step in enumerate(moved) if step.posed.timing.source != "none"]
-    assert known == list(range(known[0], len(sweeps)))
-    assert [i for i, step in enumerate(moved) if step.T_before_now is not None] == known[:1]
-    again = [pair for step in moved for pair in step.again]
-    assert [came.stamp for came, _ in again] == [scan.stamp for scan in sweeps[: known[0]]]
-    assert {posed.timing for _, posed in again} == {moved[known[0]].posed.timing}
+    seams = [step.posed.timing.seam_deg for step in moved]
+    guessed, known = (i for i, step in enumerate(moved) if step.T_before_now is not None)
+    assert seams[1:known] == (known - 1) * [180.0]  # the most usual one
+    assert seams[known:] == (len(moved) - known) * [-90.0]
+    again = [pair for step in moved[guessed + 1 :] for pair in step.again]
+    assert [came.stamp for came, _ in again] == [scan.stamp for scan in sweeps[:known]][-len(again) :]
+    assert {posed.timing.seam_deg for _, posed in again} == {-90.0}
     assert max(len(step.again) for step in moved) == AT_ONCE
     # the sensor does not leap: the first scan on the new path lies where the last one and the motion want it
     steps = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
-    assert steps[known[0] - 1] == pytest.approx(steps[known[0]], abs=0.1)
+    assert steps[known - 1] == pytest.approx(steps[known], abs=0.1)
+
+
+def test_the_first_sweep_is_compensated_once_the_motion_is_known():
+    world = simulate("avenue", "VLP-16", n_scans=8, seed=5)
+    moved = follow([Scan(scan.points, stamp=scan.stamp) for scan in world])
+    true = np.linalg.norm(np.diff(world.reference_poses[:, :3, 3], axis=0), axis=1)
+    assert true.min() > 1.0  # metres a scan
+    found = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
+    np.testing.assert_allclose(found[2:], true[2:], atol=0.04)  # uncompensated: a tenth too long, for seconds
 
 
 def test_the_order_of_the_points_times_the_second_scan():
@@ -79,3 +92,12 @@ def test_an_answer_never_comes_sooner_however_fast_it_was_found():
     inquiry.ask(lambda: "second", 6.0)  # one is enough
     assert inquiry.answer(7.0 - 0.01) is None
     assert inquiry.answer(7.0) == inquiry.answer(100.0) == "first"
+
+
+def test_who_brakes_hard_is_not_held_to_the_speed_that_he_had():
+    world = simulate("scooters", "VLP-16", n_scans=12, seed=4)
+    moved = follow([Scan(scan.points, stamp=scan.stamp) for scan in world])
+    true = np.linalg.norm(np.diff(world.reference_poses[:, :3, 3], axis=0), axis=1)
+    assert np.mean(-np.diff(true)) > 0.03  # metres a scan and scan: 3 m/s^2 all the time, among traffic
+    found = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
+    np.testing.assert_allclose(found[3:], true[3:], atol=0.05)

@@ -91,7 +91,7 @@ def choose_timing(
     timed = _recorded_timings(sequence, clock, wanted)
     if wanted in ("file", "order"):
         return TimingChoice(timed[0])
-    is_round = _sees_all_round(sequence)
+    is_round = sees_all_round(sequence)
     if wanted == "auto" and not timed and not is_round:
         return TimingChoice(SweepTiming())
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
@@ -107,7 +107,7 @@ def choose_timing(
             break
     if best is None:  # nothing bends where nothing moves, or nothing is there to tell
         from_file = [timing for timing in timed if timing.source == "file"]
-        return TimingChoice([*from_file, *untimed, *timed, _rear()][0])
+        return TimingChoice([*from_file, *untimed, *timed, rear_seam()][0])
     choice = TimingChoice(best, search.misfits, tuple((w.first, w.T_world_sensor) for w in search.windows))
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
@@ -167,7 +167,8 @@ def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
     return sorted({0.5, *(round(share, 3) for share in usual if share < 0.45)})
 
 
-def _rear() -> SweepTiming:
+def rear_seam() -> SweepTiming:
+    """Return the most usual timing of a sensor that turns: clockwise, from behind to behind."""
     return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
 
 
@@ -215,7 +216,7 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
     return SweepTiming("file", duration=duration, share=duration / period)
 
 
-def _sees_all_round(sequence: Sequence) -> bool:
+def sees_all_round(sequence: Sequence) -> bool:
     """Return whether a scan has points in nearly all directions, as a sensor that spins about its z axis has."""
     scan = sequence[len(sequence) // 2]
     x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]

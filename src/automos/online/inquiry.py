@@ -15,7 +15,7 @@ from automos.array_sequence import ArraySequence
 from automos.odometry.clock import read_clock
 from automos.odometry.motion import SweepTiming
 from automos.odometry.sweep_order import learn_order
-from automos.odometry.timing import choose_timing
+from automos.odometry.timing import choose_timing, rear_seam, sees_all_round
 from automos.scan import Scan
 from automos.settings import OdometrySettings
 
@@ -69,9 +69,10 @@ def told_by(scan: Scan) -> SweepTiming | None:
     return SweepTiming("file", duration=duration, share=1.0) if np.isfinite(duration) and duration > 0.0 else None
 
 
-def timing_of_order(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:
-    """Return the timing that the order of the points in two scans tells; None where it tells none, or is not wanted."""
-    order = learn_order(ArraySequence(scans)) if settings.time in ("auto", "order") else None
-    if order is None:
-        return None
-    return SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
+def usual_timing(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:
+    """Return how sweeps are likely timed, from two scans without times; None for a sensor that does not turn."""
+    sequence = ArraySequence(scans)
+    order = learn_order(sequence) if settings.time in ("auto", "order") else None
+    if order is not None:
+        return SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
+    return rear_seam() if settings.time in ("auto", "azimuth") and sees_all_round(sequence) else None

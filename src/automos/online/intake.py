@@ -20,6 +20,8 @@ LONGEST_GAP = 0.8
 """Seconds without scans after which no object is followed any more, and another sensor may have taken over."""
 USUAL_GAPS = 3.0
 """Times as long as usual that this must be: some sensors take a scan a second."""
+LEAST_STEP = 1e-3
+"""Seconds: no sensor takes a scan so soon after another, so a stamp that says so is no later."""
 MOST_LATE = 5
 """Scans in a row that are older than what came before: then the clock was set back."""
 
@@ -81,10 +83,13 @@ class Intake:
             return Kind.REPEAT, "it is the scan before once more; it gets the same labels"
         if _n_lidars(scan) != self._n_lidars:
             return Kind.RESTART, f"it is of {_n_lidars(scan)} LiDARs, after {self._n_lidars}; everything begins anew"
-        if stamp <= self._stamp:
+        if stamp < self._stamp + LEAST_STEP:
             self._n_late += 1
             if self._n_late < MOST_LATE:
-                return Kind.LATE, f"it is {self._stamp - stamp:.3f} s older than the scan before; left out, unlabelled"
+                return (
+                    Kind.LATE,
+                    f"it is no later than the scan before ({stamp - self._stamp:+.3f} s); left out, unlabelled",
+                )
             return Kind.RESTART, f"the clock has gone back to {stamp:.3f} s; everything begins anew"
         gap = stamp - self._stamp
         usual = float(np.median(self._steps)) if self._steps else LONGEST_GAP

@@ -19,13 +19,13 @@ from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import TRIAL_SCANS, find_start
 from automos.odometry.motion import SweepTiming
 from automos.odometry.moving_windows import MIN_BEND
-from automos.online.inquiry import Inquiry, find_timing, timing_of_order, told_by
+from automos.online.inquiry import Inquiry, find_timing, told_by, usual_timing
 from automos.online.path import Came, Path, Posed
 from automos.scan import Pose, Scan
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16
-"""In which the sensor moves, from which it is found out how sweeps are timed."""
+"""In which the sensor moves, from which it is found out how sweeps are timed: fewer have misled."""
 OTHER_START = 0.3
 """Metres from scan to scan between two starts that are not the same."""
 REMADE = 40
@@ -59,12 +59,15 @@ class _Correction:
 
     def __init__(self, path: Path, todo: list[Came], pool: ThreadPoolExecutor):
         self.path, self._pool = path, pool
+        self.made: list[tuple[Came, Pose]] = []
         self._todo = deque(todo)
         self._asked: Future[list[tuple[Came, Posed]]] | None = None
 
     def advance(self) -> list[tuple[Came, Posed]]:
         """Return the scans that were followed since `add`."""
-        return [] if self._asked is None else self._asked.result()
+        done = [] if self._asked is None else self._asked.result()
+        self.made += [(came, posed.T_world_sensor) for came, posed in done]
+        return done
 
     def add(self, came: Came) -> None:
         """Take a scan that has come meanwhile, and begin on the next few."""
@@ -96,7 +99,7 @@ class CausalOdometry:
         self._start: Inquiry[npt.NDArray[np.float64]] | None = Inquiry(1.0)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._last = deque[tuple[Came, Pose]](maxlen=REMADE)
-        self._path = Path(settings, timing or SweepTiming(), np.zeros(6), np.eye(4))
+        self._path = Path(settings, timing or SweepTiming(), None, np.eye(4))
         self._correction: _Correction | None = None
 
     def step(self, scan: Scan) -> Moved:
@@ -114,10 +117,10 @@ class CausalOdometry:
         return Moved(came.stamp, posed, tuple(again), T_before_now)
 
     def _guess_timing(self, scan: Scan) -> None:
-        """Take points for timed as they say, or as their order does from the second scan on; streams come raw."""
+        """Take points for timed as they say, or as is usual, from the second scan on: what a sensor sends is raw."""
         timing = told_by(scan)
         if timing is None and self._n == 1:
-            timing = timing_of_order([self._last[0][0].scan, scan], self._settings)
+            timing = usual_timing([self._last[0][0].scan, scan], self._settings)
         if timing is not None:
             self._path.timing = timing
 
@@ -128,46 +131,48 @@ class CausalOdometry:
             first = [came for came, _ in self._last]
             scans, gaps = [came.scan for came in first], np.array([came.gap for came in first[1:]])
             self._start.ask(lambda: find_start(scans, settings, timing, gaps), self._stamp)
-        if self._choice is None or self._choice.is_asked or self._n % TIMING_SCANS:
-            return
-        last = list(self._last)[-TIMING_SCANS:]
-        come = np.linalg.norm(np.diff([T[:3, 3] for _, T in last], axis=0), axis=1)
-        if len(last) > 1 and come.mean() >= MIN_BEND:
-            moving = [replace(came.scan, stamp=came.stamp) for came, _ in last]
-            self._choice.ask(lambda: find_timing(moving, settings, self._is_compensated), self._stamp)
+        if self._choice is not None and not self._choice.is_asked and self._n >= TIMING_SCANS:
+            last = list(self._last)[-TIMING_SCANS:]
+            come = np.linalg.norm(np.diff([T[:3, 3] for _, T in last], axis=0), axis=1)
+            if come.mean() >= MIN_BEND:
+                moving = [replace(came.scan, stamp=came.stamp) for came, _ in last]
+                self._choice.ask(lambda: find_timing(moving, settings, self._is_compensated), self._stamp)
 
     def _correct(self) -> tuple[list[tuple[Came, Posed]], Pose | None]:
         """Hear what was found out, and follow the last scans once more if need be."""
-        self._hear()
         if self._correction is None:
+            self._correction = self._hear()
+        if self._correction is None:
+            if self._start is None and self._choice is None:
+                self._last.clear()
             return [], None
         again, T_before_now = self._correction.advance(), None
         if self._correction.has_caught_up:
             T_before_now = self._path.T_world_sensor @ inverse(self._correction.path.T_world_sensor)
+            self._last = deque(self._correction.made, maxlen=REMADE)
             self._path, self._correction = self._correction.path, None
-            if self._start is None and self._choice is None:
-                self._last.clear()
         return again, T_before_now
 
-    def _hear(self) -> None:
-        """Begin a correction where something was found out that changes where the last scans lie."""
-        if self._correction is not None:
-            return
+    def _hear(self) -> _Correction | None:
+        """Return the correction that is due where something was found out that changes where the last scans lie."""
+        if self._n == 2 and self._path.timing.share:  # now it is known how the first sweep was bent
+            return self._follow_again(self._path.timing, self._path.twist)
         start = None if self._start is None else self._start.answer(self._stamp)
         timing = None if self._choice is None else self._choice.answer(self._stamp)
         if start is None and timing is None:
-            return
-        twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
-        is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
-        is_other_timing = timing is not None and timing != self._path.timing
+            return None
         self._start = self._start if start is None else None
         self._choice = self._choice if timing is None else None
-        if is_other_start or is_other_timing:
-            T_first = self._last[0][1]
-            path = Path(self._settings, timing or self._path.timing, twist if start is None else start, T_first)
-            self._correction = _Correction(path, [came for came, _ in self._last], self._pool)
-        elif self._start is None and self._choice is None:
-            self._last.clear()
+        twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
+        is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
+        if not is_other_start and (timing is None or str(timing) == str(self._path.timing)):  # else by a hair
+            return None
+        return self._follow_again(timing or self._path.timing, twist if start is None else start)
+
+    def _follow_again(self, timing: SweepTiming, twist: npt.NDArray[np.float64]) -> _Correction:
+        """Return another path through the last scans, with a first motion of `twist` per usual gap."""
+        path = Path(self._settings, timing, twist, self._last[0][1])
+        return _Correction(path, [came for came, _ in self._last], self._pool)
 
     @property
     def _period(self) -> float:

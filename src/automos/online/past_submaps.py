@@ -24,6 +24,8 @@ from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
 ON_PAST = Alignment()
+SUDDEN = 2.0
+"""Usual accelerations at which one counts half as unlikely as by a normal distribution."""
 FIRST_MOTION = np.array([2.0, 0.2])
 """Metres and radians that the sensor may move from the first scan to the second."""
 
@@ -63,11 +65,16 @@ class Come:
     share: float
     is_first: bool
 
-    def evenness(self, settings: OdometrySettings) -> Array:
-        """Return (6,) inverse variances of the motion around what is expected."""
+    def evenness(self, off: Array, settings: OdometrySettings) -> Array:
+        """Return (6,) weights of even motion against a motion that is `off` (6,) from what is expected.
+
+        Its tails are heavy (Cauchy): who brakes hard among traffic is not held to the speed that he had.
+        """
         usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])
         spread = usual * self.period**2 * self.gap
-        return 1.0 / np.repeat(np.maximum(spread, FIRST_MOTION) if self.is_first else spread, 3) ** 2
+        spread = np.maximum(spread, FIRST_MOTION) if self.is_first else spread
+        far = np.linalg.norm(off.reshape(2, 3), axis=1) / (SUDDEN * spread)
+        return np.repeat(1.0 / spread**2 / (1.0 + far**2), 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +137,7 @@ class PastSubmaps:
             if not H.any():
                 return nothing
             off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
-            even = come.evenness(self._settings)
+            even = come.evenness(off, self._settings)
             step = -np.linalg.solve(H + np.diag(even), g + even * off)
             T = T @ se3_exp(step)
             twist = se3_log(inverse(come.T_world_last) @ T) / come.gap

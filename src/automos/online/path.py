@@ -56,9 +56,17 @@ class Posed:
 class Path:
     """The motion of the sensor, scan by scan."""
 
-    def __init__(self, settings: OdometrySettings, timing: SweepTiming, twist: npt.ArrayLike, T_world_first: Pose):
-        """Take how sweeps are timed, the (6,) motion per usual gap that is expected at first, and the first pose."""
-        self.timing, self.twist, self.T_world_sensor = timing, np.asarray(twist, np.float64), T_world_first
+    def __init__(
+        self,
+        settings: OdometrySettings,
+        timing: SweepTiming,
+        twist: npt.NDArray[np.float64] | None,
+        T_world_first: Pose,
+    ):
+        """Take how sweeps are timed, the (6,) motion per usual gap at first if that is known, and the first pose."""
+        self.timing, self.T_world_sensor = timing, T_world_first
+        self.twist = np.zeros(6) if twist is None else twist
+        self._is_start_known = twist is not None
         self._settings = settings
         self._past, self._near = PastSubmaps(settings), NearMap(settings)
         self._shares = deque[float](maxlen=20)
@@ -73,7 +81,8 @@ class Path:
         if self._n == 0:
             step = np.zeros(6)
         elif len(points) >= MIN_POINTS:
-            how = Come(came.stamp, self.T_world_sensor, came.gap, self.twist, came.period, share, self._n == 1)
+            is_first = self._n == 1 and not self._is_start_known
+            how = Come(came.stamp, self.T_world_sensor, came.gap, self.twist, came.period, share, is_first)
             laid = self._lay(surfels, how)
             step = np.round(se3_log(inverse(self.T_world_sensor) @ laid.T_world_sensor), STEP_DIGITS)
             self.twist, surfels = step / came.gap, laid.surfels
@@ -88,7 +97,7 @@ class Path:
         expected = come.T_world_last @ se3_exp(come.gap * come.twist)
         laid = self._past.lay([expected], surfels, come)
         usual = float(np.median(self._shares)) if self._shares else 1.0
-        if self._n < START_SCANS or laid.share < DOUBTFUL * usual:
+        if (self._n < START_SCANS and not self._is_start_known) or laid.share < DOUBTFUL * usual:
             guesses = [self._near.register(surfels, expected)]
             if come.is_first:
                 guesses += [come.T_world_last @ se3_exp(step) for step in FIRST_STEPS]
