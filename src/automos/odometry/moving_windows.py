@@ -103,8 +103,8 @@ def moving_windows(
         if window is not None:
             yield window
             found += 1
-        if found == WINDOWS:
-            return
+            if found == WINDOWS:
+                return
 
 
 def _moving_window(
@@ -132,8 +132,8 @@ def _moving_window(
 
 def bend_of(T_world_sensor: Pose) -> float:
     """Return by how many metres the motion between neighbouring scans bends a sweep, on average."""
-    twists = se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:])
-    bends = np.linalg.norm(twists[:, :3], axis=1) + NEAR * np.linalg.norm(twists[:, 3:], axis=1)
+    come, turned = np.split(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]), 2, axis=1)
+    bends = np.linalg.norm(come, axis=1) + NEAR * np.linalg.norm(turned, axis=1)
     return float(bends.mean()) if len(bends) else 0.0
 
 
@@ -231,7 +231,8 @@ class Search:
             if np.isfinite(value):
                 self.misfits.setdefault(str(guess), base + float(value))
         more, error = _compare(found, found[best])
-        is_other = np.array([_kind(guess) != _kind(guesses[best]) for guess in guesses]) & np.isfinite(more)
+        kinds = [(guess.source, guess.share) for guess in guesses]
+        is_other = np.array([kind != kinds[best] for kind in kinds]) & np.isfinite(more)
         more, error = more[is_other], error[is_other]
         self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > CLEAR_ERRORS * error)).all())
         return guesses[best]
@@ -245,7 +246,3 @@ def _compare(found: Array, best: Array) -> tuple[Array, Array]:
     more = np.ma.masked_invalid(found - best)
     error = more.std(axis=1) / np.sqrt(more.count(axis=1) / LINKS_OF_A_SCAN)
     return more.mean(axis=1).filled(np.nan), error.filled(np.nan)
-
-
-def _kind(timing: SweepTiming) -> tuple[str, float]:
-    return timing.source, timing.share

@@ -93,8 +93,7 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
     n = sum(len(part) for part in parts)
     size = 1 << max(n, 16).bit_length()  # one slot more than there are surfels at least: a search ends at an empty one
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
-    sums = np.empty((n, 10))
-    m = 0
+    sums, m = np.empty((n, 10)), 0
     for part, T in zip(parts, T_center_parts, strict=True):
         m = _add_surfels(part.mean, part.covariance, part.count, np.ascontiguousarray(T), keys, rows, sums, m)
     mean, axes, variance = _shape_voxels(sums[:m])

@@ -124,8 +124,7 @@ def _read(scan: Scan) -> tuple[By, int, float, float] | None:
     is_known = np.isfinite(azimuth)
     if is_known.sum() < 10:
         return None
-    steps = np.diff(azimuth[is_known])
-    steps -= np.round(steps)
+    steps = np.diff(azimuth[is_known]) - np.round(np.diff(azimuth[is_known]))
     turn = 1 if steps.sum() > 0.0 else -1
     if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > MIN_STEADY:
         whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
@@ -141,8 +140,7 @@ def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
     if len(valid) < N_BLOCKS:
         return None
     azimuth = np.arctan2(scan.points[valid, 1], scan.points[valid, 0]) / (2.0 * np.pi)
-    steps = np.diff(azimuth)
-    steps -= np.round(steps)
+    steps = np.diff(azimuth) - np.round(np.diff(azimuth))
     turn = 1 if np.median(steps) > 0.0 else -1
     is_back = turn * steps < -BACKWARD
     if is_back.sum() < 3 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
@@ -158,8 +156,8 @@ def _unwrap(azimuth: Array, turn: int) -> Array:
     """Return how far each block lies behind the first, in turns: a gap is passed in the sensor's own direction."""
     out, is_known = np.full(len(azimuth), np.nan), np.isfinite(azimuth)
     if is_known.any():
-        steps = turn * np.diff(azimuth[is_known])
-        out[is_known] = np.concatenate([[0.0], np.cumsum(steps - np.floor(steps + NOISE))])
+        steps = turn * np.diff(azimuth[is_known], prepend=azimuth[is_known][0])
+        out[is_known] = np.cumsum(steps - np.floor(steps + NOISE))
     return out
 
 
@@ -181,8 +179,7 @@ def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: 
     known = np.flatnonzero(np.isfinite(azimuth))
     if len(known) < 3:
         return
-    steps = np.diff(_unwrap(azimuth, turn)[known])
-    is_torn = np.zeros(len(azimuth), bool)
+    steps, is_torn = np.diff(_unwrap(azimuth, turn)[known]), np.zeros(len(azimuth), bool)
     for k in np.flatnonzero(steps > 2.0 * np.median(steps)).tolist():
         is_torn[known[k] : known[k + 1] + 1] = True
     rows = np.flatnonzero(np.repeat(is_torn, block)[: len(points)])
