@@ -12,7 +12,7 @@ from automos.baselines.hmm_mos import otsu_threshold
 from automos.baselines.methods import BASELINES
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
-from automos.baselines.regions import drop_small_regions, grow_regions
+from automos.baselines.regions import grow_regions
 from automos.errors import MissingExtraError
 from automos.scan import Frame
 from automos.settings import load_settings
@@ -113,13 +113,6 @@ def test_regions_grow_step_by_step_and_not_over_gaps():
     assert grow_regions(points, seed, everything, 0.5, 9).tolist() == [True, True, True, True, False]
     blocked = np.array([True, True, False, True, True])
     assert grow_regions(points, seed, blocked, 0.5, 9).tolist() == [True, True, False, False, False]
-
-
-def test_small_regions_are_dropped():
-    points = np.array([[0.0, 0, 0], [0.2, 0, 0], [0.4, 0, 0], [9.0, 0, 0]])
-    member = np.ones(4, bool)
-    assert drop_small_regions(points, member, 0.5, 2).tolist() == [True, True, True, False]
-    assert drop_small_regions(points, ~member, 0.5, 2).tolist() == [False] * 4
 
 
 def test_a_method_without_its_library_says_which_extra_to_install(monkeypatch):

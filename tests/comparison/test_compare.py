@@ -18,9 +18,10 @@ from automos.cli import app
 from automos.comparison import runs as runs_module
 from automos.comparison.agreement import Agreement, measure_agreement
 from automos.comparison.compare import Comparison, compare, write_comparison
+from automos.comparison.cost import Cost
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import TITLES, choose_methods
-from automos.comparison.runs import Cost, MethodRuns
+from automos.comparison.runs import MethodRuns
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 

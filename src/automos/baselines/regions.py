@@ -31,20 +31,6 @@ def grow_regions(points: npt.NDArray, is_seed: Mask, is_object: Mask, voxel: flo
     return out
 
 
-def drop_small_regions(points: npt.NDArray, is_member: Mask, voxel: float, min_points: int) -> Mask:
-    """Return (M,) bool: `is_member` without regions of touching voxels that hold fewer than `min_points` of them.
-
-    points : (M, 3) metres.   voxel : metres.
-    """
-    rows = np.flatnonzero(is_member)
-    if not len(rows):
-        return is_member
-    region_of, _ = label_regions(points[rows], voxel, 1)
-    out = np.zeros_like(is_member)
-    out[rows] = np.bincount(region_of)[region_of] >= min_points
-    return out
-
-
 def label_regions(points: npt.NDArray, voxel: float, reach: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Return (M,) int32 the region of each point and (M,) int32 its voxel; voxels are joined over `reach` steps.
 

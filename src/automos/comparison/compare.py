@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.comparison.agreement import Agreement, measure_agreement
+from automos.comparison.cost import Cost
 from automos.comparison.labelers import TITLES, choose_methods
 from automos.comparison.panel import choose_scan, draw_panel
-from automos.comparison.runs import Cost, MethodRuns, is_moving
+from automos.comparison.runs import MethodRuns, is_moving
 from automos.errors import InputError, MissingExtraError
 from automos.evaluation.moving import Counts, Scores, count
 

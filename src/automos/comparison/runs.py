@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import json
 import shutil
-import statistics
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.baselines.methods import published
+from automos.comparison.cost import Cost, read_cost
 from automos.comparison.effort import Effort
 from automos.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.errors import InputError
@@ -31,53 +31,11 @@ from automos.labels import Label, to_mos
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import stage_keys
-from automos.reading import read_json
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
 from automos.working_folder import starting_processes
 from automos.workspace import Workspace, fingerprint
-
-ALONE = 0.1
-"""Processor cores that others may keep busy while something is timed; where more were, seconds are upper bounds."""
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a method took, once for each time it was run. Bytes, seconds and cores are nan where they cannot be told.
-
-    Attributes
-    ----------
-    seconds : per scan, by the clock.
-    busy : per scan, seconds of processor time.
-    memory : bytes, at most, of the process and its children with all their libraries.
-    others : processor cores that other programs kept busy meanwhile.
-    """
-
-    seconds: list[float]
-    busy: list[float]
-    memory: list[float]
-    others: list[float]
-
-    @property
-    def seconds_per_scan(self) -> float:
-        """The median of the runs."""
-        return statistics.median(self.seconds)
-
-    @property
-    def spread(self) -> float:
-        """Seconds per scan between the quickest run and the slowest."""
-        return max(self.seconds) - min(self.seconds)
-
-    @property
-    def peak_memory(self) -> float:
-        """Bytes, the most of all runs."""
-        return max(self.memory)
-
-    @property
-    def was_alone(self) -> bool:
-        """Whether the machine had hardly anything else to do."""
-        return max(self.others) <= ALONE
 
 
 class MethodRuns:
@@ -184,7 +142,7 @@ class MethodRuns:
             return None
         key = self._fingerprint(method)
         file = self.folder / method / "cost.json"
-        cost = _read_cost(file, key)
+        cost = read_cost(file, key)
         if cost is None or len(cost.seconds) < self.repeats:
             shutil.rmtree(self.folder / method, ignore_errors=True)
             trajectory = self.trajectory_of(method)
@@ -205,14 +163,6 @@ class MethodRuns:
         if method in self._others:
             return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
         return read_labels(self.folder / method / "predictions" / f"{name}.label", n_points)
-
-
-def _read_cost(file: Path, key: str) -> Cost | None:
-    try:
-        found = read_json(file)
-        return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError):  # damaged from outside: it is run again
-        return None
 
 
 def _in_own_process(*task: object) -> Cost:

@@ -1,0 +1,59 @@
+"""What a method took on a recording, once for each time it was run."""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass
+from pathlib import Path
+
+from automos.reading import read_json
+
+ALONE = 0.1
+"""Processor cores that others may keep busy while something is timed; where more were, seconds are upper bounds."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a method took, once for each time it was run. Bytes, seconds and cores are nan where they cannot be told.
+
+    Attributes
+    ----------
+    seconds : per scan, by the clock.
+    busy : per scan, seconds of processor time.
+    memory : bytes, at most, of the process and its children with all their libraries.
+    others : processor cores that other programs kept busy meanwhile.
+    """
+
+    seconds: list[float]
+    busy: list[float]
+    memory: list[float]
+    others: list[float]
+
+    @property
+    def seconds_per_scan(self) -> float:
+        """The median of the runs."""
+        return statistics.median(self.seconds)
+
+    @property
+    def spread(self) -> float:
+        """Seconds per scan between the quickest run and the slowest."""
+        return max(self.seconds) - min(self.seconds)
+
+    @property
+    def peak_memory(self) -> float:
+        """Bytes, the most of all runs."""
+        return max(self.memory)
+
+    @property
+    def was_alone(self) -> bool:
+        """Whether the machine had hardly anything else to do."""
+        return max(self.others) <= ALONE
+
+
+def read_cost(file: Path, key: str) -> Cost | None:
+    """Return what is kept in `file` of a run with fingerprint `key`; None where there is none."""
+    try:
+        found = read_json(file)
+        return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError):  # damaged from outside: it is run again
+        return None
