@@ -1,4 +1,4 @@
-"""The first run compiles in two processes; later ones find everything there."""
+"""The first run compiles in several processes; later ones find everything there."""
 
 import os
 import subprocess
@@ -7,28 +7,30 @@ import sys
 import pytest
 
 from automos import compiling
-from automos.compiling import LINE, compiling_beside
+from automos.compiling import LINE, SHARES, compiling_beside
 
-FRESH = """
-import sys
+AFTER = """
 from automos import compiling
 
 print(compiling.is_cold())
-compiling.compile_all(knows_poses=True)
-print(compiling.is_cold())
+compiling.compile_all()
 """
 
 
-def test_once_compiled_it_is_not_cold_any_more_and_what_labels_is_in_the_cache(tmp_path):
+@pytest.mark.slow
+def test_the_shares_together_compile_all_that_labelling_needs(tmp_path):
     cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    run = subprocess.run([sys.executable, "-c", FRESH], env=cache, capture_output=True, text=True, check=True)
-    assert run.stdout.split() == ["True", "False"]
-    kept = {path.name.partition("-")[0] for path in tmp_path.rglob("*.nbi")}
-    assert {"free_space_vote.look_through", "segments._segment", "boxes._fit", "completion._fill"} <= kept
+    for share in SHARES:
+        subprocess.run([sys.executable, "-m", "automos.compiling", share], env=cache, check=True)
+    there = set(tmp_path.rglob("*.nbc"))
+    assert len(there) > 50
+    run = subprocess.run([sys.executable, "-c", AFTER], env=cache, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False"]
+    assert sorted(set(tmp_path.rglob("*.nbc")) - there) == []
 
 
 @pytest.mark.parametrize(("is_cold", "cores", "starts"), [(True, 2, True), (True, 1, False), (False, 2, False)])
-def test_a_second_process_is_started_only_where_it_helps(monkeypatch, is_cold, cores, starts):
+def test_other_processes_are_started_only_where_they_help(monkeypatch, is_cold, cores, starts):
     started, said = [], []
 
     class Process:
@@ -41,6 +43,6 @@ def test_a_second_process_is_started_only_where_it_helps(monkeypatch, is_cold, c
     monkeypatch.setattr(compiling, "is_cold", lambda: is_cold)
     monkeypatch.setattr(compiling, "available_cores", lambda: cores)
     monkeypatch.setattr(compiling.subprocess, "Popen", Process)
-    with compiling_beside(said.append, knows_poses=True):
-        assert bool(started) == starts
+    with compiling_beside(said.append, ("candidates", "objects")):
+        assert [command[-1] for command in started] == (["candidates", "objects"] if starts else [])
     assert said == ([LINE] if is_cold else [])

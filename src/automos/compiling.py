@@ -1,8 +1,9 @@
-"""Kernels are compiled once, when they first run, and kept on disk by numba; on the first run, two at a time.
+"""Kernels are compiled once, when they first run, and kept on disk by numba; on the first run, several at a time.
 
-Compiling takes numba's lock, so threads do not share it out; processes do. On a first run a second process labels a
-small made-up recording while this one reads files and finds the poses of the real one: when candidates, instances and
-labels are looked for, their kernels are there. `python -m automos.compiling` compiles all, ahead of any run.
+Compiling takes numba's lock, so threads do not share it out; processes do. On a first run other processes compile what
+candidates and objects need, each on a made-up recording, while this one reads files and finds the poses of the real
+one: when it gets there, those kernels are there. Shares have no kernel in common, or it would be compiled twice.
+`python -m automos.compiling` compiles all, ahead of any run.
 """
 
 from __future__ import annotations
@@ -16,41 +17,51 @@ from pathlib import Path
 
 import numpy as np
 
+from automos.array_sequence import ArraySequence
+from automos.geometry import make_transform
+from automos.odometry.motion import SweepTiming
+from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
+from automos.pipeline import Steps
+from automos.scan import GROUND, OBJECT
+from automos.settings import load_settings
+from automos.stages import candidates_of
 from automos.working_folder import SAFE_PATH
+from automos.workspace import Arrays
 
+SHARES = ("poses", "candidates", "objects")
+"""What is compiled apart, each about a third: odometry; free space; segments, tracks, verdicts and labels."""
 LINE = "compiling once: this first run takes longer than those that follow"
 
 
 @contextmanager
-def compiling_beside(tell: Callable[[str], object], knows_poses: bool) -> Iterator[None]:
-    """Compile what labelling needs in a process of its own while the context's body runs, if this is the first run.
+def compiling_beside(tell: Callable[[str], object], shares: tuple[str, ...]) -> Iterator[None]:
+    """Compile `shares` of `SHARES` in a process each while the context's body runs, if this is the first run.
 
-    Parameters
-    ----------
     tell : called with one line for the user where something is to be compiled.
-    knows_poses : whether the kernels of odometry are left to the body.
     """
     if not is_cold():
         yield
         return
     tell(LINE)
-    if available_cores() == 1:
+    beside = [_started(share) for share in shares] if available_cores() > 1 else []
+    try:
         yield
-        return
-    beside = subprocess.Popen(
-        [sys.executable, "-m", "automos.compiling", *(["knows_poses"] if knows_poses else [])],
+    finally:
+        for process in beside:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+
+
+def _started(share: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "automos.compiling", share],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, **SAFE_PATH},
     )
-    try:
-        yield
-    finally:
-        if beside.poll() is None:
-            beside.terminate()
-            beside.wait()
 
 
 def is_cold() -> bool:
@@ -64,19 +75,57 @@ def is_cold() -> bool:
     return not any(file.stat().st_mtime >= source for file in Path(kept.cache_path).glob("completion._fill-*.nbi"))
 
 
-def compile_all(knows_poses: bool = False) -> None:
-    """Label a small recording, so that all that labelling needs is compiled; odometry too, unless it `knows_poses`."""
-    from automos.array_sequence import ArraySequence
-    from automos.pipeline import label
-
-    stamps = 0.1 * np.arange(24)
-    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
-    poses[:, 0, 3] = _SPEED * stamps
-    label(ArraySequence([made_up_sweep(t) for t in stamps], stamps), poses=poses if knows_poses else None, workers=1)
+def compile_all() -> None:
+    """Label a small recording, so that all that labelling needs is compiled."""
+    _small_run().labels()
 
 
+def compile_share(share: str) -> None:
+    """Compile what one of `SHARES` needs; results of the stages before it are made up, so that these need nothing."""
+    steps = _small_run()
+    if share == "poses":
+        steps.trajectory  # noqa: B018
+        return
+    n = len(steps.sequence)
+    T, motion = np.tile(np.eye(4), (n, 1, 1)), np.zeros((n, 6))
+    T[:, 0, 3], motion[:, 0] = _SPEED * _STAMPS, 0.1 * _SPEED
+    timing = SweepTiming("azimuth", turn=1, seam_deg=180.0, share=1.0)
+    steps.run.fill("odometry", {"all": Trajectory(T, _STAMPS, motion, timing, make_transform(t=_SENSOR)).to_arrays()})
+    if share == "candidates":
+        steps.candidates()
+        return
+    steps.run.fill(
+        "candidates",
+        {name: _made_up_candidates(steps.frames[i].points_level, _STAMPS[i]) for i, name in enumerate(steps.run.names)},
+    )
+    steps.labels()
+
+
+def _small_run() -> Steps:
+    recording = ArraySequence([made_up_sweep(t) for t in _STAMPS], _STAMPS)
+    return Steps(recording, load_settings("default"), workers=1)
+
+
+def _made_up_candidates(points_level: np.ndarray, stamp: float) -> Arrays:
+    """Return what is known of a made-up sweep's points: the box has moved, the walls stay."""
+    off = np.abs(points_level - _box_center(stamp))
+    log_odds = np.where((off < _BOX + np.array([1.0, 0.1, 0.1])).all(axis=1), 4.0, -4.0)
+    kind = np.where(points_level[:, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
+    solidity = np.full(len(kind), 255, np.uint8)
+    return candidates_of(log_odds, kind, points_level[:, 2], solidity, np.array([0.0145, 0.014]))
+
+
+_STAMPS = np.array([0.1 * k for k in range(24)], np.float64)
 _SPEED = 3.0
 """Metres per second of the sensor, so that its sweeps need compensation."""
+_SENSOR = np.array([0.0, 0.0, 1.8])
+"""Metres, where it is at first."""
+_BOX = np.array([2.0, 0.9, 0.7])
+"""Metres, half the size of what overtakes it."""
+
+
+def _box_center(time: float | np.ndarray) -> np.ndarray:
+    return 9.0 * np.asarray(time)[..., None] * np.array([1.0, 0.0, 0.0]) + np.array([-7.0, 5.0, 0.8])
 
 
 def made_up_sweep(stamp: float) -> np.ndarray:
@@ -84,14 +133,16 @@ def made_up_sweep(stamp: float) -> np.ndarray:
     turn, elevation = np.meshgrid(np.arange(0.1, 360.0, 0.8) / 360.0, np.linspace(-0.38, 0.07, 32), indexing="ij")
     azimuth, time = 2.0 * np.pi * turn.ravel() - np.pi, stamp + 0.1 * turn.ravel() - 0.05
     rays = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation.ravel())])
-    ahead = np.array([1.0, 0.0, 0.0])
-    sensor = _SPEED * time[:, None] * ahead + np.array([0.0, 0.0, 1.8])
+    sensor = _SPEED * time[:, None] * np.array([1.0, 0.0, 0.0]) + _SENSOR
     distance = ((np.where(rays > 0, [30.0, 12.0, np.inf], [-20.0, -12.0, 0.0]) - sensor) / rays).min(axis=1)
-    car, half = 9.0 * time[:, None] * ahead + np.array([-7.0, 5.0, 0.8]), np.array([2.0, 0.9, 0.7])
-    faces = np.sort([(car - half - sensor) / rays, (car + half - sensor) / rays], axis=0)
+    center = _box_center(time)
+    faces = np.sort([(center - _BOX - sensor) / rays, (center + _BOX - sensor) / rays], axis=0)
     enters, leaves = faces[0].max(axis=1), faces[1].min(axis=1)
     return np.where((enters > 0) & (enters < leaves), enters, distance)[:, None] * rays
 
 
 if __name__ == "__main__":
-    compile_all(knows_poses="knows_poses" in sys.argv[1:])
+    if sys.argv[1:]:
+        compile_share(sys.argv[1])
+    else:
+        compile_all()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy.typing as npt
@@ -51,6 +51,12 @@ class Run:
                     done += 1
                     self._progress(name, done, len(scans))
         return stage
+
+    def fill(self, name: str, results: Mapping[str, Arrays]) -> None:
+        """Take `results` of a stage, by scan or as "all", as if it had made them."""
+        stage = self._workspace.stage(name, self.keys[name])
+        for key, arrays in results.items():
+            stage.save(key, arrays)
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:

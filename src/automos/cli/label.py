@@ -96,7 +96,7 @@ def _label_here(
 
     sequence = open_sequence(found.source, found.format)
     began, before = time.perf_counter(), Workspace(folder).read_run()
-    with compiling_beside(console.print, knows_poses=True):
+    with compiling_beside(console.print, ("candidates", "objects")):
         run = label_recording(sequence, folder, settings, *poses, workers, console)
     output.print(summary(run, folder, time.perf_counter() - began, run == before))
 

@@ -20,12 +20,12 @@ def demo(
     preset: Preset = "default",
 ) -> None:
     """Simulate a street, label it, score it and draw it: the first minute."""
-    from automos.compiling import compiling_beside
+    from automos.compiling import SHARES, compiling_beside
     from automos.demo import run_demo
     from automos.progress import StageProgress
     from automos.settings import load_settings
 
-    with compiling_beside(console.print, knows_poses=False), StageProgress(console, "street") as progress:
+    with compiling_beside(console.print, SHARES), StageProgress(console, "street") as progress:
         made = run_demo(out, load_settings(preset), progress)
     output.print(
         f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "

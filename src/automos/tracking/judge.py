@@ -202,6 +202,7 @@ def _weigh_counts(counts, evidence):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def _add_up(first, faces, evidence, terms):  # type: ignore[no-untyped-def]
     """Write the first three terms of each track. Reductions of arrays would triple what this takes to compile."""
+    scatters = np.empty(6)
     for k in range(len(first) - 1):
         a, b = first[k], first[k + 1]
         for i in range(a, b):
@@ -212,10 +213,11 @@ def _add_up(first, faces, evidence, terms):  # type: ignore[no-untyped-def]
             low_way, high_way = distance_gone(faces, a, b, axis), distance_gone(faces, a, b, 3 + axis)
             if low_way * high_way > 0.0:
                 way += min(abs(low_way), abs(high_way)) ** 2
-        of_low = scatter(faces, a, b, 0) + scatter(faces, a, b, 1)
-        of_high = scatter(faces, a, b, 3) + scatter(faces, a, b, 4)
+        for face in range(6):  # numba compiles a function anew for every number that is written out
+            scatters[face] = scatter(faces, a, b, face)
+        of_low, of_high = scatters[0] + scatters[1], scatters[3] + scatters[4]
         terms[k, 1] = math.log(1.0 + way / (NOISE + math.sqrt(min(of_low, of_high))) ** 2)
-        unsteady = min(scatter(faces, a, b, 2), scatter(faces, a, b, 5))
+        unsteady = min(scatters[2], scatters[5])
         terms[k, 2] = math.log(1.0 + math.sqrt(unsteady) / NOISE)
 
 

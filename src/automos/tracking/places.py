@@ -66,7 +66,9 @@ def touched_columns(boxes: Boxes) -> npt.NDArray[np.int64]:
     """Return the columns, sorted, that `boxes` reach into, seen from above and however they are turned."""
     reach = 0.5 * np.hypot(boxes.size[:, 0], boxes.size[:, 1])[:, None]
     low, high = (np.floor((boxes.center[:, :2] + side) / (_COLUMN * SIDE)).astype(np.int64) for side in (-reach, reach))
-    return np.unique(_columns_between(low, high))
+    columns = np.empty(int((high - low + 1).prod(axis=1).sum()), np.int64)
+    _fill_columns(low, high, columns)
+    return np.unique(columns)
 
 
 def held_places(
@@ -117,16 +119,14 @@ def _packed(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _columns_between(low, high):  # type: ignore[no-untyped-def]
-    """Return all columns between the corners `low` and `high` (M, 2), those of the corners included."""
-    columns = np.empty(((high - low + 1)[:, 0] * (high - low + 1)[:, 1]).sum(), np.int64)
+def _fill_columns(low, high, columns):  # type: ignore[no-untyped-def]
+    """Write all columns between the corners `low` and `high` (M, 2), those of the corners included."""
     n = 0
     for b in range(len(low)):
         for x in range(low[b, 0], high[b, 0] + 1):
             for y in range(low[b, 1], high[b, 1] + 1):
                 columns[n] = _packed(x, y, 0)
                 n += 1
-    return columns
 
 
 @numba.njit(cache=True, nogil=True)
