@@ -164,8 +164,7 @@ class Hand:
     def add_at(self, x, y, eye, session, lost):
         """Click on a place of the map, which adds what is there; take it back if that does not move."""
         self.browser.execute_script("delete document.body.dataset.added; delete document.body.dataset.place")
-        if not self.point_at(x, y):
-            return
+        self.point_at(x, y)
         self.wait("!document.body.classList.contains('busy')")
         added = self.browser.execute_script("return document.body.dataset.added")
         if added is None:  # nothing was there
@@ -187,15 +186,32 @@ class Hand:
         self.press("\ue00c")  # escape
         return False
 
-    def point_at(self, x, y):
-        """Click on the place (`x`, `y`) of the map if it is in sight; return whether it was."""
+    def on_map(self, x, y):
+        """Return where the place (`x`, `y`) is on the map, pixels from its middle, and whether that is in sight."""
         view = json.loads(self.wait("document.getElementById('place').dataset.view"))
-        canvas = self.browser.find_element("id", "place")
+        size = self.browser.find_element("id", "place").size
         dx, dy = (x - view["x"]) * view["zoom"], (view["y"] - y) * view["zoom"]
-        if abs(dx) > 0.48 * canvas.size["width"] or abs(dy) > 0.48 * canvas.size["height"]:
-            return False
+        return dx, dy, abs(dx) < 0.48 * size["width"] and abs(dy) < 0.48 * size["height"]
+
+    def point_at(self, x, y):
+        """Click on the place (`x`, `y`) of the map; drag it into sight first where it is not."""
+        dx, dy, is_in_sight = self.on_map(x, y)
+        canvas = self.browser.find_element("id", "place")
+        if not is_in_sight:
+            self.drag(canvas, *(-min(max(part, -350), 350) for part in (dx, dy)))
+            dx, dy, is_in_sight = self.on_map(x, y)
+        assert is_in_sight
         self.click(canvas, round(dx), round(dy))
-        return True
+
+    def drag(self, canvas, dx, dy):
+        """Drag the map by so many pixels."""
+        from selenium.webdriver import ActionChains
+
+        self.actions += 1
+        before = canvas.get_attribute("data-view")
+        chain = ActionChains(self.browser).move_to_element_with_offset(canvas, round(-dx / 2), round(-dy / 2))
+        chain.click_and_hold().move_by_offset(round(dx), round(dy)).release().perform()
+        self.wait(f"document.getElementById('place').dataset.view !== {json.dumps(before)}")
 
 
 def restore(hand, eye, session):
@@ -216,13 +232,15 @@ def restore(hand, eye, session):
             return
         index = hand.go_to_scan(int(np.argmax(worth)), len(lost))
         things = clickable(session, eye, lost, tried, index)
-        for thing in sorted(things, key=lambda thing: -totals[thing]):
-            rows, _ = things[thing]
+        frame = session.stages.frame(index)
+        places = {
+            thing: middle(frame.points_level[np.searchsorted(frame.kept, rows)])[:2].tolist()
+            for thing, (rows, _) in things.items()
+        }
+        for thing in sorted(things, key=lambda thing: (not hand.on_map(*places[thing])[2], -totals[thing])):
             tried |= {(thing, i) for i in range(index - 2, index + 3)}
-            if hand.actions < ACTIONS and lost[index][rows].any():
-                frame = session.stages.frame(index)
-                points = frame.points_level[np.searchsorted(frame.kept, rows)]
-                hand.add_at(*middle(points)[:2].tolist(), eye, session, lost)
+            if hand.actions + 2 <= ACTIONS and lost[index][things[thing][0]].any():
+                hand.add_at(*places[thing], eye, session, lost)
 
 
 def every(lost):
