@@ -193,6 +193,7 @@ def _odometry(points: np.ndarray) -> None:
     sweep_order._turns_by_beam(points, -1, float(points[0, 0]))
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
+    level._nearest_to_middle(points, level.RANGE, level.VOXEL)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
     surfel_kernels.eigenvalues(matrix)

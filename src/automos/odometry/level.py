@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.geometry import make_transform, rotation_between
 from automos.odometry.motion import MIN_POINTS
-from automos.odometry.surfels import surfels_of
+from automos.odometry.surfels import find_slot, voxel_key
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
@@ -22,6 +22,8 @@ _log = logging.getLogger(__name__)
 
 RANGE = 20.0
 """Metres around the sensor in which the ground is looked for: farther away it may slope otherwise."""
+VOXEL = 0.5
+"""Metres, one point per voxel is asked, so that every piece of surface counts alike."""
 TRIALS = 1000
 """Planes through three points tried: ground that is a fifth of the surface is hit eight times."""
 DISTANCE = 0.15
@@ -39,7 +41,7 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     poses : (M, 4, 4) T_world_sensor of these.
     settings : the odometry's.
     """
-    near = [_near_surface(cloud) for cloud in clouds]
+    near = [_thin(cloud) for cloud in clouds]
     everything = np.concatenate(near) if near else np.zeros((0, 3))
     mount = _find_plane(everything, settings)  # what most scans share: how the sensor is mounted
     if mount is None:
@@ -57,10 +59,33 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     return T, True
 
 
-def _near_surface(points: Points) -> npt.NDArray[np.float64]:
-    """Return (M, 3) the surface near the sensor, every piece of it once, however many points it has."""
-    mean = surfels_of(points, None).mean.astype(np.float64)
-    return mean[np.einsum("ij,ij->i", mean, mean) < RANGE**2]
+def _thin(points: Points) -> npt.NDArray[np.float64]:
+    """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
+    keys, rows = _nearest_to_middle(points, RANGE, VOXEL)
+    return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
+    """Return names of voxels, and the row of the point nearest to the middle of each."""
+    size = 16
+    while size < 2 * len(points):
+        size *= 2
+    keys, found = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+    best = np.full(size, np.inf)
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if not x * x + y * y + z * z < reach * reach:
+            continue
+        key = voxel_key(x, y, z, 0, 1.0 / voxel)
+        slot = find_slot(keys, key)
+        off = 0.0
+        for c in (x / voxel, y / voxel, z / voxel):
+            off += (c - np.floor(c) - 0.5) ** 2
+        if off < best[slot]:
+            keys[slot], found[slot], best[slot] = key, i, off
+    used = keys != -1
+    return keys[used], found[used]
 
 
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
