@@ -25,7 +25,7 @@ from automos.parallel import available_cores
 from automos.pipeline import Steps
 from automos.scan import GROUND, OBJECT
 from automos.settings import load_settings
-from automos.stages import candidates_of
+from automos.stages.candidates import candidates_of
 from automos.working_folder import SAFE_PATH
 from automos.workspace import Arrays
 
