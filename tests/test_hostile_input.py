@@ -8,8 +8,10 @@ import tempfile
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from automos.atomic import held
+from automos.cli import app
 from automos.datasets import find_recordings, open_sequence
 from automos.errors import InputError, SettingsError
 from automos.evaluation.report import find_predictions
@@ -193,3 +195,10 @@ def test_a_work_folder_that_somebody_else_made_is_not_used(tmp_path, monkeypatch
     monkeypatch.setattr(work_folder, "default_work", lambda: folder)
     with pytest.raises(InputError, match="made by somebody else"):
         work_folder.claim(folder)
+
+
+@pytest.mark.parametrize("radius", ["0", "1e-300", "-1", "nan", "1e30"])
+def test_a_radius_that_nothing_can_be_drawn_in_is_told(tmp_path, radius):
+    told = CliRunner().invoke(app, ["compare", str(tmp_path), "--radius", radius])
+    assert "--radius" in str(told.exception)
+    assert isinstance(told.exception, InputError)

@@ -24,9 +24,11 @@ logging.disable(logging.CRITICAL)
 import numpy as np
 import yaml
 from bases import write_all
-from commands import COMMANDS, LAST, Requests, WrongError, fuzz_command, fuzz_list, fuzz_values
+from calling import LAST, WrongError
+from commands import COMMANDS, Requests, fuzz_command
 from commands import write_all as write_commands
 from damage import NUMBERS, change, damage
+from values import fuzz_list, fuzz_values
 
 from automos.datasets import open_recordings
 from automos.errors import AutomosError

@@ -6,37 +6,24 @@ labels of another program, poses, settings, a log of decisions, the books of a f
 
 from __future__ import annotations
 
-import io
 import json
 import random
 import shutil
-import sys
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
+from calling import LAST, WrongError, call
 from damage import NUMBERS, change, damage
+from values import OPTIONS, WORDS, filled
 from worlds import lane, write_bins
 
-from automos.cli import main
 from automos.datasets import open_recordings, open_sequence
-from automos.errors import AutomosError
 from automos.export import EXPORTS
 from automos.pose_files import write_kitti
 from automos.results.open_run import open_run
 from automos.settings import load_settings
 
 N_SCANS = 12
-LAST: list[str] = []
-"""What was done to the input that is read now, for a person to read."""
-
-
-class WrongError(Exception):
-    """Something was accepted that should not have been, or refused without a sentence."""
-
-
-class RefusedError(AutomosError):
-    """A command ended with exit code 2 and this sentence."""
 
 
 def write_all(root: Path) -> None:
@@ -68,36 +55,6 @@ def write_all(root: Path) -> None:
         shutil.copytree(log, root / "logs" / name)
     label_fleet(find_all(str(root / "logs")), str(root / "fleet"), settings, Resources(workers=1, work=root / "work"))
     shutil.rmtree(root / "work", ignore_errors=True)
-
-
-def call(*words: object) -> str:
-    """Run a command as the shell does; return what it printed.
-
-    Raises
-    ------
-    RefusedError
-        It ended with exit code 2 and a sentence.
-    WrongError
-        It ended otherwise, or with more or less than one sentence.
-    """
-    out, err, given = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["automos", *map(str, words)]
-    code: object = 0
-    try:
-        with redirect_stdout(out), redirect_stderr(err):
-            main()
-    except SystemExit as leaving:
-        code = leaving.code or 0
-    finally:
-        sys.argv = given
-    said = err.getvalue()
-    if code == 0 or (code == 3 and "not labelled: " in out.getvalue()):
-        return out.getvalue()
-    if code == 2 and "Usage:" in said:  # typer's own words for values it can tell apart itself
-        raise RefusedError("the usage of the command was told")
-    if code != 2 or said.count("error: ") != 1:
-        raise WrongError(f"exit code {code}, said {said[-500:]!r}")
-    raise RefusedError(said[said.index("error: ") + 7 :].strip())
 
 
 # -------------------------------------------------------------------------------------------------- what is checked
@@ -178,32 +135,6 @@ COMMANDS: dict[str, tuple[Does, tuple[str, ...]]] = {
 }  # fmt: skip
 """What a command does with the files below a folder, and which of these are damaged before."""
 
-_OPTIONS: dict[str, tuple[str, ...]] = {
-    "evaluate": ("--format", "--json"),
-    "report": ("--format", "--out"),
-    "export": ("--to", "--format", "--out"),
-    "merge": ("--out", "--format"),
-    "drift": ("--calib",),
-    "view": ("--points", "--rrd", "--format"),
-    "status": ("--nothing",),
-}
-_ALONE: tuple[tuple[str, ...], ...] = tuple(
-    (command, "{log}", "--out", "{out}", *(("--method", "octomap") if command != "label" else ()), option)
-    for command, options in {
-        "label": ("--preset", "--settings", "--set", "--format", "--poses", "--calib", "--moving", "--unsure",
-                  "--shard", "--memory", "--cache", "--work", "--chunk", "--workers"),
-        "compare": ("--method", "--scan", "--radius", "--poses", "--predictions", "--repeat", "--set", "--format"),
-        "map": ("--kind", "--method", "--voxel", "--poses", "--calib", "--set", "--format"),
-    }.items()
-    for option in options
-) + tuple(("simulate", "{out}", "--scans", "2", option) for option in (
-    "--scenario", "--sensor", "--scans", "--seed", "--convention", "--rig", "--weather", "--lidars"))  # fmt: skip
-_WORDS = (
-    *NUMBERS[:-1], "{log}", "{run}", "{out}", "/dev/null", "/dev/zero", "/proc/self/mem", "/", ".", "..", "a" * 300,
-    "a/" * 3000, "x\x1b[31m", "\udcff", "x=y", "=", "a=b=c", "1/0", "0/0", "-1/2", "9/3", "s3://", "file:///x", "http://x",
-    "{log}/times.txt", "{log}/velodyne/000000.bin",
-)  # fmt: skip
-
 
 def fuzz_command(kind: str, bases: Path, rng: random.Random, work: Path) -> None:
     """Damage what a command is given in one or two places, and run it."""
@@ -211,8 +142,8 @@ def fuzz_command(kind: str, bases: Path, rng: random.Random, work: Path) -> None
     root = work / "case"
     shutil.copytree(bases, root)
     part = root / rng.choice(parts)
-    if rng.random() < 0.15 and kind in _OPTIONS:
-        more = (rng.choice(_OPTIONS[kind]), _filled(rng.choice(_WORDS), root))
+    if rng.random() < 0.15 and kind in OPTIONS:
+        more = (rng.choice(OPTIONS[kind]), filled(rng.choice(WORDS), root))
         LAST.append(str(more))
         does(root, rng, *more)
         return
@@ -222,37 +153,6 @@ def fuzz_command(kind: str, bases: Path, rng: random.Random, work: Path) -> None
         only = rng.choice(aimed) if aimed and rng.random() < 0.6 else None
         LAST.append(f"{part.name}/{damage(part, rng, only)}")
     does(root, rng)
-
-
-def fuzz_values(bases: Path, rng: random.Random, work: Path) -> None:
-    """Give a command one hostile value; what could take long is cut short by a recording that is not there."""
-    *words, option = rng.choice(_ALONE)
-    root = work / "case"
-    shutil.copytree(bases / "run", root / "run")
-    (root / "log").mkdir()  # nothing is in it: values are told before anything is begun, or the folder is refused
-    if rng.random() < 0.3:
-        shutil.copytree(bases / "log", root / "log", dirs_exist_ok=True)
-        for path in sorted((root / "log" / "velodyne").iterdir())[3:]:
-            path.unlink()
-    given = [_filled(word, root) for word in (*words, option, rng.choice(_WORDS))]
-    LAST.append(str(given))
-    call(*given)
-
-
-def fuzz_list(bases: Path, rng: random.Random, work: Path) -> None:
-    """Give a list of recordings with one line or byte changed; what would be done is said, nothing is."""
-    names = ["logs/a", "# all of them", "logs/b", "log", rng.choice(_WORDS).replace("{log}", "log")]
-    (work / "list").mkdir()
-    path = work / "list" / "list.txt"
-    path.write_text("".join(f"{bases / name}\n" for name in names), errors="surrogateescape")
-    LAST.append(f"{names[-1][:50]!r}, {damage(work / 'list', rng)}")
-    call("label", path, "--dry-run")
-
-
-def _filled(word: str, root: Path) -> str:
-    for name in ("log", "run", "out"):
-        word = word.replace(f"{{{name}}}", str(root / name))
-    return word
 
 
 class Requests:

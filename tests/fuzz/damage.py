@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from damage_tables import WHOLE, change_array, change_column, change_rows, write_noise
 
 NUMBERS = (
     "0", "-1", "1", "nan", "inf", "-inf", "1e30", "-1e30", "1e-300", "9.3e18", "1e400", "4294967296",
@@ -19,7 +20,6 @@ NUMBERS = (
     "9" * 5000,
 )  # fmt: skip
 """What may stand where a number should."""
-WHOLE = (0, 1, -1, 2, 255, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1)
 VALUES: tuple[Any, ...] = (None, True, 0, -1, 2**70, 1e308, "", "x", "\x1b[31m", [], {}, [[]], {"a": {}}, float("nan"))
 
 _LAS_FIELDS = (
@@ -37,10 +37,10 @@ def damage(folder: Path, rng: random.Random, only: Path | None = None) -> str:
         return "nothing is left to damage"
     path = only if only in files else rng.choice(files)
     text_like = path.suffix in _IS_TEXT
-    ways: list[Callable[[Path, random.Random], str]] = [_content] * 6 if text_like else [_binary] * 4 + [_count] * 3
-    ways += [_array] * (8 if path.suffix == ".npy" else 0)
-    ways += [_columns] * (10 if path.suffix in (".parquet", ".feather") else 0)
-    ways += [_rows] * (10 if path.suffix in (".db3", ".sqlite") else 0)
+    ways: list[Callable[[Path, random.Random], str]] = [_content] * 6 if text_like else [write_noise] * 4 + [_count] * 3
+    ways += [change_array] * (8 if path.suffix == ".npy" else 0)
+    ways += [change_column] * (10 if path.suffix in (".parquet", ".feather") else 0)
+    ways += [change_rows] * (10 if path.suffix in (".db3", ".sqlite") else 0)
     ways += [_header] * (4 if path.suffix in (".pcd", ".ply", ".npy") else 0)
     ways += [_las_field] * (6 if path.suffix == ".las" else 0)
     ways += [_json] * (8 if path.suffix == ".json" else 0)
@@ -72,18 +72,6 @@ def _content(path: Path, rng: random.Random) -> str:
     return f"{way}"
 
 
-def _binary(path: Path, rng: random.Random) -> str:
-    """Write a number or noise somewhere, more often near the beginning."""
-    content = bytearray(path.read_bytes())
-    at = rng.randrange(max(min(len(content), rng.choice((64, 400, len(content)))), 1))
-    form = rng.choice(["<B", "<H", "<I", "<Q", "<f", "<d", ">I", ">H"])
-    value = rng.choice((float("nan"), float("inf"), 6e18, 1e38, -1e6)) if form[1] in "fd" else rng.choice(WHOLE)
-    packed = struct.pack(form, value if form[1] in "fd" else value % (1 << 8 * struct.calcsize(form)))
-    content[at : at + len(packed)] = packed
-    path.write_bytes(content)
-    return f"{form} {value} at {at}"
-
-
 def _header(path: Path, rng: random.Random) -> str:
     """Change a word of a text header."""
     content = path.read_bytes()
@@ -106,134 +94,19 @@ def _count(path: Path, rng: random.Random) -> str:
     """Change a whole number that could count something: it is no larger than the file."""
     content = bytearray(path.read_bytes())
     if len(content) < 4:
-        return _binary(path, rng)
+        return write_noise(path, rng)
     near = np.lib.stride_tricks.sliding_window_view(np.frombuffer(content[:20_000], np.uint8), 4).astype(np.uint32)
     found = [near @ (1 << np.arange(0, 32, 8, dtype=np.uint32)[::way]) for way in (1, -1)]
     form, values = rng.choice(list(zip(("<I", ">I"), found, strict=True))) if len(near) else ("<I", np.zeros(0))
     places = np.flatnonzero((values > 2) & (values <= len(content)))
     if not len(places):
-        return _binary(path, rng)
+        return write_noise(path, rng)
     at = int(rng.choice(places.tolist()))
     was = int(values[at])
     value = rng.choice((*WHOLE, was - 1, was + 1, 2 * was, was // 2)) % (1 << 32)
     struct.pack_into(form, content, at, value)
     path.write_bytes(content)
     return f"count {was} at {at} to {value}"
-
-
-def _array(path: Path, rng: random.Random) -> str:
-    """Change the values, the shape or the type of an array."""
-    try:
-        array = np.load(path)
-    except (ValueError, OSError, EOFError, TypeError):  # damaged before
-        return _binary(path, rng)
-    changed, what = _changed(array, rng)
-    with path.open("wb") as file:
-        np.save(file, changed)
-    return what
-
-
-def _changed(array: np.ndarray, rng: random.Random) -> tuple[np.ndarray, str]:
-    """Return `array` with something hostile done to it, and what it was."""
-    what = rng.choice(("cut", "twice", "flat", "scalar", "value", "value", "value", "all", "type", "words"))
-    if what == "cut":
-        return array[: len(array) // 2] if array.ndim else array, what
-    if what == "twice":
-        return np.concatenate([array, array]) if array.ndim else np.stack([array] * 2), what
-    if what in ("flat", "scalar"):
-        return (array.ravel() if what == "flat" else array.ravel()[:1].reshape(()) if array.size else array), what
-    if what == "type":
-        kind = rng.choice(("f2", "f8", "i1", "u8", "c16", "?"))
-        with np.errstate(all="ignore"):
-            return (array.astype(kind) if array.dtype.kind in "fiub" else array), f"as {kind}"
-    if what == "words":
-        return np.full(array.shape, "x"), what
-    if not array.size or array.dtype.kind not in "fiub":
-        return array, "nothing"
-    value = rng.choice((np.nan, np.inf, 1e30, -1.0, 0.0) if array.dtype.kind == "f" else (*WHOLE, -5))
-    out = array.copy()
-    with np.errstate(all="ignore"):
-        hostile = np.array(value).astype(array.dtype) if array.dtype.kind == "f" else _wrapped(value, array.dtype)
-        if what == "all":
-            out[...] = hostile
-        else:
-            out.ravel()[rng.randrange(array.size)] = hostile  # a copy is contiguous
-    return out, f"{what} {value}"
-
-
-def _wrapped(value: int, dtype: np.dtype) -> np.ndarray:
-    return np.array(value % (1 << 64), np.uint64).astype(dtype)
-
-
-def _columns(path: Path, rng: random.Random) -> str:
-    """Change one column of a table of Parquet's or Feather's: values, type, nulls; or take it out, or all its rows."""
-    import pyarrow
-    from pyarrow import feather, parquet
-
-    is_feather = path.suffix == ".feather"
-    try:
-        table = feather.read_table(path) if is_feather else parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError):
-        return _binary(path, rng)
-    name = rng.choice(table.column_names)
-    k, column = table.column_names.index(name), table[name]
-    what = rng.choice(("gone", "nulls", "a null", "empty", "twice", "words", "value", "value", "value", "lists"))
-    if what == "gone":
-        table = table.drop_columns([name])
-    elif what in ("empty", "twice"):
-        table = table.slice(0, 0) if what == "empty" else pyarrow.concat_tables([table, table])
-    else:
-        values = column.to_pylist()
-        at = rng.randrange(len(values)) if values else 0
-        if what in ("nulls", "words", "lists"):
-            values = [{"nulls": None, "words": "x", "lists": [1.0]}[what]] * len(values)
-        elif values:
-            values[at] = None if what == "a null" else _other(values[at], rng)
-        try:
-            made = pyarrow.array(values, None if what in ("words", "lists") else column.type)
-        except (pyarrow.ArrowException, OverflowError, TypeError, ValueError):
-            made = pyarrow.nulls(len(values), column.type)
-        table = table.set_column(k, name, made)
-    feather.write_feather(table, path) if is_feather else parquet.write_table(table, path)
-    return f"{name}: {what}"
-
-
-def _other(value: Any, rng: random.Random) -> Any:
-    if isinstance(value, list) and value:
-        k = rng.randrange(len(value))
-        return rng.choice(([], value[:-1], value * 2, [*value[:k], _other(value[k], rng), *value[k + 1 :]]))
-    if isinstance(value, float):
-        return rng.choice((float("nan"), float("inf"), 1e30, 0.0, -1.0))
-    return rng.choice((0, 1, -1, 127, 2**31 - 1, 2**62)) if isinstance(value, int) else "x"
-
-
-def _rows(path: Path, rng: random.Random) -> str:
-    """Change a value of a table of SQLite's, or take a table, a column or rows away."""
-    import sqlite3
-
-    base = sqlite3.connect(path)
-    try:
-        tables = [row[0] for row in base.execute("SELECT name FROM sqlite_master WHERE type='table'")]
-        table = rng.choice(sorted(tables))
-        columns = [row[1] for row in base.execute(f"PRAGMA table_info('{table}')")]
-        column, value = rng.choice(columns), rng.choice((0, -1, 2**62, 1.5, "x", b"", b"\xff" * 64, None))
-        (rowid,) = base.execute(f"SELECT rowid FROM '{table}' ORDER BY random() LIMIT 1").fetchone() or (0,)
-        how = rng.choice(
-            [
-                (f"UPDATE '{table}' SET '{column}' = ? WHERE rowid = {rowid}", (value,)),
-                (f"UPDATE '{table}' SET '{column}' = ?", (value,)),
-                (f"DELETE FROM '{table}'", ()),
-                (f"DROP TABLE '{table}'", ()),
-                (f"ALTER TABLE '{table}' RENAME COLUMN '{column}' TO 'renamed'", ()),
-            ]
-        )
-        base.execute(*how)
-        base.commit()
-        return f"{how}"[:200]
-    except (sqlite3.Error, IndexError):
-        return _binary(path, rng)
-    finally:
-        base.close()
 
 
 def _json(path: Path, rng: random.Random) -> str:

@@ -10,16 +10,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hostile_floats import CLOUDS, ROOMS
+from hostile_floats import CLOUDS
 from hypothesis import given
+from kernels_beside import BESIDE
+from kernels_of_stages import STAGES
+
+ROOMS = {**STAGES, **BESIDE}
 
 INTERPRETED = """
 import sys
 sys.path.insert(0, {folder!r})
 import numpy as np
-import hostile_floats as hostile
+from hostile_floats import kernels as all_kernels
+from kernels_beside import BESIDE
+from kernels_of_stages import STAGES
 
-kernels = {{(str(path), name) for path, name in hostile.kernels()}}
+kernels = {{(str(path), name) for path, name in all_kernels()}}
 called = set()
 def watch(frame, event, argument):
     if event == "call":
@@ -30,7 +36,7 @@ damaged = ordinary.copy()
 damaged[::7, 1], damaged[3::7, 2], damaged[5::7] = np.nan, 5e18, np.inf
 sys.setprofile(watch)
 with np.errstate(all="ignore"):
-    for call in hostile.ROOMS.values():
+    for call in {{**STAGES, **BESIDE}}.values():
         call(ordinary)
         call(damaged)
 sys.setprofile(None)

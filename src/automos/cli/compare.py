@@ -55,8 +55,8 @@ def compare(
     from automos.errors import InputError
     from automos.scan import MAX_RANGE
 
-    if not 0.0 < radius < MAX_RANGE:
-        raise InputError(f"--radius {radius:g} is not possible: give metres around the sensor, up to {MAX_RANGE:g}")
+    if not 1.0 <= radius < MAX_RANGE:
+        raise InputError(f"--radius {radius:g} is not possible: give 1 to {MAX_RANGE:g} metres around the sensor")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
     runs = _runs(

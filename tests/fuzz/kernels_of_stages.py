@@ -1,0 +1,194 @@
+"""Every compiled kernel of the stages, called with points of any floats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
+
+from automos.candidates import (
+    ego_body_ranges,
+    ego_body_votes,
+    free_space_looks,
+    free_space_vote,
+    free_space_weigh,
+)
+from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
+from automos.candidates.free_space_pattern import raw_points
+from automos.candidates.ground import fit_ground, is_on_ground
+from automos.geometry import transform
+from automos.instances import detect
+from automos.instances.boxes import fit_boxes
+from automos.instances.segments import segment_points
+from automos.odometry import facing, level, registration, submap, sweep_order
+from automos.odometry import surfels as surfel_kernels
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, gap_edges, usable_points
+from automos.odometry.submap import fit_surfels, make_submap
+from automos.odometry.surfels import make_surfels
+from automos.paper import erasor, erasor_bins, hierarchy
+from automos.paper.region_ground import fit_region_ground
+from automos.scan import Scan
+from automos.tracking import association, judge, places
+from automos.tracking.completion import paint_objects
+from automos.tracking.smoothing import smooth
+from automos.tracking.tracks import Tracks
+from automos.upright_boxes import iou_3d, points_in_boxes
+from automos.voxel_map import VoxelMap
+
+
+def _ground(points: np.ndarray) -> None:
+    surface = fit_ground(points, points[0], SETTINGS.candidates.ground)
+    is_on_ground(points, points[0], surface, SETTINGS.candidates.ground)
+    surface.height_at(points)
+
+
+def _free_space(points: np.ndarray) -> None:
+    raw_points(make_frame(points))
+    seen, _, _ = free_space_looks._latest_times(points, points[:, 2].copy(), 360)
+    free_space_looks.is_last_look(points, points[:, 2].copy(), seen)
+    pattern, kind = make_pattern(), np.zeros(len(points), np.uint8)
+    pyramid = pyramid_shape(pattern)
+    for shape in (make_pattern(np.resize(points[:, 0], 4097)), pattern):
+        projection = project(points, kind == 0, shape)
+        find_neighbours(projection, kind)
+        image = make_image(projection, kind, pyramid)
+    columns, motion, T = np.ascontiguousarray(points.T), np.resize(points, 6), np.resize(points, (3, 4))
+    n = len(points)
+    codes, ranges, misses = np.zeros(n, np.uint8), np.zeros(n, np.float32), np.zeros(n, np.float32)
+    for each in (T, np.eye(4, dtype=np.float32)[:3]):
+        for pattern in (make_pattern(), make_pattern(np.resize(points[:, 0], 4097))):
+            arguments = (pattern, pyramid, image, (np.float32(0.1),) * 5, codes, ranges, misses)
+            free_space_vote.look_through(columns, each, motion, *arguments)
+    votes = np.zeros((3, n), np.int8)
+    heights, own = points[:, 2], points[:, 1]
+    free_space_weigh.weigh_looks(codes, own, misses, own, heights, 0.02, 0.1, 0.5, np.arange(n), votes[0])
+    free_space_weigh.find_open(votes, np.ones(3, bool), 2)
+    ids = free_space_weigh.find_seen_through(votes)
+    free_space_weigh.weaken_lone(votes, ids, np.zeros(len(ids), bool), 0.5)
+    free_space_weigh.sum_votes(votes, 1, 0.5, own.copy(), codes, codes.copy())
+
+
+def _ego_body(points: np.ndarray) -> None:
+    rows, image = make_pattern().row_of_sine, np.zeros((16, 64), np.float32)
+    ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
+    ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
+    for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
+        ego_body_votes.cells_within(points, rows, reach, np.full(len(points), -1))
+        for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
+            columns, meets = np.ascontiguousarray(points.T), np.zeros(len(points), bool)
+            ego_body_votes._meets(columns, T, rows, reach, np.float32(0.35), meets)
+
+
+def _erasor(points: np.ndarray) -> None:
+    n = len(points)
+    erasor._voxels_near(points, points[0], np.float32(80.0))
+    erasor_bins.polar_bins(points, erasor_bins.Volume(80.0, 20, 108, -1.0, 3.0))
+    ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
+    for version in (2, 3):
+        settings = SETTINGS.candidates.erasor.model_copy(update={"version": version})
+        volume_and_rules = erasor._for_kernel(settings, erasor.PUBLISHED._replace(min_points=1))
+        scan_ids = ids.astype(np.int32)
+        erasor_bins.compare_bins(
+            ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, *volume_and_rules
+        )
+    fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
+    voxels = VoxelMap(0.2, points[0])
+    voxels.add(points)
+    voxels._reserve(1 << 16)
+    assert len(voxels.mean) == len(voxels)
+
+
+def _instances(points: np.ndarray) -> None:
+    n, ids = len(points), (np.arange(len(points)) % 3 - 1).astype(np.int32)
+    fit_boxes(points, ids, np.ones(ids.max() + 1))
+    segment_points(points, points[:, 2], points[:, 0], 0.02, 0.003, SETTINGS.instances.components.segments)
+    detect._summarise(ids, points, ids > 0, ids > 1)
+    hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
+    hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
+
+
+def _tracking(points: np.ndarray) -> None:
+    ids = (np.arange(len(points)) % 3 - 1).astype(np.int32)
+    some = ids > 0
+    tracks = make_tracks(points[:3])
+    paint_objects(points, ids, ids[::-1].copy(), some, ~some, tracks, SETTINGS.tracking.completion)
+    box = Tracks(
+        np.zeros(1, int),
+        np.zeros(1, int),
+        np.full(1, -1),
+        np.zeros((1, 3)),
+        np.ones((1, 3)),
+        np.zeros(1),
+        np.zeros((1, 3)),
+    )
+    paint_objects(points * np.float32(0.1), ids, ids, np.ones_like(some), some, box, SETTINGS.tracking.completion)
+    smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
+    smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
+    smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
+    values = points.astype(float)
+    judge._weigh_counts(np.abs(values), np.zeros(len(values)))
+    judge._weigh_counts(np.abs(values) * [1.0, 1.0, -1.0], np.zeros(len(values)))
+    reach = np.abs(values[:, 0])
+    association._near_pairs(values, reach, values[::-1].copy(), reach)
+    columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
+    places.held_places(points, some, ~some, columns)
+    judge._add_up(np.array([0, len(points)]), np.hstack([values, values]), values[:, 0].copy(), np.zeros((1, 6)))
+
+
+def _odometry(points: np.ndarray) -> None:
+    about = SETTINGS.odometry
+    times = azimuth_times(points, 1, float(points[0, 0]))
+    compensate(points, times, np.resize(points, 6))
+    for block in (1, 7):
+        sweep_order._block_azimuths(points, block)
+    for by in ("firing", "beam"):
+        sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(by, 1, 1.0, 1.0))
+    gap_edges(points)
+    sweep_order._turns_by_beam(points, -1, float(points[0, 0]))
+    compensate(points, points[:, 0].copy(), np.ones(6))
+    usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
+    level._nearest_to_middle(points, level.RANGE, level.VOXEL)
+    level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
+    submap._copy(points[0].astype(float), np.zeros(3))
+    matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
+    surfel_kernels.eigenvalues(matrix)
+    surfel_kernels.eigenvector(matrix, surfel_kernels.variance_along(matrix, along), out[0])
+    surfel_kernels.across(matrix, along, out[0], out[1])
+    hostile_T = np.eye(4)
+    hostile_T[:3] = np.resize(points, (3, 4))
+    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
+    for T in (np.eye(4), np.eye(4), hostile_T):
+        icp.register(points, T)
+    covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
+    surfel_kernels.eigenvector(covariance, surfel_kernels.eigenvalues(covariance)[0], axes[0])
+    surfel_kernels.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
+    surfels = make_surfels(points, times)
+    for T in (np.eye(4), hostile_T):
+        laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
+        fit_surfels(laid, surfels, T, 0.2)
+        distances = np.resize(points, 5).astype(float)
+        scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
+        facing._score(
+            laid.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
+            T[:3, 3].copy(), way, distances, distances, 2.7, scores,
+        )  # fmt: skip
+
+
+def _geometry(points: np.ndarray) -> None:
+    transform(np.resize(points, (4, 4)), points)
+    points_in_boxes(points, make_boxes(points))
+    iou_3d(make_boxes(points), make_boxes(points[::-1]))
+
+
+STAGES: dict[str, Callable[[np.ndarray], None]] = {
+    "geometry": _geometry,
+    "ground": _ground,
+    "free space": _free_space,
+    "ego body": _ego_body,
+    "erasor": _erasor,
+    "instances": _instances,
+    "tracking": _tracking,
+    "odometry": _odometry,
+}
+"""What calls the kernels of a stage."""
