@@ -15,6 +15,7 @@ from automos.tracking.judge import (
     UNDER_WAY,
     WEIGHTS,
     judge_by_evidence,
+    judge_tracks,
     segment_terms,
     track_terms,
     without_scenery,
@@ -96,6 +97,15 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
     assert verdict_on(**track) == expected
+
+
+def test_what_nothing_is_known_of_yet_is_static_until_others_speak_of_a_point():
+    def verdict(moved):
+        table, seen = one_track(center=STRAIGHT[:2], moved=moved, scans=range(2))
+        return judge_tracks(table, [segment_terms(found, is_asked=False) for found in seen], JudgeSettings()).verdict[0]
+
+    assert verdict(0.0) == Verdict.STATIC
+    assert verdict(0.5) == Verdict.MOVING
 
 
 def test_the_log_odds_are_the_sum_of_weighted_terms_and_the_confidence_their_probability():

@@ -81,11 +81,13 @@ class SegmentTerms:
     faces : (M, 6) metres, x, y, z of its low and of its high sides.
     evidence : (M,) log-likelihood ratio that it moves, of what its points say.
     columns : (M, 3) metres above the ground; 1 for what is no whole segment; porosity in [0, 1].
+    is_known : (M,) bool, whether anything is known of it: others were asked, or speak of a point of it already.
     """
 
     faces: Array
     evidence: Array
     columns: Array
+    is_known: npt.NDArray[np.bool_]
 
 
 def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
@@ -103,13 +105,15 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     evidence = np.empty(len(found))
     _weigh_counts(counts, evidence)
     columns = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)
-    return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), evidence, columns)
+    is_known = (found.n_moving + found.n_static > 0.0) | is_asked
+    return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), evidence, columns, is_known)
 
 
 def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
-    The confidence is the probability that the verdict is right. What was seen once is static.
+    The confidence is the probability that the verdict is right. What was seen once, or has no point that anything is
+    known of, is static: the prior is that of things of which others were asked.
 
     Parameters
     ----------
@@ -121,11 +125,19 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
 def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings) -> Verdicts:
     """Return the same as `judge_by_evidence` from the `terms` of each scan's segments."""
     log_odds = PRIOR + track_terms(tracks, terms) @ np.array(list(WEIGHTS.values()))
-    n_seen = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))
-    probability = np.where(n_seen > 1, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
+    n_seen, is_known = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks)), _is_known(tracks, terms)
+    probability = np.where((n_seen > 1) & is_known, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
     return Verdicts(verdict, np.where(is_moving, probability, 1.0 - probability))
+
+
+def _is_known(tracks: Tracks, terms: Sequence[SegmentTerms]) -> npt.NDArray[np.bool_]:
+    """Return (T,) of which tracks anything is known in any scan."""
+    known = np.zeros(len(tracks), np.bool_)
+    for scan, segment, rows in _observed(tracks, len(terms)):
+        known[tracks.track[rows]] |= terms[scan].is_known[segment]
+    return known
 
 
 def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
