@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
@@ -137,7 +138,8 @@ def test_the_intervals_hold_the_truth_of_a_labelled_recording(stages):
                 told["recall"]["low"] - 1e-4 <= of_all <= told["recall"]["high"] + 1e-4,
             )
         )
-    assert np.mean(holds, axis=0).min() >= HOLDS
+    # of 20 samples whose intervals hold the truth 95 times in 100, 17 or more do in 98 of 100 cases
+    assert np.sum(holds, axis=0).min() >= binom.ppf(0.02, len(holds), HOLDS)
 
 
 def test_a_sample_is_read_back_and_goes_on_where_it_was_left(stages, tmp_path):

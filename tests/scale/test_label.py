@@ -110,15 +110,17 @@ def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labell
     assert fleet.differences(tmp_path / "out") == []
 
 
-def test_poses_that_came_with_a_recording_are_not_replaced_by_labelling_it_in_place(fleet, tmp_path):
+def test_recordings_are_not_labelled_in_their_own_folders(fleet, tmp_path):
     logs = shutil.copytree(fleet.folder, tmp_path / "logs")
     (logs / "log01" / "poses.txt").write_text("theirs")
     resources = Resources(work=tmp_path / "work")
     outcome = label_fleet(
         find_all(str(logs)), str(logs), fleet.settings, resources, executor=lambda resources: InProcess()
     )
-    assert outcome.labelled == ["log00", "log02"]
+    assert outcome.labelled == []
     assert outcome.failed["log01"].endswith("poses.txt, which automos did not write: choose another --out")
+    for name in ("log00", "log02"):
+        assert outcome.failed[name].endswith(f"{name} is a folder of the recording {name}: choose another --out")
     assert (logs / "log01" / "poses.txt").read_text() == "theirs"
     assert not (logs / "log01" / "predictions").exists()
 
