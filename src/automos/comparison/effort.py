@@ -27,13 +27,15 @@ class Effort:
         self.peak = self.busy = self.others = float("nan")
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._before: dict[int, float] = {}
         self._busy_of: dict[int, float] = {}
 
     def __enter__(self) -> Effort:
         self._start, self._machine = time.perf_counter(), _busy_seconds()
         if Path("/proc/self/smaps_rollup").exists():
             self.peak = 0.0
-            self._before = _busy_of(os.getpid())
+            # What helpers that work on from before have computed is not of this context.
+            self._before = {pid: _busy_of(pid) for pid in _family(os.getpid())}
             self._thread.start()
         return self
 
@@ -44,7 +46,7 @@ class Effort:
         self._done.set()
         if self._thread.is_alive():
             self._thread.join()
-            self.busy = sum(self._busy_of.values()) - self._before
+            self.busy = sum(busy - self._before.get(pid, 0.0) for pid, busy in self._busy_of.items())
             self.others = max(_busy_seconds() - self._machine - self.busy, 0.0) / self.seconds
 
     def _watch(self) -> None:
