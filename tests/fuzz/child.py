@@ -1,4 +1,5 @@
-"""The process in which damaged inputs are read: a kind and a seed come in on a line, the outcome goes out on one.
+"""The process in which damaged inputs are read: a kind, a seed and the seconds of processor time that the input may
+take come in on a line, the outcome goes out on one. Where the time is used up, the process ends by SIGPROF.
 
 Outcomes: refused (one sentence that names where), accepted (as many points as there are), and what must not be:
 traceback, wrong. A crash or a hang is seen by the process that waits.
@@ -11,6 +12,7 @@ import logging
 import os
 import random
 import shutil
+import signal
 import sys
 import tempfile
 import traceback
@@ -196,7 +198,8 @@ def main() -> None:
     kinds = Kinds(root)
     print(json.dumps(kinds.names), file=said, flush=True)
     for line in sys.stdin:
-        kind, seed = line.rstrip("\n").rsplit(" ", 1)
+        kind, seed, seconds = line.rstrip("\n").rsplit(" ", 2)
+        signal.setitimer(signal.ITIMER_PROF, float(seconds))
         rng, work = random.Random(f"{kind} {seed}"), Path(tempfile.mkdtemp(dir=root))
         outcome, why = "accepted", ""
         try:

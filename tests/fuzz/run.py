@@ -9,14 +9,17 @@ import argparse
 import json
 import queue
 import resource
+import signal
 import subprocess
 import sys
 import threading
 from collections import Counter
 from pathlib import Path
 
-PATIENCE = 60.0
-"""Seconds that one input may take; labelling compiles at first."""
+PATIENCE = 60
+"""Seconds of processor time that one input may take; labelling compiles at first."""
+WAITING = 1200.0
+"""Seconds that one input may take by the clock: much, since a machine that is busy elsewhere makes no input hang."""
 MEMORY = 8 << 30
 """Bytes of address space of the process that reads."""
 OUTCOMES = ("refused", "accepted", "traceback", "crash", "hang", "wrong")
@@ -39,7 +42,7 @@ class Reader:
         )  # fmt: skip
         self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._listen, args=(self._process, self._lines), daemon=True).start()
-        self.kinds = json.loads(self._lines.get(timeout=300))
+        self.kinds = json.loads(self._lines.get(timeout=WAITING))
 
     @staticmethod
     def _listen(process: subprocess.Popen, lines: queue.Queue[str]) -> None:
@@ -49,10 +52,10 @@ class Reader:
 
     def read(self, kind: str, seed: int) -> tuple[str, str]:
         """Return what became of an input."""
-        self._process.stdin.write(f"{kind} {seed}\n")
+        self._process.stdin.write(f"{kind} {seed} {4 * PATIENCE if kind in SLOW else PATIENCE}\n")
         self._process.stdin.flush()
         try:
-            line = self._lines.get(timeout=4 * PATIENCE if kind in SLOW else PATIENCE)
+            line = self._lines.get(timeout=WAITING)
         except queue.Empty:
             line = None
         if line:
@@ -61,12 +64,14 @@ class Reader:
         self._process.kill()
         code = self._process.wait()
         self._start()
-        return ("hang", "") if line is None else ("crash", f"exit code {code}")
+        if line is None:
+            return "hang", f"no answer after {WAITING:.0f} s"
+        return ("hang", "processor time is used up") if code == -signal.SIGPROF else ("crash", f"exit code {code}")
 
     def end(self) -> None:
         """End the process."""
         self._process.stdin.close()
-        self._process.wait(timeout=30)
+        self._process.wait(timeout=WAITING)
 
 
 def fuzz(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("resource", reason="this system limits no process's memory")
-from run import fuzz
+from run import Reader, fuzz
 
 
 def test_damaged_inputs_are_refused_in_a_sentence_or_read_whole():
@@ -23,7 +23,7 @@ def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
     code = (
         "import child, io, sys\n"
         "child.read_recordings = lambda *a: 1 / 0\n"
-        "sys.stdin = io.StringIO('bin 1\\nposes 1\\n')\n"
+        "sys.stdin = io.StringIO('bin 1 60\\nposes 1 60\\n')\n"
         "child.main()\n"
     )
     run = subprocess.run(
@@ -32,6 +32,15 @@ def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
     outcomes = [line.split('"')[1] for line in run.stdout.splitlines()[1:]]
     assert outcomes[0] == "traceback"
     assert outcomes[1] in ("refused", "accepted")
+
+
+def test_an_input_that_takes_too_much_processor_time_is_a_hang_and_one_that_waits_for_the_machine_is_not(monkeypatch):
+    monkeypatch.setattr("run.PATIENCE", 0.02)
+    reader = Reader()
+    assert reader.read("settings", 1)[0] == "hang"  # a tree of settings takes longer than that
+    monkeypatch.setattr("run.PATIENCE", 60)
+    assert reader.read("settings", 1)[0] in ("refused", "accepted")  # in a process begun anew
+    reader.end()
 
 
 def test_what_is_damaged_is_read_whole_before(tmp_path):
