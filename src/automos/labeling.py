@@ -11,7 +11,8 @@ from automos.atomic import held
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.writing import refuse_folders_of, refuse_foreign, write_results
+from automos.results.claiming import refuse_folders_of, refuse_foreign
+from automos.results.writing import write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
 from automos.review.run_stages import RunStages

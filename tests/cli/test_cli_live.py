@@ -25,7 +25,7 @@ from automos.live.message import Sender, decode  # noqa: E402
 from automos.live.run import run_live  # noqa: E402
 from automos.live.udp import UdpFeed  # noqa: E402
 from automos.live.velodyne import VelodyneAssembler  # noqa: E402
-from automos.online.segment import ResultsWriter, segment_recording  # noqa: E402
+from automos.online.segment import results_writer, segment_recording  # noqa: E402
 from automos.settings import load_settings  # noqa: E402
 
 
@@ -58,8 +58,10 @@ def labels_of(folder):
 
 def test_labels_of_packets_over_loopback_are_those_of_segment(walk, segmented, tmp_path):
     feed, names, settings = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=1.5), [], load_settings("default")
-    writer = ResultsWriter(tmp_path / "out", names, settings)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+    with (
+        results_writer(tmp_path / "out", names, settings) as writer,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+    ):
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(5.0)
         with Sender(*receiver.getsockname()) as sender:
@@ -67,7 +69,7 @@ def test_labels_of_packets_over_loopback_are_those_of_segment(walk, segmented, t
             sinks = [lambda scan, given: writer.write(given), lambda scan, given: sender.send(given)]
             tally = run_live(feed, Labeler(settings, lag=0.3, is_compensated=False), sinks, names)
         first = decode(receiver.recv(65536))
-    writer.finish({})
+        writer.finish({})
     assert tally.left_out == 0
     got, wanted = labels_of(tmp_path / "out"), labels_of(segmented)
     assert list(got) == list(wanted)

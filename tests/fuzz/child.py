@@ -165,6 +165,11 @@ class Kinds:
         else:
             self._own[kind](rng, work)
 
+    def prepare(self, kind: str) -> None:
+        """Make what inputs of `kind` are made from, which takes long the first time."""
+        if kind in COMMANDS or kind in ("values", "list", "requests"):
+            self._commands()
+
     def _commands(self) -> Path:
         if not (self._root / "commands").exists():
             write_commands(self._root / "commands")
@@ -199,6 +204,7 @@ def main() -> None:
     print(json.dumps(kinds.names), file=said, flush=True)
     for line in sys.stdin:
         kind, seed, seconds = line.rstrip("\n").rsplit(" ", 2)
+        kinds.prepare(kind)
         signal.setitimer(signal.ITIMER_PROF, float(seconds))
         rng, work = random.Random(f"{kind} {seed}"), Path(tempfile.mkdtemp(dir=root))
         outcome, why = "accepted", ""

@@ -1,11 +1,15 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from worlds import lane, write_bins
 
 from automos import Labeler, load_settings, open_sequence
+from automos.atomic import held
 from automos.errors import InputError
+from automos.evaluation.report import find_predictions
 from automos.online.segment import segment_recording, stamped, summary
 from automos.pose_files import read_poses
 
@@ -47,7 +51,7 @@ def test_what_is_written_is_what_the_labeler_gives_back(recording, tmp_path):
 def test_labels_of_another_program_are_not_overwritten(recording, tmp_path):
     (tmp_path / "predictions").mkdir()
     (tmp_path / "predictions" / "000000.label").write_bytes(b"1234")
-    with pytest.raises(InputError, match="holds labels that automos segment did not write"):
+    with pytest.raises(InputError, match="holds labels that another program wrote"):
         segment_recording(recording, tmp_path, load_settings("default"))
     assert (tmp_path / "predictions" / "000000.label").read_bytes() == b"1234"
 
@@ -59,3 +63,50 @@ def test_a_second_run_replaces_the_first(recording, tmp_path):
     segment_recording(recording, tmp_path / "run", settings, lag=0.5)
     assert json.loads((tmp_path / "run" / "run.json").read_text())["lag_seconds"] == 0.5
     assert len((tmp_path / "run" / "predictions" / "000009.label").read_bytes()) == len(first)
+
+
+def test_a_run_that_was_killed_is_no_result_and_the_rerun_is_as_if_it_had_not_been(recording, tmp_path):
+    settings, out = load_settings("default"), tmp_path / "run"
+    segment_recording(recording, tmp_path / "whole", settings)
+    code = (
+        "import os, sys\n"
+        "from pathlib import Path\n"
+        "from automos import load_settings, open_sequence\n"
+        "from automos.online.segment import segment_recording\n"
+        "segment_recording(open_sequence(sys.argv[1]), Path(sys.argv[2]), load_settings('default'),\n"
+        "                  progress=lambda name, done, total: done == 4 and os.kill(os.getpid(), 9))\n"
+    )
+    killed = subprocess.run([sys.executable, "-c", code, recording.source, out], check=False)
+    assert killed.returncode != 0
+    assert len(list((out / "predictions").glob("*.label"))) == 4
+    with pytest.raises(InputError, match="was not labelled to its end"):
+        find_predictions(out, recording.name, True)
+    (out / "predictions" / "of_another_recording.label").touch()
+    segment_recording(recording, out, settings)
+    written = {path.relative_to(out): path for path in out.rglob("*") if path.is_file()}
+    assert written.keys() == {path.relative_to(tmp_path / "whole") for path in (tmp_path / "whole").rglob("*.*")}
+    for name, path in written.items():
+        assert name.name == "run.json" or path.read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert not (out / "stages").exists()
+
+
+def test_a_folder_that_somebody_writes_into_is_refused(recording, tmp_path):
+    pytest.importorskip("fcntl", reason="Windows has no locks on folders")
+    with (
+        held(tmp_path / "run"),
+        pytest.raises(InputError, match="another process writes into"),
+    ):
+        segment_recording(recording, tmp_path / "run", load_settings("default"))
+
+
+def test_what_label_or_merge_wrote_and_the_recording_itself_are_not_written_over(recording, tmp_path):
+    (tmp_path / "labelled" / "stages" / "odometry-0").mkdir(parents=True)
+    (tmp_path / "merged").mkdir()
+    (tmp_path / "merged" / "merge.json").write_text("{}")
+    for name in ("labelled", "merged"):
+        with pytest.raises(InputError, match="holds labels that automos segment did not write"):
+            segment_recording(recording, tmp_path / name, load_settings("default"))
+    before = sorted(recording.source.iterdir())
+    with pytest.raises(InputError, match="is a folder of the recording"):
+        segment_recording(recording, recording.source, load_settings("default"))
+    assert sorted(recording.source.iterdir()) == before

@@ -54,7 +54,7 @@ def live(
     from automos.errors import InputError
     from automos.live.opening import open_feed
     from automos.live.run import get_ready, run_live
-    from automos.online.segment import ResultsWriter
+    from automos.online.segment import results_writer
     from automos.settings import load_settings, read_overrides
 
     if not 0.0 <= lag < float("inf"):
@@ -64,12 +64,13 @@ def live(
     names: list[str] = []
     with ExitStack() as stack, _told_warnings():
         stack.callback(feed.stop)
+        if out is not None:
+            writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
         console.print(LINE if is_cold() else "getting ready", markup=False)
         get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
         sinks: list[Sink] = []
         if out is not None:
-            writer = ResultsWriter(out, names, chosen)
             sinks.append(lambda scan, given: writer.write(given))
         if send is not None:
             sinks.append(_sending(send, stack))

@@ -18,9 +18,9 @@ from automos.export.edits import EditedScan, read_edits
 from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
+from automos.results.claiming import refuse_foreign
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.results.writing import refuse_foreign
 from automos.workspace import RUN_FILE
 
 

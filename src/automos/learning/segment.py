@@ -15,8 +15,9 @@ from automos.atomic import atomic_path, write_text
 from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
-from automos.online.segment import claim, stamped
+from automos.online.segment import stamped
 from automos.pose_files import write_kitti
+from automos.results.claiming import claimed
 from automos.run import Progress
 from automos.scan import Sequence
 from automos.settings import Settings, dump_yaml
@@ -59,32 +60,32 @@ def segment_recording(
     ------
     InputError : the folder holds another program's labels, or cannot be written.
     """
-    claim(folder, ["predictions", *(["probabilities"] if probabilities else [])])
-    segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)
-    counts, poses = dict.fromkeys((label.name.lower() for label in Label), 0), []
-    for i, (name, scan) in enumerate(zip(sequence.names, stamped(sequence), strict=True)):
-        labels, moving = segmenter.segment(scan)
-        poses.append(segmenter.T_world_sensor)
-        with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
-            pack(labels).tofile(temporary)
-        if probabilities:
-            with atomic_path(folder / "probabilities" / f"{name}.npy") as temporary, temporary.open("wb") as file:
-                np.save(file, moving.astype(np.float16))
-        for label in Label:
-            counts[label.name.lower()] += int((labels == label).sum())
-        if progress is not None:
-            progress("segment", i + 1, len(sequence))
-    write_kitti(folder / "poses.txt", np.array(poses))
-    write_text(folder / "settings.yaml", dump_yaml(settings))
-    run = {
-        "recording": {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()},
-        "network": {"engine": network.engine, "image": network.image.model_dump(mode="json"), "card": network.card},
-        "points": counts,
-        "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},
-        "versions": {"automos": __version__},
-    }
-    write_text(folder / RUN_FILE, json.dumps(run, indent=1))
-    return run
+    with claimed(folder, ["predictions", *(["probabilities"] if probabilities else [])], sequence):
+        segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)
+        counts, poses = dict.fromkeys((label.name.lower() for label in Label), 0), []
+        for i, (name, scan) in enumerate(zip(sequence.names, stamped(sequence), strict=True)):
+            labels, moving = segmenter.segment(scan)
+            poses.append(segmenter.T_world_sensor)
+            with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
+                pack(labels).tofile(temporary)
+            if probabilities:
+                with atomic_path(folder / "probabilities" / f"{name}.npy") as temporary, temporary.open("wb") as file:
+                    np.save(file, moving.astype(np.float16))
+            for label in Label:
+                counts[label.name.lower()] += int((labels == label).sum())
+            if progress is not None:
+                progress("segment", i + 1, len(sequence))
+        write_kitti(folder / "poses.txt", np.array(poses))
+        write_text(folder / "settings.yaml", dump_yaml(settings))
+        run = {
+            "recording": {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()},
+            "network": {"engine": network.engine, "image": network.image.model_dump(mode="json"), "card": network.card},
+            "points": counts,
+            "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},
+            "versions": {"automos": __version__},
+        }
+        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        return run
 
 
 def latencies(segmenter: OnlineSegmenter) -> dict[str, Latency]:

@@ -17,6 +17,8 @@ class Feed:
 
     name: str = "feed"
     is_compensated: bool | None = False
+    recording: Sequence | None = None
+    """What is replayed; None of a sensor that sends."""
 
     def __init__(self) -> None:
         self.latest = Latest()
@@ -81,7 +83,7 @@ class Replay(Feed):
         """Take how many times as fast; 0: every scan as soon as the one before was taken, so none is left out."""
         super().__init__()
         self.name, self.is_compensated = sequence.name, sequence.is_compensated
-        self._sequence, self._speed = sequence, speed
+        self.recording, self._sequence, self._speed = sequence, sequence, speed
 
     def receive(self) -> None:
         """Put in every scan when its time has come."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import remove_parts, write_text
-from automos.errors import InputError
+from automos.atomic import write_text
 from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
 from automos.pose_files import write_kitti, write_tum
+from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry, write_tracks
 from automos.run import Progress
@@ -38,39 +39,43 @@ def segment_recording(
     ------
     InputError : the folder holds another program's labels, or cannot be written.
     """
-    writer = ResultsWriter(folder, sequence.names, settings)
     labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
     milliseconds = []
-    for i, scan in enumerate(stamped(sequence)):
-        start = time.perf_counter()
-        done = labeler.push(scan)
-        milliseconds.append(1e3 * (time.perf_counter() - start))
-        for given in done:
+    with results_writer(folder, sequence.names, settings, sequence) as writer:
+        for i, scan in enumerate(stamped(sequence)):
+            start = time.perf_counter()
+            done = labeler.push(scan)
+            milliseconds.append(1e3 * (time.perf_counter() - start))
+            for given in done:
+                writer.write(given)
+            if progress is not None:
+                progress("segment", i + 1, len(sequence))
+        for given in labeler.finish():
             writer.write(given)
-        if progress is not None:
-            progress("segment", i + 1, len(sequence))
-    for given in labeler.finish():
-        writer.write(given)
-    spent = {
-        "median": round(float(np.median(milliseconds)), 2),
-        "p99": round(float(np.percentile(milliseconds, 99)), 2),
-    }
-    about = {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()}
-    return writer.finish({"recording": about, "lag_seconds": lag, "milliseconds": {"all": spent}})
+        spent = {
+            "median": round(float(np.median(milliseconds)), 2),
+            "p99": round(float(np.percentile(milliseconds, 99)), 2),
+        }
+        about = {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()}
+        return writer.finish({"recording": about, "lag_seconds": lag, "milliseconds": {"all": spent}})
+
+
+@contextmanager
+def results_writer(
+    folder: Path, names: list[str] | None, settings: Settings, recording: Sequence | None = None
+) -> Iterator[ResultsWriter]:
+    """Give a writer into `folder`, which nobody else writes into until the block ends; errors as of `claimed`."""
+    places = ["predictions", *(["confidences"] if settings.output.confidence else [])]
+    with claimed(folder, places, recording):
+        yield ResultsWriter(folder, names, settings)
 
 
 class ResultsWriter:
     """Writes scans as they are given back: labels at once, what belongs to all of them at the end."""
 
     def __init__(self, folder: Path, names: list[str] | None, settings: Settings):
-        """Take the results folder and the scans' names, their numbers where there are none.
-
-        Raises
-        ------
-        InputError : the folder holds another program's labels.
-        """
+        """Take a results folder that is claimed, and the scans' names, their numbers where there are none."""
         self._folder, self._names, self._settings = folder, names, settings
-        claim(folder, ["predictions", *(["confidences"] if settings.output.confidence else [])])
         self._written: list[str] = []
         self._poses: list[np.ndarray] = []
         self._stamps: list[float] = []
@@ -118,21 +123,6 @@ class ResultsWriter:
         for track, boxes in sorted(self._boxes.items()):
             confidence = round(float(np.mean(self._sure[track])), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
-
-
-def claim(folder: Path, places: list[str]) -> None:
-    """Make the folders `places` of a results folder that is about to be written; an earlier run.json is removed.
-
-    Raises
-    ------
-    InputError : the folder holds labels that automos segment did not write.
-    """
-    if (folder / "stages").exists() or (any(folder.glob("predictions/*.label")) and not (folder / RUN_FILE).exists()):
-        raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
-    for place in places:
-        (folder / place).mkdir(parents=True, exist_ok=True)
-        remove_parts(folder / place)
-    (folder / RUN_FILE).unlink(missing_ok=True)
 
 
 def stamped(sequence: Sequence) -> Iterator[Scan]:

@@ -22,7 +22,6 @@ from typing import Any
 
 from automos import __version__
 from automos.atomic import remove_parts, write_text
-from automos.errors import InputError
 from automos.pipeline import Result
 from automos.pose_files import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
@@ -31,38 +30,9 @@ from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
 from automos.settings import OutputSettings, Settings, dump_yaml
 from automos.tracking.verdict import Verdict
-from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.workspace import RUN_FILE, Workspace
 
 _log = logging.getLogger(__name__)
-
-
-def refuse_foreign(folder: Path) -> None:
-    """Raise InputError where `folder` holds labels, poses or the like that no run of ours wrote and we would replace.
-
-    Ours has run.json or, until it has ended, stages.
-    """
-    for place in (folder, folder / "predictions"):
-        if place.exists() and not place.is_dir():
-            raise InputError(f"{place} is a file: choose another --out")
-    if not _is_ours(folder) and any((folder / "predictions").glob("*.label")):
-        raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
-    for name in RESULT_FILES:
-        if not _is_ours(folder) and (folder / name).exists():
-            raise InputError(f"{folder / name} was not written by automos label: choose another --out")
-
-
-def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
-    """Raise InputError where `folder` is the recording's own or came with it: our poses would be read as its truth."""
-    if sequence.source is None or not sequence.source.is_dir():
-        return
-    source, target = sequence.source.resolve(), folder.resolve()
-    came_with_it = target.parent == source and not _is_ours(folder) and target.is_dir() and any(target.iterdir())
-    if target == source or came_with_it:
-        raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out")
-
-
-def _is_ours(folder: Path) -> bool:
-    return (folder / RUN_FILE).exists() or (folder / "stages").exists()
 
 
 def write_results(

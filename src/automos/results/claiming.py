@@ -1,0 +1,83 @@
+"""Whose a results folder is: what may be written into it, and who does so now.
+
+What a run of ours left half way is known by its folder `stages`, which is there before the first label is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from automos.atomic import held, remove_parts, told
+from automos.errors import InputError
+from automos.scan import Sequence
+from automos.workspace import RESULT_FILES, RUN_FILE
+
+PER_SCAN = ("predictions/*.label", "confidences/*.npy", "probabilities/*.npy")
+"""What a results folder holds of every scan."""
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raise InputError where `folder` holds labels, poses or the like that no run of ours wrote and we would replace.
+
+    Ours has run.json or, until it has ended, stages.
+    """
+    for place in (folder, folder / "predictions"):
+        if place.exists() and not place.is_dir():
+            raise InputError(f"{place} is a file: choose another --out")
+    if not _is_ours(folder) and any((folder / "predictions").glob("*.label")):
+        raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
+    for name in RESULT_FILES:
+        if not _is_ours(folder) and (folder / name).exists():
+            raise InputError(f"{folder / name} was not written by automos label: choose another --out")
+
+
+def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
+    """Raise InputError where `folder` is the recording's own or came with it: our poses would be read as its truth."""
+    if sequence.source is None or not sequence.source.is_dir():
+        return
+    source, target = sequence.source.resolve(), folder.resolve()
+    came_with_it = target.parent == source and not _is_ours(folder) and target.is_dir() and any(target.iterdir())
+    if target == source or came_with_it:
+        raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out")
+
+
+def _is_ours(folder: Path) -> bool:
+    return (folder / RUN_FILE).exists() or (folder / "stages").exists()
+
+
+@contextmanager
+def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iterator[None]:
+    """Hold the results folder of what labels scan by scan (`automos segment`, `live`), emptied, until the block ends.
+
+    Where the block does not end, the folder is known to be ours and unfinished: the same command may be run again.
+
+    Parameters
+    ----------
+    places : folders in it that are made.
+    recording : where one is labelled; its own folder is not written into.
+
+    Raises
+    ------
+    InputError : the folder holds what other commands or programs wrote, another process writes, or writing fails.
+    """
+    stages = folder / "stages"
+    with held(folder):
+        if any(stages.glob("*")) or (folder / "merge.json").exists():
+            raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
+        refuse_foreign(folder)
+        if recording is not None:
+            refuse_folders_of(recording, folder)
+        with told(folder):
+            stages.mkdir(exist_ok=True)
+            for name in (RUN_FILE, *RESULT_FILES):
+                (folder / name).unlink(missing_ok=True)
+            for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
+                stale.unlink()
+            for place in (folder, *(folder / name for name in places)):
+                place.mkdir(exist_ok=True)
+                remove_parts(place)
+        yield
+        with suppress(OSError):
+            stages.rmdir()
