@@ -118,3 +118,12 @@ def test_a_file_that_is_cut_short_or_of_no_packets_is_told(drive, tmp_path):
     (tmp_path / "cut.json").write_text("{")
     with pytest.raises(InputError, match=r"cut.pcap cannot be read as packets of an Ouster"):
         open_sequence(tmp_path / "cut.pcap")
+
+
+def test_a_capture_that_ends_within_a_packet_is_told(drive, tmp_path):
+    path, _, _ = drive
+    (tmp_path / "half.json").write_text(path.with_suffix(".json").read_text())
+    content = path.read_bytes()
+    (tmp_path / "half.pcap").write_bytes(content[: len(content) // 2 + 7])
+    with pytest.raises(InputError, match=r"half.pcap ends within a packet"):
+        open_sequence(tmp_path / "half.pcap")

@@ -56,9 +56,14 @@ class _Debug:
     on = False
 
 
+LONGEST = 2000
+"""Characters of an error that are shown: a file may name a million columns."""
+
+
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
-    console.print(Text.assemble(("error: ", "red"), plain(" ".join(sentence.split("\n")))), soft_wrap=True)
+    shown = sentence if len(sentence) <= LONGEST else f"{sentence[:LONGEST]} ..."
+    console.print(Text.assemble(("error: ", "red"), plain(" ".join(shown.split("\n")))), soft_wrap=True)
     sys.exit(2)
 
 

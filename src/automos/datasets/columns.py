@@ -24,6 +24,9 @@ _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
 MAX_COLUMNS = 100
 """Numbers a point may have: a wider array has its points side by side."""
 
+MAX_FIELDS = 1 << 12
+"""Names that a header may give to the numbers of a point; the largest have hundreds."""
+
 MAX_SWEEP = 2.0
 """Seconds. No sensor takes longer for one sweep: times that span more are counted in a smaller unit."""
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
 from automos.datasets.listed import digest_of_files, require_increasing
+from automos.datasets.pcap import require_whole
 from automos.datasets.sensor_choice import choose_sensor, split_sensor
 from automos.errors import AutomosError, InputError
 from automos.reading import require_regular
@@ -65,6 +66,7 @@ class OusterSequence(Sequence):
         serials = [str(info.sn) for info in self._reader.sensor_info]
         self._serial = choose_sensor(self.source, wanted, serials, "sensor")
         self.name = stem if wanted is None else f"{stem}_{wanted}"
+        require_whole(self.source)  # the library passes over the end of one that is cut short
         self._places, stamps = self._index()
         if not self._places:
             raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")

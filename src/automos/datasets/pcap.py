@@ -23,6 +23,8 @@ _PCAPNG = 0x0A0D0D0A
 _HEADER, _RECORD = 24, 16
 _PIECE = 1 << 24
 """Bytes read at once; the longest record has a quarter of a million."""
+_NO_SIZE = 1 << 16
+"""Bytes that no datagram has."""
 _LINKS = {0: 4, 1: 14, 101: 0, 108: 4, 113: 16, 228: 0, 276: 20}
 """Bytes before the IP header by type of link: loopback, Ethernet, raw IP, Linux's cooked captures."""
 
@@ -121,6 +123,15 @@ def open_capture(path: Path) -> Capture:
     if head[:4] == _PCAPNG.to_bytes(4, "big"):
         raise InputError(f"{path} is a pcapng file; make it a classic one: editcap -F pcap {path.name} classic.pcap")
     raise InputError(f"{path} is no capture of packets (libpcap); copy it again")
+
+
+def require_whole(path: Path) -> None:
+    """Raise InputError where a classic capture ends within a packet; pcapng files are not looked into."""
+    with open(path, "rb") as file:
+        if file.read(4) == _PCAPNG.to_bytes(4, "big"):
+            return
+    for _ in open_capture(path).datagrams(_NO_SIZE):
+        pass
 
 
 def join(pieces: Iterable[Datagrams]) -> Datagrams:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.datasets.columns import Columns
+from automos.datasets.columns import MAX_FIELDS, Columns
 from automos.datasets.lzf import decompress
 from automos.datasets.text import parse_points
 from automos.errors import InputError
@@ -81,6 +81,8 @@ def _parse_header(raw: bytes, path: Path) -> Header:
 
 def _interpret(entries: dict[str, list[str]], start: int) -> Header:
     names = entries["FIELDS"] if "FIELDS" in entries else entries["COLUMNS"]
+    if len(names) > MAX_FIELDS:
+        raise ValueError(f"{len(names)} fields")
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
     fields = []
     for i, (name, kind, size, count) in enumerate(zip(names, entries["TYPE"], entries["SIZE"], counts, strict=True)):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.datasets.columns import Columns
+from automos.datasets.columns import MAX_FIELDS, Columns
 from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.reading import read_bytes
@@ -80,6 +80,8 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
                     elements[-1].has_list = True
                 case ["property", kind, name] if name not in dict(elements[-1].fields):
                     elements[-1].fields.append((name, _TYPES[kind]))
+                    if len(elements[-1].fields) > MAX_FIELDS:
+                        raise ValueError("more properties than any point has")
                 case ["property", *_]:
                     raise ValueError("a property that is malformed or named twice")
         except (KeyError, ValueError, IndexError):
