@@ -392,3 +392,29 @@ def test_a_key_held_down_decides_once(browser, server):
         browser.execute_script(f"document.body.dispatchEvent({event})")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
     assert [d.track for d in read_decisions(server.session.run.folder)] == [int(first)]
+
+
+@pytest.mark.browser
+def test_what_is_told_over_the_page_is_closed_by_a_key_and_keys_decide_again(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.find_element("id", "finish").click()
+    wait_for(browser, "document.getElementById('over-title').textContent === 'All saved'", 30)
+    browser.switch_to.active_element.send_keys("u")  # decides nothing below the dialog
+    browser.switch_to.active_element.send_keys("\ue00c")  # escape
+    wait_for(browser, "!document.getElementById('over').open")
+    browser.find_element("tag name", "body").send_keys("s")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert [(d.track, d.verdict) for d in read_decisions(server.session.run.folder)] == [(int(first), "static")]
+
+
+@pytest.mark.browser
+def test_letters_decide_while_a_button_has_the_focus_and_space_is_the_buttons(browser, server):
+    browser.get(server.url)
+    first = wait_for(browser, "document.body.dataset.shown")
+    browser.execute_script("document.getElementById('add').focus()")
+    browser.switch_to.active_element.send_keys("u")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    browser.execute_script("document.getElementById('add').focus()")
+    browser.switch_to.active_element.send_keys(" ")
+    wait_for(browser, "document.body.dataset.mode === 'place'")

@@ -38,10 +38,7 @@ PATIENCE = 10.0
 """Seconds until a request must have begun, and again until it must have come whole."""
 MAX_CONNECTIONS = 64
 """At a time; a browser makes six."""
-_OWN = (
-    "review.html", "review.css", "review.js", "review_gl.js", "review_above.js", "review_outbox.js", "review_list.js",
-    "review_place.js", "review_object.js", "sample.html", "sample.js", "review_dots.js",
-)  # fmt: skip
+_OWN = {file.name: file for file in files("automos.review").joinpath("page").iterdir()}
 _SHARED = ("look.css", "look.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
 
@@ -157,7 +154,7 @@ class _Handler(BaseHTTPRequestHandler):
         url = urlsplit(self.path)
         name = url.path.lstrip("/") or ("review.html" if self.server.session.looking is None else "sample.html")
         if name in _OWN:
-            self._send(files("automos.review").joinpath("page", name).read_text(encoding="utf-8"), name)
+            self._send(_OWN[name].read_text(encoding="utf-8"), name)
         elif name in _SHARED:
             self._send(page_text(name), name)
         elif (ask := ASKED.get(name.removeprefix("api/"))) and name.startswith("api/"):

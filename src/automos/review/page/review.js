@@ -3,6 +3,8 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;
+  const frame = makeFrame();
+  const { over } = frame;
   const scenes = new Map(); // promises, by object id
   const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
   const list = makeList({ onOpen: open, isOnItsWay: (id) => outbox.tracks().includes(id) });
@@ -177,11 +179,7 @@
     }, 150);
   }
 
-  function tell(text, isProblem = false, title = "") {
-    byId("saved").textContent = unsaved || text;
-    byId("saved").title = title;
-    byId("saved").classList.toggle("problem", isProblem || unsaved !== "");
-  }
+  const tell = (text, isProblem = false, title = "") => frame.tell(unsaved || text, isProblem || unsaved !== "", title);
 
   let n_doing = 0;
   async function doing(text, work) {
@@ -355,13 +353,6 @@
   }
 
   // ------------------------------------------------------------------------------------------------------ the end
-  function over(title, text, isBusy = false) {
-    byId("over-title").textContent = title;
-    byId("over-text").textContent = text;
-    byId("over-back").hidden = isBusy; // nothing is decided while the report is written
-    byId("over").hidden = false;
-  }
-
   const WRITING = ["Writing labels, tracks and report …", "A second or so for every hundred scans. It goes on if you close this page.", true];
 
   async function finish() {
@@ -403,8 +394,8 @@
     finish, add: addHere, rest: acceptRest, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
     box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce), "take-back": takeBack, cut, split, join, play: () => play(!view.isPlaying),
   };
-  for (const [id, does] of Object.entries(clicks)) byId(id).addEventListener("click", (event) => { event.currentTarget.blur(); if (run) does(); });
-  byId("over-back").addEventListener("click", () => { byId("over").hidden = true; });
+  const ready = (does) => () => { if (run) does(); };
+  frame.onClicks(Object.fromEntries(Object.entries(clicks).map(([id, does]) => [id, ready(does)])));
   byId("moment").addEventListener("input", (event) => {
     if (mode === "place") return goToScan(+event.target.value);
     play(false);
@@ -424,14 +415,7 @@
     place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: takeBack, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
     proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
   };
-  document.addEventListener("keydown", (event) => {
-    if (event.repeat && !event.key.startsWith("Arrow")) return; // a key held down decides once
-    if (event.ctrlKey || event.metaKey || event.altKey || !byId("over").hidden || /^(BUTTON|SELECT)$/.test(event.target.tagName)) return;
-    if (document.body.classList.contains("busy")) return;
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const does = keys[mode][key] || always[key];
-    if (does && run) { event.preventDefault(); does(); }
-  });
+  frame.onKeys((key) => (run && !document.body.classList.contains("busy") ? keys[mode][key] || always[key] : null));
   window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });
 
   ask("api/overview").then((overview) => {

@@ -3,6 +3,8 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;
+  const frame = makeFrame();
+  const { tell, over } = frame;
   const view = makeObjectView({ spaceCanvas: byId("space"), aboveCanvas: byId("above"), onMoment: showMoment });
   const place = makePlace(byId("place"), { onPick: pick, onBox: () => {}, onHint: () => {} });
   const QUESTIONS = {
@@ -122,32 +124,15 @@
       element("span", { class: "soft" }, "of the moving points, with what 95 of 100 such samples would hold"));
   }
 
-  function tell(text, isProblem = false) {
-    byId("saved").textContent = text;
-    byId("saved").classList.toggle("problem", isProblem);
-  }
-
-  function over(title, text) {
-    byId("over-title").textContent = title;
-    byId("over-text").textContent = text;
-    byId("over").hidden = false;
-  }
-
   for (const button of document.querySelectorAll("[data-answer]")) button.addEventListener("click", () => { button.blur(); answer(button.dataset.answer); });
   const clicked = { forget, previous: () => open(current - 1), next: () => open(current + 1), play: () => play(isMoment() ? timer === null : !view.isPlaying) };
-  for (const [id, does] of Object.entries(clicked)) byId(id).addEventListener("click", (event) => { event.currentTarget.blur(); does(); });
-  byId("over-back").addEventListener("click", () => { byId("over").hidden = true; });
+  frame.onClicks(clicked);
   byId("moment").addEventListener("input", (event) => { if (isMoment()) showScan(event.target.value - 10); else { view.play(false); view.show(+event.target.value); } });
   const step = (by) => { if (isMoment()) showScan(scan - home + by); else { view.play(false); view.step(by); } };
-  document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || !sample || !byId("over").hidden || (event.repeat && !event.key.startsWith("Arrow"))) return;
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const does = {
-      ArrowLeft: () => step(-1), ArrowRight: () => step(1), ArrowUp: () => open(current - 1), ArrowDown: () => open(current + 1), " ": clicked.play, u: () => answer("unknown"),
-      ...(isMoment() ? { Enter: () => answer("done"), z: forget } : { m: () => answer("moving"), s: () => answer("static"), r: () => view.resetView() }),
-    }[key];
-    if (does) { event.preventDefault(); does(); }
-  });
+  frame.onKeys((key) => sample && {
+    ArrowLeft: () => step(-1), ArrowRight: () => step(1), ArrowUp: () => open(current - 1), ArrowDown: () => open(current + 1), " ": clicked.play, u: () => answer("unknown"),
+    ...(isMoment() ? { Enter: () => answer("done"), z: forget } : { m: () => answer("moving"), s: () => answer("static"), r: () => view.resetView() }),
+  }[key]);
 
   ask("api/sample").then((found) => {
     sample = found;
