@@ -12,6 +12,7 @@ from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
 from automos.results.claiming import refuse_folders_of, refuse_foreign
+from automos.results.run_warnings import sentences_of
 from automos.results.writing import write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
@@ -20,9 +21,6 @@ from automos.review.sample import note_quality
 from automos.scan import Pose, Sequence
 from automos.settings import Settings
 from automos.workspace import Workspace
-
-SHOWN = 4
-"""Warnings told in the terminal; all of them are in run.json, in the report and in the review."""
 
 
 def label_recording(
@@ -85,21 +83,10 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
         f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
         f"{points['unlabeled']:,} unlabeled" + (f" ({riding:,} on what rides along with the sensor)" if riding else ""),
         *timing_line(run),
-        *(f"warning: {sentence}" for sentence in run["recording"].get("warnings", [])),
-        *(f"warning: {sentence}" for sentence in run["odometry"].get("warnings", [])),
-        *(f"warning: {sentence}" for sentence in _most_grave(run.get("warnings", []))),
-        *(f"warning: {sentence}" for sentence in run.get("review", {}).get("lost", [])),
+        *(f"warning: {sentence}" for sentence in sentences_of(run)),
         f"{effort}; labels in {folder}/predictions",
     ]
     return "\n".join(lines)
-
-
-def _most_grave(warnings: list[dict[str, Any]]) -> list[str]:
-    """Return the sentences of the first few warnings, and how many more there are."""
-    sentences = [warning["sentence"] for warning in warnings]
-    left = len(sentences) - SHOWN
-    more = [f"{left} more such; automos review shows them"] if left > 0 else []
-    return [*sentences[:SHOWN], *more]
 
 
 def timing_line(run: dict[str, Any]) -> list[str]:

@@ -38,10 +38,11 @@ def _few(sequence: Sequence) -> list[str]:
     if others >= ENOUGH:
         return []
     lasting = float(np.ptp(stamps)) if n else 0.0
+    few = f"{n} scan over" if n == 1 else f"{n} scans over"
     return [
-        f"{n} scans over {lasting:.2g} s are too few to decide what moves: a scan is compared with "
+        f"{few} {lasting:.2g} s {'is' if n == 1 else 'are'} too few to decide what moves: a scan is compared with "
         f"others {NEAREST:g} to {FARTHEST:g} s before and after it, of which there are {others} here and should be "
-        f"{ENOUGH} or more. What is not called moving may move all the same."
+        f"{ENOUGH} or more. What is not called moving may move all the same: give more of the recording."
     ]
 
 

@@ -10,11 +10,14 @@ from automos.datasets import open_sequence
 from automos.geometry import make_transform
 from automos.labeling import label_recording, summary
 from automos.pose_files import write_kitti
+from automos.results.open_run import open_run
 from automos.review.concerns import _steep, find_concerns
 from automos.review.run_stages import RunStages
+from automos.review.session import Session
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict
+from automos.visualization.report import write_report
 
 
 @pytest.fixture
@@ -53,9 +56,13 @@ def test_two_scans_are_too_short_to_decide_and_it_is_said(lane_run, tmp_path):
         path.unlink()
     (recording / "times.txt").write_text("0.0\n0.1\n")
     run = label_recording(open_sequence(recording), tmp_path / "out", load_settings("default"), workers=1)
-    (warning,) = run["warnings"]
-    assert warning["sentence"].startswith("The recording is too short to decide what moves: 2 scans in 0.1 s.")
-    assert "warning: The recording is too short" in summary(run, tmp_path / "out", 1.0, was_there=False)
+    (sentence,) = run["recording"]["warnings"]
+    assert sentence.startswith("2 scans over 0.1 s are too few to decide what moves")
+    assert f"warning: {sentence}" in summary(run, tmp_path / "out", 1.0, was_there=False)
+    page = Session(open_run(tmp_path / "out", recording)).overview()
+    assert page["sentences"] == [sentence]
+    write_report(open_run(tmp_path / "out", recording), tmp_path / "report.html")
+    assert sentence in (tmp_path / "report.html").read_text()
 
 
 def test_poses_of_a_camera_are_told_and_those_of_the_sensor_are_not(lane_run, tmp_path):

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conftest import write_recording
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
@@ -283,3 +284,10 @@ def test_one_short_recording_needs_no_fleet(fleet):
     assert has_one_process_enough(found, "out", Resources(workers=1, chunk=5))
     assert not has_one_process_enough(found, "s3://bucket/out", Resources())
     assert not has_one_process_enough([*found, replace(found[0], name="b")], "out", Resources())
+
+
+def test_what_a_recording_is_warned_of_stands_in_the_status_of_the_fleet(label, tmp_path):
+    write_recording(tmp_path / "short" / "two_scans", seed=0, n_scans=2)
+    label(folder=tmp_path / "short")
+    told = "\n".join(read_status(str(tmp_path / "out")).lines())
+    assert "warning: two_scans: 2 scans over 0.1 s are too few to decide what moves" in told

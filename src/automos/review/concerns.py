@@ -32,12 +32,8 @@ MAY_CHANGE = 8.0
 """Metres per second a second or so by which its velocity changes."""
 SAME_PLACE, SAME_SIZE = 0.5, 0.2
 """Metres, and share of the size besides, by which two segments of one standing thing differ."""
-WALK = 1.0
-"""Metres per second: the slowest that should still be told from what stands."""
 CLIMB = 0.5
 """Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
-LEAST_TRAVEL, LEAST_SCANS = 0.5, 3
-"""Metres that something must go, and scans it must be seen in, to be told from what stands."""
 LEAST_WAY = 2.0
 """Metres of way from which its steepness says something."""
 
@@ -52,24 +48,7 @@ def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, An
     path = about.T_level_sensor[:, :3, 3]
     return [
         *(_steep(path) if has_given_poses else []),
-        *_short(about.stamps),
         *_lost_ends(stages),
-    ]
-
-
-def _short(stamps: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
-    """A recording in which who walks does not get as far as counts, or of fewer scans than any verdict needs."""
-    needed = LEAST_TRAVEL / WALK
-    seconds = float(stamps[-1] - stamps[0]) if len(stamps) else 0.0
-    if seconds >= needed and len(stamps) >= LEAST_SCANS:
-        return []
-    return [
-        {
-            "kind": "short",
-            "sentence": f"The recording is too short to decide what moves: {len(stamps)} scan"
-            f"{'s' * (len(stamps) != 1)} in {seconds:.1f} s. Who walks must be seen for {needed:g} s and in "
-            f"{LEAST_SCANS} scans to be told from what stands; give more of the recording.",
-        }
     ]
 
 

@@ -26,7 +26,6 @@ class Queue:
         self._stakes = weigh(stages)
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
         self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
-        self._rest = [concern["sentence"] for concern in concerns if "segment" not in concern]
         self._gone: dict[int, set[int]] = {}
 
     def note(self, changes: Changes) -> None:
@@ -51,7 +50,6 @@ class Queue:
             "items": [*[row for row in found if "id" not in row or not self._is_gone(row["id"] - 1)], *made],
             "enough": n,
             "doubtful": float(sum(row["doubtful"] for row in rows)),
-            "sentences": self._rest,
         }
 
     # ------------------------------------------------------------------------------------------------------ the rows

@@ -11,6 +11,7 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
+from automos.results.run_warnings import general_sentences
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, reapply
 from automos.review.log import now
@@ -24,6 +25,7 @@ from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
+from automos.workspace import Workspace
 
 
 class Session:
@@ -71,7 +73,7 @@ class Session:
             "name": self.run.sequence.name,
             "scans": self.stages.names,
             **self.queue.to_page(self.changes),
-            "lost": [decision.sentence for decision in self.record.lost],
+            "sentences": general_sentences(Workspace(self.run.folder).read_run()),
         }
 
     def scene(self, track: int) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from automos.datasets import open_sequence
 from automos.errors import AutomosError
 from automos.labeling import given_poses, label_recording
 from automos.pipeline import Steps
+from automos.results.run_warnings import sentences_of
 from automos.scale.cache import Cache
 from automos.scale.machine import cpu_seconds, peak_megabytes, place
 from automos.scale.orders import Job, Kind, Order, Recording, Report, State
@@ -148,7 +149,7 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
         settings=settings_key(job.settings),
         fingerprint=run["fingerprint"],
         counts={**counts, "moving": run["points"]["moving"]},
-        warnings=tuple(run["odometry"].get("warnings", [])),
+        warnings=tuple(sentences_of(run)),
     )
     publish(folder, recording.target(job.target), marker, recording.source)
     if is_url(job.target):

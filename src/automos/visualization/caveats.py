@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.results.run_warnings import general_sentences
 from automos.scan import Pose
 
 TILT = 10.0
@@ -36,13 +37,11 @@ def caveats(
     counts : (3,) points unlabeled, static and moving.
     """
     return [
-        *run.get("recording", {}).get("warnings", []),
-        *run.get("odometry", {}).get("warnings", []),
+        *general_sentences(run),
         *_jumps(T_level_sensor, stamps, names),
         *_tilt(T_level_sensor),
         *_points(counts),
         *_unsure(tracks),
-        *run.get("review", {}).get("lost", []),
     ]
 
 

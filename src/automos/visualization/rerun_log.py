@@ -17,6 +17,7 @@ from automos.extras import pip_install
 from automos.geometry import transform
 from automos.labels import Label, to_mos
 from automos.results.run_files import RunFiles
+from automos.results.run_warnings import sentences_of
 from automos.results.tracks_file import VERDICTS
 from automos.scan import Pose
 from automos.workspace import Workspace
@@ -243,7 +244,6 @@ def _summary(run: RunFiles) -> str:
     record = Workspace(run.folder).read_run()
     points = record.get("points", {})
     total = max(sum(points.values()), 1)
-    warnings = record.get("odometry", {}).get("warnings", [])
     legend = "green moving, grey static, dark unlabeled, red wrongly moving, blue missed"
     lines = [
         f"# {run.sequence.name}",
@@ -251,6 +251,6 @@ def _summary(run: RunFiles) -> str:
         f"{record.get('tracks', {}).get('moving', 0)} of {record.get('tracks', {}).get('total', 0)} objects.",
         f"Points: {legend}. Boxes show number and confidence when pointed at. Switch on `boxes/static` and `unsure` "
         "(points whose label is unsure) in the blueprint panel.",
-        *(f"**Warning:** {sentence}" for sentence in warnings),
+        *(f"**Warning:** {sentence}" for sentence in sentences_of(record)),
     ]
     return "\n\n".join(lines)

@@ -68,7 +68,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
         "boxes": _packed_boxes(tracks, n),
         "truth": truth.to_page(),
         "caveats": caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0)),
-        "warnings": [_pointed(warning, run.names) for warning in about.get("warnings", [])],
+        "warnings": [_pointed(warning, run.names) for warning in about.get("warnings", []) if "scan" in warning],
         "run": {key: about.get(key, {}) for key in ("seconds", "versions", "odometry", "review", "quality")},
         "settings": _settings_text(run),
     }

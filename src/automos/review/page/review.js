@@ -426,8 +426,8 @@
     drawProgress();
     fetchPictures().catch(() => {});
     if (!view.hasSpace) tell("this browser has no WebGL: the view from above must do", true);
-    if (!run.items.length) { over("Nothing to review", "No object was followed in this recording. What was missed can be added."); goToScan(0); } else {
-      if (run.lost.length || run.sentences.length) over("Worth knowing", [...run.sentences, ...run.lost].join(" "));
+    if (!run.items.length) { over("Nothing to review", ["No object was followed in this recording. What was missed can be added.", ...run.sentences].join("\n")); goToScan(0); } else {
+      if (run.sentences.length) over("Worth knowing", run.sentences.join("\n"));
       open(run.items.find((item) => !item.decided) || run.items[0]);
     }
     ask("api/status").then((status) => { if (status.finishing) waitForFinishing(); });

@@ -1,0 +1,26 @@
+"""Everything that run.json warns of, as sentences: for the terminal, a fleet's books, the viewer and the review."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SHOWN = 4
+"""Places worth a look that are told where only sentences are; all are in the report and in the review."""
+
+
+def sentences_of(run: dict[str, Any]) -> list[str]:
+    """Return all warnings of `run`, what run.json holds: of the whole first, then of the gravest places."""
+    places = [warning["sentence"] for warning in run.get("warnings", []) if "scan" in warning]
+    left = len(places) - SHOWN
+    more = [f"{left} more such; automos review shows them"] if left > 0 else []
+    return [*general_sentences(run), *places[:SHOWN], *more]
+
+
+def general_sentences(run: dict[str, Any]) -> list[str]:
+    """Return the warnings of `run` that concern all of it: recording, odometry, poses, decisions that were lost."""
+    return [
+        *run.get("recording", {}).get("warnings", []),
+        *run.get("odometry", {}).get("warnings", []),
+        *(warning["sentence"] for warning in run.get("warnings", []) if "scan" not in warning),
+        *run.get("review", {}).get("lost", []),
+    ]
