@@ -37,7 +37,7 @@
     const cards = [
       [Look.count(data.scans), "scans", data.has_clock ? `${Look.duration(lasts)}, ${Look.count(data.length)} m driven` : `${Look.count(data.length)} m driven`],
       [Look.percent(share, 2), "of all points move", `${Look.count(total[2])} points`],
-      [Look.count(verdicts.moving), "objects move", `${Look.count(verdicts.static)} stand still${verdicts.unknown ? `, ${verdicts.unknown} unsure` : ""}`],
+      [Look.count(verdicts.moving), verdicts.moving === 1 ? "object moves" : "objects move", `${Look.count(verdicts.static)} ${verdicts.static === 1 ? "stands" : "stand"} still${verdicts.unknown ? `, ${verdicts.unknown} unsure` : ""}`],
       [Look.percent(points ? total[0] / points : 0, 2), "without a label", `${Look.count(total[0])} points`],
     ];
     if (data.truth) cards.push([Look.percent(data.truth.all.iou), "IoU of what moves", "against the truth"]);
