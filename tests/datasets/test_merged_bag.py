@@ -56,7 +56,7 @@ def test_a_scan_without_a_message_of_the_other_has_the_points_of_one(tmp_path):
         (JOINTS[:1], "/tf_static does not say where rear"),
         (
             [JOINTS[0], ("base", "rear", [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])],
-            "the mount of rear is no rigid transform",
+            "tf_static/rear holds a pose that is none",
         ),
     ],
 )

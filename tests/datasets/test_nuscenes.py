@@ -149,6 +149,27 @@ def test_a_pose_that_is_not_in_the_table_is_told(root):
         open_sequence(root)
 
 
+@pytest.mark.parametrize("rotation", [[0, 0, 0, 0], [2, 0, 0, 0], [float("nan")] * 4])
+def test_a_pose_that_is_no_rotation_is_told_with_its_table(root, rotation):
+    path = root / "v1.0-mini" / "ego_pose.json"
+    rows = json.loads(path.read_text())
+    rows[1]["rotation"] = rotation
+    path.write_text(json.dumps(rows))
+    nuscenes._read.cache_clear()
+    with pytest.raises(InputError, match=r"ego_pose.json holds a pose that is none"):
+        open_sequence(root)
+
+
+@pytest.mark.parametrize("name", ["scene-0061", "../scene"])
+def test_scenes_named_twice_or_by_a_path_are_told(root, name):
+    path = root / "v1.0-mini" / "scene.json"
+    rows = json.loads(path.read_text())
+    path.write_text(json.dumps([*rows, {**rows[0], "name": name}]))
+    nuscenes._read.cache_clear()
+    with pytest.raises(InputError, match=r"scene.json names a scene twice, or by a path"):
+        open_recordings(root)
+
+
 def test_a_file_that_is_two_scans_is_told(root):
     path = root / "v1.0-mini" / "sample_data.json"
     rows = json.loads(path.read_text())

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from automos.atomic import held
 from automos.cli import app
 from automos.datasets import open_sequence
 from automos.errors import InputError
@@ -201,3 +202,13 @@ def test_painting_a_scan_without_decisions_gives_what_the_pipeline_wrote(run, re
     for i in range(len(stages.names)):
         rewrite_scan(stages, i, Changes(same))
     assert files_of(run) == before
+
+
+def test_no_review_is_begun_while_somebody_writes_into_the_results(run):
+    pytest.importorskip("fcntl", reason="Windows has no locks on folders")
+    before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+    with held(run):
+        ended = CliRunner().invoke(app, ["review", str(run), "--no-browser", "--port", "0"])
+    assert isinstance(ended.exception, InputError)
+    assert "another process writes into" in str(ended.exception)
+    assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before

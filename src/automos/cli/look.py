@@ -52,24 +52,27 @@ def review(
     Labels, tracks.json and the report are rewritten. Every decision is kept in RUN/review.jsonl and holds when the
     recording is labelled again.
     """
+    from automos.atomic import held
     from automos.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.server import ReviewServer
     from automos.review.session import Session
 
-    with StageProgress(console, results.name) as progress:
-        session = Session(open_run(results, recording, format), progress, sample)
-    server = ReviewServer(session, port)
-    output.print(f"{server.url}  (Ctrl-C ends the review)")
-    if browser:
-        typer.launch(server.url)
-    try:
-        server.serve_forever()
-    except KeyboardInterrupt:
-        console.print("writing what was decided")
-    finally:
-        server.server_close()
-        session.close()
+    run = open_run(results, recording, format)
+    with held(results):  # whoever writes there meanwhile would not know of what is decided here
+        with StageProgress(console, results.name) as progress:
+            session = Session(run, progress, sample)
+        server = ReviewServer(session, port)
+        output.print(f"{server.url}  (Ctrl-C ends the review)")
+        if browser:
+            typer.launch(server.url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            console.print("writing what was decided")
+        finally:
+            server.server_close()
+            session.close()
 
 
 @look_app.command()

@@ -61,7 +61,7 @@ class ApolloSequence(FolderSequence):
                     f"{self.source / _POSES} has the pose of {self._names[first]}.pcd at {rows[first, 1]:.3f} s, but "
                     f"its points are of {self._stamps[first]:.3f} s; it belongs to another run"
                 )
-        return sensor_poses(from_quaternions(rows[:, 2:5], rows[:, 5:]))
+        return sensor_poses(from_quaternions(rows[:, 2:5], rows[:, 5:], self.source / _POSES))
 
     def _rows(self) -> npt.NDArray[np.float64]:
         """Return (len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""

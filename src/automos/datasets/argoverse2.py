@@ -226,7 +226,7 @@ def _transforms(table: Table) -> Pose:
     """Return the (R, 4, 4) transforms of a table's rows."""
     translation = np.column_stack([table[f"t{axis}_m"] for axis in "xyz"])
     with damage_told(table.path, "holds transforms that are none"):
-        return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]))
+        return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]), table.path)
 
 
 FORMAT = Format(

@@ -64,7 +64,7 @@ class HeliprSequence(ListedSequence):
         if not path.exists():
             return None
         table = read_table(path, 8, "poses")
-        T = from_quaternions(table[:, 1:4], table[:, 4:])
+        T = from_quaternions(table[:, 1:4], table[:, 4:], path)
         assert self.stamps is not None
         return sensor_poses(poses_at(self.stamps, 1e-9 * table[:, 0], T, path))
 

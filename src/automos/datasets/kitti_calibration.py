@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.stamped_poses import rigid_transforms
 from automos.errors import InputError
 from automos.geometry import make_transform, transform
 from automos.pose_files import FARTHEST
@@ -55,11 +56,10 @@ def take(rows: dict[str, npt.NDArray[np.float64]], path: Path, *names: str, size
     return row
 
 
-def rigid(row: npt.NDArray[np.float64]) -> Pose:
-    """Return (4, 4) from 12 numbers (3 x 4) or 9 (a rotation)."""
-    if len(row) == 9:
-        return make_transform(row.reshape(3, 3))
-    return np.vstack([row.reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+def rigid(row: npt.NDArray[np.float64], path: Path) -> Pose:
+    """Return (4, 4) from 12 numbers (3 x 4) or 9 (a rotation); InputError that names `path` where they are none."""
+    T = make_transform(row.reshape(3, 3)) if len(row) == 9 else np.vstack([row.reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+    return rigid_transforms(T[None], path)[0]
 
 
 def poses_from_packets(packets: npt.NDArray[np.float64]) -> Pose:

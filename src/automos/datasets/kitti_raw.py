@@ -102,7 +102,7 @@ class KittiRawSequence(FolderSequence):
         day = self.source.resolve().parent
         path = day / "calib_cam_to_cam.txt"
         rows = read_calibration(path)
-        T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9))
+        T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9), path)
         T = T_rectified_camera @ _read_transform(day / "calib_velo_to_cam.txt")
         width, height = take(rows, path, "S_rect_02", size=2)
         return T, take(rows, path, "P_rect_02", size=12).reshape(3, 4), (float(width), float(height))
@@ -142,7 +142,7 @@ def _seconds(text: str) -> float:
 
 def _read_transform(path: Path) -> Pose:
     rows = read_calibration(path)
-    T = rigid(take(rows, path, "R", size=9))
+    T = rigid(take(rows, path, "R", size=9), path)
     T[:3, 3] = take(rows, path, "T", size=3)
     return T
 

@@ -101,12 +101,13 @@ class KittiTrackingSequence(FolderSequence):
     @cached_property
     def _T_rectified_sensor(self) -> Pose:
         path = _calib_of(self.source)
-        R = rigid(take(self._calibration, path, "R_rect", "R0_rect", size=9))
-        return R @ rigid(take(self._calibration, path, "Tr_velo_cam", "Tr_velo_to_cam", size=12))
+        R = rigid(take(self._calibration, path, "R_rect", "R0_rect", size=9), path)
+        return R @ rigid(take(self._calibration, path, "Tr_velo_cam", "Tr_velo_to_cam", size=12), path)
 
     @cached_property
     def _T_sensor_imu(self) -> Pose:
-        return rigid(take(self._calibration, _calib_of(self.source), "Tr_imu_velo", "Tr_imu_to_velo", size=12))
+        path = _calib_of(self.source)
+        return rigid(take(self._calibration, path, "Tr_imu_velo", "Tr_imu_to_velo", size=12), path)
 
     @cached_property
     def _projection(self) -> npt.NDArray[np.float64]:

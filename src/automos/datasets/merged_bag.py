@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.mounts import checked_mount
 from automos.datasets.rosbag_topic import RosbagSequence
 from automos.datasets.stamped_poses import from_quaternions
 from automos.errors import InputError
@@ -114,9 +113,7 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
     for parent, child, translation, xyzw in parts[0].static_transforms():
-        with np.errstate(invalid="ignore"):
-            T = from_quaternions(translation, xyzw)[0] if np.linalg.norm(xyzw) > 0.5 else np.zeros((4, 4))
-        T = checked_mount(T, child, where / "tf_static")
+        T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
         joints.setdefault(parent, []).append((child, T))
         joints.setdefault(child, []).append((parent, inverse(T)))
     T_first = {frames[0]: np.eye(4)}

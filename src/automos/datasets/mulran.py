@@ -15,7 +15,7 @@ from automos.datasets.columns import Columns, to_scan
 from automos.datasets.formats import Format, recordings_at
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.records import read_records, read_table
-from automos.datasets.stamped_poses import orthonormal, poses_at, sensor_poses
+from automos.datasets.stamped_poses import poses_at, rigid_transforms, sensor_poses
 from automos.geometry import make_transform
 from automos.scan import Pose, Scan
 
@@ -57,13 +57,14 @@ class MulranSequence(ListedSequence):
         """(len, 4, 4) T_world_sensor from the vehicle's poses."""
         from scipy.spatial.transform import Rotation
 
-        table = read_table(self.source / _POSES, 13, "poses", ",")
+        path = self.source / _POSES
+        table = read_table(path, 13, "poses", ",")
         T_map_base = np.tile(np.eye(4), (len(table), 1, 1))
         T_map_base[:, :3] = table[:, 1:].reshape(-1, 3, 4)
         turn = Rotation.from_euler("xyz", [0.0001, 0.0003, 179.6654], degrees=True).as_matrix()
         T_base_sensor = make_transform(turn, [1.7042, -0.021, 1.8047])  # published with the data set
         assert self.stamps is not None
-        T = poses_at(self.stamps, 1e-9 * table[:, 0], orthonormal(T_map_base), self.source / _POSES)
+        T = poses_at(self.stamps, 1e-9 * table[:, 0], rigid_transforms(T_map_base, path), path)
         return sensor_poses(T, T_base_sensor)
 
 

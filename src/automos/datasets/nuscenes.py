@@ -37,7 +37,10 @@ def find(path: Path) -> list[Path]:
     if _is_tables(path.parent) and not path.exists():
         return [path]
     if _is_tables(path):
-        return [path / scene["name"] for scene in sorted(_read(path, "scene"), key=lambda scene: scene["name"])]
+        names = sorted(scene["name"] for scene in _read(path, "scene"))
+        if len(set(names)) < len(names) or any(name != Path(name).name for name in names):
+            raise InputError(f"{path / 'scene.json'} names a scene twice, or by a path; unpack the metadata again")
+        return [path / name for name in names]
     if not path.is_dir():
         return []
     return [scene for tables in sorted(path.glob("v1.0-*")) if _is_tables(tables) for scene in find(tables)]
@@ -142,15 +145,16 @@ def _poses_of(tables: Path, sweeps: list[Row]) -> Pose:
     """Return (N, 4, 4) T_global_sensor of the sweeps."""
     mounts = _pick(tables, "calibrated_sensor", (row["calibrated_sensor_token"] for row in sweeps))
     egos = _pick(tables, "ego_pose", (row["ego_pose_token"] for row in sweeps))
-    T_global_ego = _transforms([egos[row["ego_pose_token"]] for row in sweeps])
-    T_ego_sensor = _transforms([mounts[row["calibrated_sensor_token"]] for row in sweeps])
+    T_global_ego = _transforms([egos[row["ego_pose_token"]] for row in sweeps], tables / "ego_pose.json")
+    of_sweeps = [mounts[row["calibrated_sensor_token"]] for row in sweeps]
+    T_ego_sensor = _transforms(of_sweeps, tables / "calibrated_sensor.json")
     return T_global_ego @ T_ego_sensor
 
 
-def _transforms(rows: list[Row]) -> Pose:
-    """Return (N, 4, 4) of rows with a translation and a rotation, scalar first."""
+def _transforms(rows: list[Row], path: Path) -> Pose:
+    """Return (N, 4, 4) of rows of the table at `path` with a translation and a rotation, scalar first."""
     quaternions = np.roll([row["rotation"] for row in rows], -1, axis=1)
-    return from_quaternions([row["translation"] for row in rows], quaternions)
+    return from_quaternions([row["translation"] for row in rows], quaternions, path)
 
 
 def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
@@ -160,7 +164,7 @@ def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
     rows = [row for row in _read(tables, "sample_annotation") if row["sample_token"] in samples]
     if not rows:
         return None
-    T_global_box = _transforms(rows)
+    T_global_box = _transforms(rows, tables / "sample_annotation.json")
     center = T_global_box[:, :3, 3]
     yaw = np.arctan2(T_global_box[:, 1, 0], T_global_box[:, 0, 0])
     size = np.array([row["size"] for row in rows], np.float64)[:, [1, 0, 2]]  # theirs is width, length, height

@@ -8,36 +8,49 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import inverse
-from automos.pose_files import FARTHEST, interpolate_poses
+from automos.geometry import inverse, is_rigid
+from automos.pose_files import FARTHEST, MAX_SKEW, interpolate_poses
 from automos.scan import Pose
 
+_NO_POSE = (
+    "{} holds a pose that is none, is not on Earth, or whose rotation is scaled, sheared or mirrored; copy it again"
+)
 
-def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike) -> Pose:
-    """Return the (N, 4, 4) transforms of translations (N, 3), metres, and quaternions (N, 4), scalar last."""
+
+def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike, path: Path) -> Pose:
+    """Return the (N, 4, 4) transforms of translations (N, 3), metres, and quaternions (N, 4), scalar last.
+
+    Raises
+    ------
+    InputError
+        Quaternions that are not of length one, or places that are not on Earth; `path` is what they came from.
+    """
     from scipy.spatial.transform import Rotation
 
     translation = np.atleast_2d(np.asarray(translation, np.float64))
-    _require_on_earth(translation)
-    _require_on_earth(np.asarray(xyzw, np.float64))
+    xyzw = np.atleast_2d(np.asarray(xyzw, np.float64))
+    if not ((np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= MAX_SKEW).all() and (np.abs(translation) < FARTHEST).all()):
+        raise InputError(_NO_POSE.format(path))
     T = np.tile(np.eye(4), (len(translation), 1, 1))
-    T[:, :3, :3] = Rotation.from_quat(np.atleast_2d(np.asarray(xyzw, np.float64))).as_matrix()
+    T[:, :3, :3] = Rotation.from_quat(xyzw).as_matrix()
     T[:, :3, 3] = translation
     return T
 
 
-def orthonormal(T: npt.ArrayLike) -> Pose:
-    """Return transforms (N, 4, 4) with the nearest exact rotations; files round them."""
+def rigid_transforms(T: npt.ArrayLike, path: Path) -> Pose:
+    """Return transforms (N, 4, 4) with the nearest exact rotations; files round them.
+
+    Raises
+    ------
+    InputError
+        One is none, or not on Earth; `path` is what they came from.
+    """
     T = np.array(T, np.float64)
-    _require_on_earth(T)  # LAPACK does not come back from what is infinite
+    if not ((np.abs(T) < FARTHEST).all() and is_rigid(T, MAX_SKEW).all()):
+        raise InputError(_NO_POSE.format(path))
     U, _, Vt = np.linalg.svd(T[:, :3, :3])
     T[:, :3, :3] = U @ Vt
     return T
-
-
-def _require_on_earth(numbers: npt.NDArray[np.float64]) -> None:
-    if not (np.abs(numbers) < FARTHEST).all():
-        raise InputError("the recording's poses hold numbers that are none, or are not on Earth; copy them again")
 
 
 def poses_at(

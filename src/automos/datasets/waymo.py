@@ -23,7 +23,7 @@ from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.mounts import checked_mount
 from automos.datasets.parquet import RowReader, read_columns
 from automos.datasets.range_image import place_pixels
-from automos.datasets.stamped_poses import sensor_poses
+from automos.datasets.stamped_poses import rigid_transforms, sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, make_transform
 from automos.labels import Label
@@ -161,10 +161,7 @@ class WaymoSequence(Sequence):
         path = _table(self.source, "vehicle_pose")
         with damage_told(path):
             T = np.stack(read_columns(path, [_VEHICLE])[_VEHICLE].tolist()).reshape(-1, 4, 4)
-            T = T[self._find_rows("vehicle_pose")].astype(np.float64)
-            if not (np.abs(T) < FARTHEST).all():
-                raise ValueError("a pose that is none")
-        return T
+            return rigid_transforms(T[self._find_rows("vehicle_pose")], path)
 
     def _reader(self, component: str, columns: Sequence_[str]) -> RowReader:
         """The opened table; one for each thread, as readers are not made to be shared."""
