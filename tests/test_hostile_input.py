@@ -1,5 +1,6 @@
 """What is damaged, in the way, somebody else's or not finished is refused in a sentence that names it."""
 
+import math
 import os
 import struct
 import subprocess
@@ -67,8 +68,18 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("at", "form", "value"),
-    [(107, "<I", 7), (96, "<I", 1000), (100, "<I", 2**32 - 1), (105, "<H", 0), (96, "<I", 10)],
-    ids=["fewer points", "where points start", "records", "width", "before the header's end"],
+    [
+        (107, "<I", 7),
+        (96, "<I", 1000),
+        (100, "<I", 2**32 - 1),
+        (105, "<H", 0),
+        (96, "<I", 10),
+        (131, "<d", 0.0),
+        (139, "<d", math.nan),
+        (147, "<d", 1e300),
+        (155, "<d", math.inf),
+    ],
+    ids=str,
 )
 def test_a_las_header_that_does_not_fit_its_file_is_told(tmp_path, at, form, value):
     laspy = pytest.importorskip("laspy")

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from automos.errors import InputError
+from automos.pose_files import FARTHEST
 
 _HEADER, _VLR, _EVLR = 227, 54, 60
 """Bytes of the shortest header and of the headers of variable and of extended variable length records."""
+_COARSEST = 1e3
+"""Metres that coordinates are counted in, less than which any sensor's are."""
 _MOST_PACKED = 10_000
 """By how much LAZ may pack points, at most: more is a damaged count."""
 
@@ -32,6 +35,7 @@ def require_whole(path: Path) -> int:
     n_extended = extended = 0
     if head[25] >= 4 and len(head) >= 375:
         extended, n_extended, n_points = struct.unpack_from("<QIQ", head, 235)
+    scales, offsets = np.frombuffer(head, "<f8", 6, 131).reshape(2, 3)
     packed = size - start
     is_packed = form & 0xC0 != 0
     n_chunks = _count_chunks(path, start, size) if is_packed and start + 8 <= size else 0
@@ -47,6 +51,8 @@ def require_whole(path: Path) -> int:
         f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
         f"points of {width} bytes": width == 0,
+        f"a unit of {scales} m": not ((scales > 0.0) & (scales < _COARSEST)).all(),
+        f"an origin at {offsets} m": not (np.abs(offsets) < FARTHEST).all(),
     }
     fault = next((what for what, is_so in faults.items() if is_so), None)
     if fault is not None:
