@@ -1,5 +1,6 @@
 """What a person adds, draws, cuts, splits and joins is in the results, and survives other settings and poses."""
 
+import base64
 import json
 import shutil
 
@@ -214,3 +215,11 @@ def test_the_objects_at_the_head_of_the_queue_hold_95_percent_of_the_doubtful_po
     assert core >= 0.95 * page["doubtful"] - 0.1 * len(page["items"])
     fewer = sum(item["doubtful"] for item in page["items"][: page["enough"] - 1])
     assert fewer < 0.95 * page["doubtful"] + 0.1 * len(page["items"])
+
+
+def test_what_is_made_by_hand_has_a_picture_in_the_list_at_once(session):
+    track = moving_track(session)
+    scans = session.stages.tracks.scan[session.stages.tracks.rows_of(track)]
+    ids = session.cut(track + 1, int(scans[len(scans) // 2]))
+    pictures = session.pictures_now()["pictures"]
+    assert all(base64.b64decode(pictures[id]["points"]) for id in ids)

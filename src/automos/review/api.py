@@ -78,7 +78,7 @@ def _missed(session: Session, body: Body) -> dict[str, Any]:
 ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] = {
     "overview": lambda session, query: session.overview(),
     "status": lambda session, query: session.status(),
-    "pictures": lambda session, query: session.pictures.to_page(),
+    "pictures": lambda session, query: session.pictures_now(),
     "scene": lambda session, query: session.scene(number(query.get("track", [""])[0])),
     "sample": lambda session, query: _looking(session).overview(),
     "look": lambda session, query: _looking(session).look(number(query.get("look", [""])[0], "look")),

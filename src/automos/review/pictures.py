@@ -1,15 +1,18 @@
-"""Pictures for the list, made behind the scenes: one walk through the scans for all of them."""
+"""Pictures for the list, made behind the scenes: one walk through the scans for all that was found."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from typing import Any
 
 from automos.errors import AutomosError
 from automos.geometry import transform
 from automos.results.run_files import RunFiles
-from automos.review.apply import Changes
+from automos.review.amendments import Amendment
+from automos.review.apply import Changes, amended_entry, number_of
 from automos.review.queue import Queue
+from automos.review.run_stages import RunStages
 from automos.visualization.thumbnails import Thumbnails
 
 MOST = 400
@@ -17,22 +20,32 @@ MOST = 400
 
 
 class Pictures:
-    """Thumbnails by track id, there as soon as all scans were gone through."""
+    """Thumbnails by object id: of what was found once all scans were gone through, of what is made by hand at once."""
 
-    def __init__(self, run: RunFiles, queue: Queue):
+    def __init__(self, run: RunFiles, stages: RunStages, queue: Queue):
         """Begin to make them."""
-        self._run, self._queue = run, queue
+        self._run, self._stages, self._queue = run, stages, queue
         self._found: dict[int, dict[str, Any]] | None = None
+        self._made: dict[int, dict[str, Any]] = {}
         self._is_stopped = False
         threading.Thread(target=self._make, daemon=True).start()
 
-    def to_page(self) -> dict[str, Any]:
-        """Return the pictures by track id, or that they are not ready."""
-        return {"ready": self._found is not None, "pictures": self._found or {}}
+    def to_page(self, amendments: Iterable[Amendment]) -> dict[str, Any]:
+        """Return the pictures by object id, those of objects made by hand too, and whether that is all."""
+        for amendment in amendments:
+            if number_of(self._stages, amendment) + 1 not in self._made:
+                self._made |= self._picture(amended_entry(self._stages, amendment))
+        return {"ready": self._found is not None, "pictures": (self._found or {}) | self._made}
 
     def stop(self) -> None:
         """Make no more."""
         self._is_stopped = True
+
+    def _picture(self, entry: dict[str, Any]) -> dict[int, dict[str, Any]]:
+        thumbnails = Thumbnails([entry])
+        for index in thumbnails.scans:
+            thumbnails.add(index, self._stages.frame(index).points_level)
+        return thumbnails.to_page()
 
     def _make(self) -> None:
         try:

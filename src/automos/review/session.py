@@ -50,7 +50,7 @@ class Session:
         self.stages = RunStages(run.folder, run.sequence)
         reapply(run.folder, run.sequence, progress)
         self.record = Record(run, self.stages)
-        self.pictures = Pictures(run, self.queue)
+        self._pictures = Pictures(run, self.stages, self.queue)
         self._proposer = Proposer(self.stages)
         self._proposal: Amendment | None = None
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
@@ -93,6 +93,11 @@ class Session:
         with self._reading:
             return place(self.stages, index, self.changes)
 
+    def pictures_now(self) -> dict[str, Any]:
+        """Return the pictures of the list that there are so far."""
+        with self._reading:
+            return self._pictures.to_page(self.changes.amendments)
+
     def status(self) -> dict[str, Any]:
         """Return how many decisions hold, how many are still to be written, and what went wrong if anything did."""
         decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.record.writer
@@ -115,7 +120,7 @@ class Session:
     def close(self) -> None:
         """Finish, and refuse whatever is decided from now on; errors are those of `finish`."""
         self.record.end()
-        self.pictures.stop()
+        self._pictures.stop()
         self.finish()
 
     # ------------------------------------------------------------------------------------------- what is made by hand

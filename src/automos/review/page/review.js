@@ -33,6 +33,7 @@
     current = run.items.find(same) || null;
     list.fill(run.items, current);
     drawProgress();
+    fetchPictures();
   }
 
   const isObject = (item) => item.place === undefined;
@@ -384,10 +385,14 @@
     finished(status.decided);
   }
 
+  let fetching = null;
   async function fetchPictures() {
-    const found = await ask("api/pictures");
-    list.showPictures(found.pictures);
-    if (!found.ready) setTimeout(() => fetchPictures().catch(() => {}), 1200);
+    clearTimeout(fetching);
+    try {
+      const found = await ask("api/pictures");
+      list.showPictures(found.pictures);
+      if (!found.ready) fetching = setTimeout(fetchPictures, 1200);
+    } catch { /* a list without pictures is a list */ }
   }
 
   const clicks = {
@@ -424,7 +429,7 @@
     document.title = `${run.name} – AutoMOS review`;
     list.fill(run.items, null);
     drawProgress();
-    fetchPictures().catch(() => {});
+    fetchPictures();
     if (!view.hasSpace) tell("this browser has no WebGL: the view from above must do", true);
     if (!run.items.length) { over("Nothing to review", ["No object was followed in this recording. What was missed can be added.", ...run.sentences].join("\n")); goToScan(0); } else {
       if (run.sentences.length) over("Worth knowing", run.sentences.join("\n"));
