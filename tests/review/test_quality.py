@@ -1,5 +1,6 @@
 """Precision and recall from a random sample: intervals that hold the truth as often as they say."""
 
+import shutil
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,11 +11,16 @@ from scipy.stats import binom
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.labels import Label, to_mos
+from automos.results.open_run import open_run
 from automos.review import sample as sample_module
+from automos.review import scenes
 from automos.review.apply import Changes
+from automos.review.looking import Looking
 from automos.review.quality import Estimate, ratio, recall, share, total_of_moments
 from automos.review.run_stages import RunStages
 from automos.review.sample import append_answer, draw, estimate, read_answers, read_sample, save_sample, strata
+from automos.review.session import Session
+from automos.workspace import Workspace
 
 HOLDS = 0.95
 REVIEWS = 400
@@ -153,6 +159,28 @@ def test_a_sample_is_read_back_and_goes_on_where_it_was_left(stages, tmp_path):
     append_answer(tmp_path, sample, 0, "static")
     append_answer(tmp_path, replace(sample, key="another"), 1, "moving")
     assert read_answers(tmp_path, sample) == {0: ("static", 0)}
+
+
+def test_the_scan_of_the_point_that_is_asked_about_is_among_those_shown(stages, monkeypatch):
+    monkeypatch.setattr(scenes, "MOMENTS", 4)
+    looking = Looking(stages, draw(stages, Changes(), 30, seed=2), Changes())
+    for number, look in enumerate(looking.sample.looks):
+        if look.kind != "moment":
+            shown = looking.look(number)
+            assert look.index == shown["at"]
+            assert look.index in [moment["index"] for moment in shown["moments"]]
+
+
+def test_what_is_decided_after_a_sample_makes_it_one_of_other_labels(lane_run, tmp_path):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    session = Session(open_run(run), n_looks=10)
+    session.looking.answer(0, "moving")
+    assert "quality" in Workspace(run).read_run()
+    assert Session(open_run(run), n_looks=10).looking.sample == session.looking.sample  # it goes on
+    session.decide([1], "unknown")
+    session.finish()
+    assert "quality" not in Workspace(run).read_run()
+    assert Session(open_run(run), n_looks=10).looking.sample != session.looking.sample
 
 
 def test_recall_waits_for_all_looks_and_precision_does_not(stages):

@@ -74,10 +74,13 @@ class Report:
         from rich.table import Table
 
         table = Table(
-            title="Moving points, counted as SemanticKITTI does, in %", box=SIMPLE_HEAD, padding=0, show_edge=False
+            title="Moving points, counted as SemanticKITTI does, in %; called moving rightly, wrongly, and missed",
+            box=SIMPLE_HEAD,
+            padding=0,
+            show_edge=False,
         )
         table.add_column("", no_wrap=True)
-        for heading in ("IoU", "precision", "recall", "TD", "FD", "FS", "objects"):
+        for heading in ("IoU", "precision", "recall", "right", "wrong", "missed", "objects"):
             table.add_column(heading, justify="right", no_wrap=True)
         table.add_row(
             "all points", *_cells(self.scores), _found(self.recordings.values()), style="bold", end_section=True

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +19,8 @@ from automos.errors import InputError
 from automos.reading import DAMAGE, damage_told, parse_json, read_text, require_regular
 
 LOG_FILE = "review.jsonl"
+CHANGE_NOTHING = ("answer", "dismissed")
+"""Kinds of lines after which all labels are as they were."""
 T = TypeVar("T")
 
 
@@ -74,6 +77,17 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
                 f"{path}, line {number} is no {what} ({' '.join(str(error).split())[:200]}); mend or remove that line"
             ) from None
     return found
+
+
+def key_of_changes(folder: Path) -> str:
+    """Return what changes with every line of the log in `folder` that changes labels; "" where there is none."""
+    path = folder / LOG_FILE
+    if not path.exists():
+        return ""
+    with damage_told(path, "is no log of a review"):
+        lines = [line for line in read_text(path).split("\n") if line.strip().endswith("}")]
+        kept = [line for line in lines if parse_json(line).get("kind") not in CHANGE_NOTHING]
+    return f"-{zlib.crc32(chr(10).join(kept).encode()):08x}" if kept else ""
 
 
 def _ends_whole(path: Path) -> bool:

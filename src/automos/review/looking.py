@@ -23,6 +23,7 @@ from automos.review.sample import (
     append_answer,
     draw,
     estimate,
+    key_of_labels,
     note_quality,
     read_answers,
     read_sample,
@@ -63,7 +64,7 @@ class Looking:
             if look.kind == "moment":
                 return {"kind": look.kind, **place(self._stages, look.index, self._changes)}
             subject = self._around(look)
-            shown = scene(self._stages, subject)
+            shown = scene(self._stages, subject, look.index)
             frame = self._stages.frame(look.index)
             point = frame.points_level[np.searchsorted(frame.kept, look.row)]
             return {"kind": look.kind, **shown, "mark": (point - shown["origin"]).round(2).tolist(), "at": look.index}
@@ -138,11 +139,15 @@ class Looking:
 def open_sample(
     stages: RunStages, changes: Changes, n_looks: int, progress: Callable[[str, int, int], None]
 ) -> Looking:
-    """Return the sample of a run that is not answered yet, or a new one of `n_looks`; errors as of `draw`."""
+    """Return the sample of a run's labels that is not answered yet, or a new one of `n_looks`; errors as of `draw`."""
     sample = read_sample(stages.folder)
     if sample is not None and any(look.index >= len(stages.names) for look in sample.looks):
         raise InputError(f"{stages.folder / SAMPLE_FILE} is of more scans than the run: remove it, and draw another")
-    is_open = sample is not None and len(read_answers(stages.folder, sample)) < len(sample.looks)
+    is_open = (
+        sample is not None
+        and sample.labels == key_of_labels(stages.folder)
+        and len(read_answers(stages.folder, sample)) < len(sample.looks)
+    )
     if sample is None or not is_open:
         sample = draw(stages, changes, n_looks, progress=progress)
         save_sample(stages.folder, sample)

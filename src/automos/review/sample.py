@@ -18,7 +18,7 @@ from automos.errors import InputError
 from automos.labels import Label
 from automos.reading import checked, read_json
 from automos.review.apply import Changes, changed_labels, decided_verdicts
-from automos.review.log import append_lines, now, read_lines
+from automos.review.log import append_lines, key_of_changes, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
 from automos.review.run_stages import RunStages
 from automos.tracking.verdict import Verdict
@@ -123,7 +123,7 @@ def draw(
             looks += _looks_at(stages, changes, kind, of_scans, drawn)
     edges = np.linspace(0, n, min(round(SHARES["moment"] * n_looks), n) + 1).round().astype(int)
     looks += [Look("moment", int(rng.integers(a, b)), n_scans=int(b - a)) for a, b in pairwise(edges)]
-    labels = str(Workspace(stages.folder).read_run().get("fingerprint"))
+    labels = key_of_labels(stages.folder)
     n_moving, n_fringe = counts.sum(axis=1).tolist()
     return Sample(now(), labels, n_moving, n_fringe, _usual_size(stages, changes), looks)
 
@@ -223,14 +223,20 @@ def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, A
 
 
 def note_quality(folder: Path) -> None:
-    """Write into run.json what the sample says of the labels there, if it is of these labels."""
+    """Write into run.json what the sample says of the labels there; what was said of other labels goes."""
     sample = read_sample(folder)
+    answers = {} if sample is None or sample.labels != key_of_labels(folder) else read_answers(folder, sample)
     run = Workspace(folder).read_run()
-    if sample is None or sample.labels != run.get("fingerprint"):
-        return
-    answers = read_answers(folder, sample)
-    if answers:
-        write_text(folder / RUN_FILE, json.dumps({**run, "quality": estimate(sample, answers)}, indent=1))
+    before = run.pop("quality", None)
+    if sample is not None and answers:
+        run["quality"] = estimate(sample, answers)
+    if run.get("quality") != before:
+        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+
+
+def key_of_labels(folder: Path) -> str:
+    """Return what tells the labels in `folder` from others: of the run, and of what was decided since."""
+    return f"{Workspace(folder).read_run().get('fingerprint')}{key_of_changes(folder)}"
 
 
 def _rounded(found: Estimate) -> dict[str, float]:

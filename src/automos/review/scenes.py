@@ -24,13 +24,14 @@ AROUND_GROUND, AROUND, OTHER_MOVING, OWN = 0, 1, 2, 3
 """What a point is to the track."""
 
 
-def scene(stages: RunStages, subject: Subject) -> dict[str, Any]:
-    """Return `subject` as the page draws it.
+def scene(stages: RunStages, subject: Subject, at: int = -1) -> dict[str, Any]:
+    """Return `subject` as the page draws it, in scan `at` too if it is there.
 
     Positions are relative to `origin` (level frame, metres). `points` packs int16 x, y, z in centimetres, `kinds` a
     byte each, both base64, moment after moment; `starts` says where each moment begins.
     """
-    shown = np.unique(np.linspace(0, len(subject.scans) - 1, MOMENTS).round().astype(int))
+    evenly = np.linspace(0, len(subject.scans) - 1, MOMENTS).round().astype(int)
+    shown = np.union1d(evenly, np.flatnonzero(subject.scans == at))
     low, high = subject.boxes[:, :3].min(axis=0), subject.boxes[:, :3].max(axis=0)
     origin = 0.5 * (low + high)
     half = float(np.clip(0.5 * (high - low)[:2].max() + MARGIN, MIN_HALF, MAX_HALF))

@@ -12,6 +12,7 @@ from automos.results.run_files import RunFiles
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
 from automos.review.run_stages import RunStages
+from automos.review.sample import note_quality
 from automos.visualization.report import write_report
 
 _log = logging.getLogger(__name__)
@@ -85,6 +86,7 @@ class Writer:
                     rewrite_scan(stages, index, self._changes())
                     unwritten.discard(index)
                 rewrite_run(stages, self._changes(), self._lost)
+                note_quality(self._run.folder)
                 self.problem, self._is_stale = None, True
             except Exception as error:  # whatever it is, the one who waits for this thread must hear of it
                 self.problem = str(error) if isinstance(error, (AutomosError, OSError)) else repr(error)
