@@ -1,6 +1,7 @@
 """Packets written by the maker's library. It cannot be installed beside rosbags, so mostly this is skipped."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -127,3 +128,13 @@ def test_a_capture_that_ends_within_a_packet_is_told(drive, tmp_path):
     (tmp_path / "half.pcap").write_bytes(content[: len(content) // 2 + 7])
     with pytest.raises(InputError, match=r"half.pcap ends within a packet"):
         open_sequence(tmp_path / "half.pcap")
+
+
+def test_metadata_of_beams_that_point_nowhere_is_told(drive, tmp_path):
+    path, _, _ = drive
+    (tmp_path / "odd.pcap").write_bytes(path.read_bytes())
+    text = path.with_suffix(".json").read_text()
+    angles = re.search(r'"beam_azimuth_angles":\s*\[\s*([-\d.e]+)', text)
+    (tmp_path / "odd.json").write_text(text[: angles.start(1)] + "1e300" + text[angles.end(1) :])
+    with pytest.raises(InputError, match=r"odd.pcap has metadata of beams that point nowhere"):
+        open_sequence(tmp_path / "odd.pcap")[0]

@@ -57,12 +57,13 @@ class _Debug:
 
 
 LONGEST = 2000
-"""Characters of an error that are shown: a file may name a million columns."""
+"""Characters of an error that are shown, half of them from its end: a file may name a million columns."""
 
 
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
-    shown = sentence if len(sentence) <= LONGEST else f"{sentence[:LONGEST]} ..."
+    half = LONGEST // 2
+    shown = sentence if len(sentence) <= LONGEST else f"{sentence[:half]} ... {sentence[-half:]}"
     console.print(Text.assemble(("error: ", "red"), plain(" ".join(shown.split("\n")))), soft_wrap=True)
     sys.exit(2)
 

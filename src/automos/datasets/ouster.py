@@ -25,6 +25,8 @@ from automos.reading import require_regular
 from automos.scan import Scan, Sequence
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
+_TURN, _FARTHEST_MOUNT = 360.0, 1e4
+"""Degrees of any beam, and millimetres of any offset in a sensor, at most."""
 _IS_VALID = 1
 """Bit of a column's status; columns whose packet was lost have none."""
 
@@ -128,9 +130,8 @@ class OusterSequence(Sequence):
     @cached_property
     def _to_points(self) -> Any:
         """Turns ranges (H, W), millimetres, into points (H, W, 3), metres, sensor frame; 0 stays at the origin."""
-        core = import_extra("ouster.sdk.core", "ouster")
         info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
-        return core.XYZLut(info, use_extrinsics=False)
+        return make_to_points(info, self.source)
 
     def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
         """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""
@@ -148,6 +149,21 @@ class OusterSequence(Sequence):
                 f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
             ) from error
         return places, stamps
+
+
+def make_to_points(info: Any, path: Path) -> Any:
+    """Return what turns ranges of the sensor into points, as the library does.
+
+    Raises
+    ------
+    InputError
+        The metadata tells of beams that point nowhere; `path` is what it came with.
+    """
+    angles = np.concatenate([info.beam_altitude_angles, info.beam_azimuth_angles])
+    mounts = np.concatenate([np.ravel(info.beam_to_lidar_transform), np.ravel(info.lidar_to_sensor_transform)])
+    if not ((np.abs(angles) <= _TURN).all() and (np.abs(mounts) < _FARTHEST_MOUNT).all()):
+        raise InputError(f"{path} has metadata of beams that point nowhere; save it from the sensor again")
+    return import_extra("ouster.sdk.core", "ouster").XYZLut(info, use_extrinsics=False)
 
 
 def frame_to_scan(frame: Any, to_points: Any, stamp: float, name: str) -> Scan:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from automos.datasets.formats import import_extra
-from automos.datasets.ouster import first_stamp, frame_to_scan
+from automos.datasets.ouster import first_stamp, frame_to_scan, make_to_points
 from automos.errors import InputError
 from automos.reading import read_text
 from automos.scan import Scan
@@ -35,7 +35,7 @@ class OusterAssembler:
                 f"{metadata} is no metadata of an Ouster ({error}); save it from the sensor: "
                 "http://SENSOR/api/v1/sensor/metadata"
             ) from None
-        self._to_points = self._core.XYZLut(self._info, use_extrinsics=False)
+        self._to_points = make_to_points(self._info, metadata)
         self._batch = self._core.ScanBatcher(self._info)
         self._frame: Any = self._core.LidarScan(self._info)
         self._has_begun, self._number = False, count()
