@@ -43,6 +43,12 @@ def test_export_says_where_it_wrote(labelled, tmp_path):
     assert len(list((tmp_path / "points").glob("*.pcd"))) == 12
 
 
+def test_a_recording_that_is_where_it_was_is_found(labelled, tmp_path):
+    done = run("export", labelled[0], "--to", "instances", "--out", tmp_path / "tracks")
+    assert done.exit_code == 0, done.output
+    assert len(list((tmp_path / "tracks").glob("*.npy"))) == 12
+
+
 @pytest.mark.parametrize("format", ["panoptic", "cvat", "openlabel", "segments"])
 def test_every_kind_of_result_of_a_real_run_can_be_exported(labelled, tmp_path, format):
     done = run("export", *labelled, "--to", format, "--out", tmp_path / "out.json")

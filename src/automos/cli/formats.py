@@ -30,8 +30,10 @@ def formats() -> None:
 @formats_app.command()
 def export(
     results: Results,
-    recording: Recording,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
+    recording: Annotated[
+        Path | None, typer.Argument(help="the recording; not needed while it is where it was when it was labelled")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="file or folder to write; default: RESULTS/export/FORMAT")] = None,
     deskewed: Annotated[bool, typer.Option("--deskewed", help="points without the sensor's motion in a sweep")] = False,
     format: Format = None,
@@ -40,20 +42,24 @@ def export(
 
     [bold]Examples[/bold]
 
-    automos export automos_runs/log my_log/ --to pcd                points with their labels
+    automos export automos_runs/log --to pcd                points with their labels
 
-    automos export automos_runs/log my_log/ --to ply --deskewed     ... each sweep as seen from one place
+    automos export automos_runs/log --to ply --deskewed     ... each sweep as seen from one place
 
-    automos export automos_runs/log my_log/ --to cvat --out task/   boxes to correct in CVAT
+    automos export automos_runs/log --to cvat --out task/   boxes to correct in CVAT
 
     automos export automos_runs/11 kitti/sequences/11 --to semantickitti --out submission.zip
     """
     from automos.datasets import open_recordings
     from automos.export import export_run
     from automos.progress import StageProgress
+    from automos.results.open_run import open_run
 
+    recordings = (
+        [open_run(results, format=format).sequence] if recording is None else open_recordings(recording, format)
+    )
     with StageProgress(console, to) as progress:
-        for written in export_run(results, open_recordings(recording, format), to, out, progress, deskewed):
+        for written in export_run(results, recordings, to, out, progress, deskewed):
             output.print(written)
 
 
