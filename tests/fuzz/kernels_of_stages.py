@@ -8,8 +8,8 @@ import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
 from automos.candidates import (
-    ego_body,
     ego_body_ranges,
+    ego_body_votes,
     free_space_looks,
     free_space_vote,
     free_space_weigh,
@@ -74,7 +74,10 @@ def _ego_body(points: np.ndarray) -> None:
     ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
     ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body._cells_within(points, rows, reach, np.full(len(points), -1))
+        ego_body_votes.cells_within(points, rows, reach, np.full(len(points), -1))
+        for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
+            columns, meets = np.ascontiguousarray(points.T), np.zeros(len(points), bool)
+            ego_body_votes._meets(columns, T, rows, reach, np.float32(0.35), meets)
 
 
 def _erasor(points: np.ndarray) -> None:
