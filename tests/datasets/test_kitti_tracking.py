@@ -70,6 +70,16 @@ def test_boxes_are_truth_where_the_camera_sees(folder):
         assert_same_truth(sequence.truth(i)[seen], log.truth[i][seen])
 
 
+@pytest.mark.parametrize("number", ["1e30", "-200", "nan"])
+def test_a_packet_of_no_place_on_earth_is_told(folder, number):
+    path = folder.parent.parent / "oxts" / "0000.txt"
+    lines = path.read_text().splitlines()
+    lines[2] = " ".join([number, *lines[2].split()[1:]])
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"0000.txt.* (no place on Earth|a number that is none)"):
+        _ = open_sequence(folder).reference_poses
+
+
 def test_scans_that_are_missing_shift_nothing_and_the_test_split_has_no_truth(folder, tmp_path):
     log = street_log()
     (folder / "000003.bin").unlink()

@@ -247,6 +247,8 @@ def test_text_may_be_divided_and_named_in_many_ways(tmp_path, text):
         ("1 2 3\n4 5\n", "not a table of numbers"),
         ("1 2 3\n4 five 6\n", "not a table of numbers"),
         ("x y z i\n1 2 3\n", "names 4 columns in its first line but has 3"),
+        ("x y z i 1 2 3 4 5 6 7 8", "names x, y or z twice, or a column by a number, in its first line"),
+        ("x y z x\n1 2 3 4\n", "names x, y or z twice, or a column by a number, in its first line"),
         ("east north up\n1 2 3\n", "no column x, y, z; its columns are: east, north, up"),
         ("1 2\n3 4\n", r"shape \(2, 2\)"),
     ],

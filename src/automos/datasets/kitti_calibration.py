@@ -18,6 +18,8 @@ from automos.reading import read_text
 from automos.scan import Points, Pose
 
 EARTH_RADIUS = 6378137.0
+_MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
+"""Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are no vehicles."""
 IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
 
@@ -62,13 +64,22 @@ def rigid(row: npt.NDArray[np.float64], path: Path) -> Pose:
     return rigid_transforms(T[None], path)[0]
 
 
-def poses_from_packets(packets: npt.NDArray[np.float64]) -> Pose:
+def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
     """Return (N, 4, 4) T_map_imu of GPS/IMU packets (N, 6 or more): latitude, longitude, altitude, roll, pitch, yaw.
 
     Latitude and longitude in degrees are projected by Mercator at the first one's latitude, as KITTI's own tools do.
+
+    Raises
+    ------
+    InputError
+        A packet that is of no place on Earth; `path` is what they came from.
     """
     from scipy.spatial.transform import Rotation
 
+    is_on_earth = np.abs(packets[:, :6]) <= _MOST
+    if not is_on_earth.all():
+        bad = int(np.argmin(is_on_earth.all(axis=1)))
+        raise InputError(f"{path}: packet {bad} is of no place on Earth; download it again")
     latitude, longitude, altitude = packets[:, :3].T
     scale = np.cos(np.radians(latitude[0])) * EARTH_RADIUS
     T = np.tile(np.eye(4), (len(packets), 1, 1))

@@ -95,7 +95,7 @@ class KittiRawSequence(FolderSequence):
     def _T_map_imu(self) -> Pose:
         folder = self.source / "oxts" / "data"
         packets = np.concatenate([read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names])
-        return poses_from_packets(packets)
+        return poses_from_packets(packets, folder)
 
     @cached_property
     def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:

@@ -75,7 +75,7 @@ class KittiTrackingSequence(FolderSequence):
         packets = read_table(path, _PACKET, "poses")
         if len(packets) <= self._frames.max():
             raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
-        return sensor_poses(poses_from_packets(packets[self._frames]), inverse(self._T_sensor_imu))
+        return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return (N,) uint32 labels of scan `index` from the boxes; None for the test split.

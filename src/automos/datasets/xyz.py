@@ -27,6 +27,9 @@ def read(path: Path) -> Columns:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     first_line, _, rest = text.partition(b"\n")
     names = _names(first_line.decode("utf-8", "replace"))
+    axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
+    if len(set(axes)) < len(axes) or any(map(_is_number, names)):
+        raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
     try:
         matrix = parse_table(_without_comments(rest if names else text))
     except ValueError as error:
@@ -49,8 +52,12 @@ def _names(first_line: str) -> list[str]:
     words = first_line.lstrip("#/ ").split()
     if first_line.startswith(("#", "//")):
         return words if {"x", "y", "z"} <= {word.lower() for word in words} else []
+    return [] if all(map(_is_number, words)) else words
+
+
+def _is_number(word: str) -> bool:
     try:
-        [float(word) for word in words]
+        float(word)
     except ValueError:
-        return words
-    return []
+        return False
+    return True
