@@ -50,7 +50,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "long things are seen whole": {"tracking.filter.measurement_share": 0.0},
     "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},
     "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},
-    "hovering things move, too": {f"{JUDGE}:WEIGHTS.hover": 0.0},
     "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
     "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
     "more likely than not is moving": {"tracking.judge.min_probability": 0.5},

@@ -25,7 +25,7 @@ from automos.tracking.verdict import Verdict, Verdicts
 from automos.upright_boxes import Boxes
 
 
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False, lift=0.0):
+def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
     center = np.column_stack([center, np.broadcast_to(z, len(center))])
@@ -38,9 +38,8 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     counts = [np.array([n_points * share]) for share in (1.0, moved, stayed)]
     none = Detections.of_objects(Boxes.empty(), *np.zeros((3, 0)))
     seen = [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
-    for at, one in zip(np.broadcast_to(lift, 20), seen, strict=True):
+    for one in seen:
         one.part_of[:] = 0 if is_piece else -1
-        one.lift[:] = at
         one.has_stayed[:] = stayed > moved
     return table, seen
 
@@ -76,8 +75,6 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
         ({"center": STRAIGHT[[0, 4]], "scans": (0, 1)}, Verdict.MOVING),
         ({"center": STRAIGHT, "is_piece": True, "moved": 0.1, "stayed": 0.3}, Verdict.STATIC),
         ({"center": STRAIGHT, "z": 0.2 * np.arange(20)}, Verdict.MOVING),
-        ({"center": SHAKING, "lift": 4.0, "z": CLIMBING}, Verdict.STATIC),
-        ({"center": STRAIGHT, "lift": np.where(np.arange(20) < 6, 0.5, 3.0)}, Verdict.MOVING),
     ],
     ids=[
         "a car that drives",
@@ -91,8 +88,6 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
         "many points in two scans, one after the other",
         "pieces of something",
         "up a ramp",
-        "a crown of leaves",
-        "a lorry whose wheels are hidden mostly",
     ],
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):

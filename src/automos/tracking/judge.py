@@ -1,6 +1,6 @@
 """Has it moved? The log-odds of a track, from the evidence and from its motion (the `default` preset's verdict).
 
-    log odds(moved) = prior + evidence + displacement - unsteadiness - hovering - pieces - porosity
+    log odds(moved) = prior + evidence + displacement - unsteadiness - pieces - porosity
 
 Each term is a log-likelihood ratio, "it moved" against "it stayed", times a weight; weights and distributions were
 fitted once, by maximum likelihood, on tracks of simulated worlds, so that the sum is calibrated.
@@ -16,8 +16,8 @@ more than the odds of that.
 counts the lesser of its two faces' ways, if they go the same way; the noise is the scatter of the steadier face about
 its own path. Segments jump, so the noise has heavy tails (Cauchy): what is far for its scatter counts by its logarithm.
 
-*Unsteadiness, hovering, pieces*: vehicles and people stand on the ground, and their foot or their roof keeps its height
-from scan to scan; segments of trees and walls do neither. What is no whole segment, but what the evidence cut out of
+*Unsteadiness, pieces*: vehicles and people stand on the ground, and their foot or their roof keeps its height from scan
+to scan; segments of trees and walls do not. What is no whole segment, but what the evidence cut out of
 one, is seldom an object.
 
 *Porosity*: the face of a vehicle or a person returns all rays that meet it; rain, dust, spray and leaves come and go as
@@ -49,7 +49,6 @@ WEIGHTS = {
     "evidence": 0.89,
     "displacement": 0.41,  # of how far it went for its scatter
     "unsteady": -0.92,  # of how its foot and its roof change their heights
-    "hover": -1.21,  # of a metre that it hovers above the first over the ground
     "pieces": -3.82,  # of its being no whole segment but what the evidence cut out of one
     "porous": -4.96,  # of its letting through the rays that meet it
 }
@@ -68,8 +67,6 @@ MISJUDGED = 0.03
 """Share of what stays of which the evidence is wrong in all scans: the poses are off there, or it is thin and bare."""
 NOISE = 0.05
 """Metres, scatter that no face of a tracked box is without."""
-LOW_SHARE = 0.2
-"""Of a vehicle whose foot is hidden mostly, or whose ground is misjudged, some scans show it on the ground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +77,7 @@ class SegmentTerms:
     ----------
     faces : (M, 6) metres, x, y, z of its low and of its high sides.
     evidence : (M,) log-likelihood ratio that it moves, of what its points say.
-    columns : (M, 3) metres above the ground; 1 for what is no whole segment; porosity in [0, 1].
+    columns : (M, 2) 1 for what is no whole segment; porosity in [0, 1].
     is_known : (M,) bool, whether anything is known of it: others were asked, or speak of a point of it already.
     """
 
@@ -104,7 +101,7 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     counts = np.stack([found.n_moving, found.n_static, unknown if is_asked else -np.maximum(unknown, 1e-9)], axis=-1)
     evidence = np.empty(len(found))
     _weigh_counts(counts, evidence)
-    columns = np.stack([found.lift, found.part_of >= 0, _porosity(found)], axis=-1)
+    columns = np.stack([found.part_of >= 0, _porosity(found)], axis=-1)
     is_known = (found.n_moving + found.n_static > 0.0) | is_asked
     return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), evidence, columns, is_known)
 
@@ -157,7 +154,7 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
 
 
 def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
-    """Return (T, 6) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`."""
+    """Return (T, 5) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`."""
     out = np.zeros((len(tracks), len(WEIGHTS)))
     seen = np.flatnonzero(tracks.is_observed)
     if len(seen) == 0:
@@ -170,20 +167,9 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
         for name in ("faces", "evidence", "columns")
     )
     _add_up(first, faces, evidence, out)
-    owner, (lift, part, porosity) = tracks.track[seen], columns.T
-    out[:, 3] = np.clip(_low_of_each(lift, owner, first) - 1.0, 0.0, 3.0)
-    for term, values in ((4, part), (5, porosity)):
-        out[:, term] = np.bincount(owner, values, len(tracks)) / np.diff(first)
+    for term, values in enumerate(columns.T, start=3):
+        out[:, term] = np.bincount(tracks.track[seen], values, len(tracks)) / np.diff(first)
     return out
-
-
-def _low_of_each(values: Array, owner: npt.NDArray[np.int64], first: npt.NDArray[np.int64]) -> Array:
-    """Return (T,) what a share `LOW_SHARE` of each track's values is below, linear between neighbours."""
-    ascending = values[np.lexsort((values, owner))]
-    place = LOW_SHARE * (np.diff(first) - 1)
-    below = first[:-1] + place.astype(np.int64)
-    weight = place - np.floor(place)
-    return (1.0 - weight) * ascending[below] + weight * ascending[np.minimum(below + 1, first[1:] - 1)]
 
 
 def _porosity(found: Detections) -> Array:
