@@ -107,6 +107,17 @@ def test_a_log_without_boxes_or_poses_has_no_truth_and_no_poses(tmp_path):
     assert len(sequence[0])
 
 
+def test_rows_without_a_value_are_told(tmp_path):
+    folder = write_log(tmp_path / "log", street_log())
+    scan = next((folder / "sensors" / "lidar").iterdir())
+    table = feather.read_table(scan)
+    columns = {name: table[name].to_pylist() for name in table.column_names}
+    columns["y"][7] = None
+    feather.write_feather(pyarrow.table(columns), scan)
+    with pytest.raises(InputError, match=f"{scan.name} has rows without y"):
+        [*open_sequence(folder)]
+
+
 def test_what_is_missing_or_damaged_is_told_with_the_file(tmp_path):
     folder = write_log(tmp_path / "log", street_log())
     scan = next((folder / "sensors" / "lidar").iterdir())

@@ -123,6 +123,13 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(drive):
         open_sequence(drive)
 
 
+def test_a_scan_that_is_not_named_by_its_number_is_told(drive):
+    scan = next(drive.rglob("velodyne_points/data/*3.bin"))
+    scan.rename(scan.with_name("0000000003x.bin"))
+    with pytest.raises(InputError, match=r"has a scan named '0000000003x'"):
+        open_sequence(drive)
+
+
 def test_a_drive_without_gps_has_no_poses_and_its_boxes_no_verdict(drive):
     for file in (drive / "oxts" / "data").iterdir():
         file.unlink()

@@ -219,6 +219,9 @@ def _read(path: Path) -> Table:
         raise
     except (OSError, UnicodeError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
+    empty = [name for name in table.column_names if table[name].null_count]
+    if empty:
+        raise InputError(f"{path} has rows without {', '.join(empty)}; download it again")
     return Table(path, {name: table[name].to_numpy() for name in table.column_names})
 
 
