@@ -34,6 +34,7 @@ from values import fuzz_list, fuzz_values
 
 from automos.datasets import open_recordings
 from automos.errors import AutomosError
+from automos.geometry import is_rigid
 from automos.pose_files import read_poses
 from automos.scale.sources import find_all
 from automos.settings import dump_yaml, load_settings, read_overrides
@@ -55,8 +56,9 @@ def read_recordings(folder: Path, most: int | None) -> None:
         stamps = sequence.stamps
         if stamps is not None and not (np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()):
             raise WrongError("times that do not increase")
-        if sequence.reference_poses is not None and not np.isfinite(sequence.reference_poses).all():
-            raise WrongError("poses that are no numbers")
+        poses = sequence.reference_poses
+        if poses is not None and not ((np.abs(poses) < 1e9).all() and is_rigid(poses).all()):
+            raise WrongError("poses that are none, or nowhere")
         sequence.fingerprint()
         for i in range(len(sequence)):
             scan = sequence[i]
