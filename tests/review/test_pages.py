@@ -5,6 +5,7 @@ import shutil
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from automos.results.open_run import open_run
@@ -12,6 +13,7 @@ from automos.review import writer as writer_module
 from automos.review.amendments import read_amendments
 from automos.review.server import ReviewServer
 from automos.review.session import Session
+from automos.tracking.verdict import Verdict
 
 pytestmark = pytest.mark.browser
 
@@ -64,6 +66,44 @@ def test_an_object_is_cut_and_joined_again_by_keys(browser, server):
     press(browser, "j")
     wait_for(browser, f"document.body.dataset.shown === '{half + 2}'")
     assert [one["made"] for one in server.session.overview()["items"] if "made" in one] == ["joined"]
+
+
+def missed(session):
+    """Judge a moving track static, as if it had been missed; return a scan and where one of its points is there."""
+    track = int(np.flatnonzero(session.stages.verdicts.verdict == Verdict.MOVING)[0])
+    session.decide([track + 1], "static")
+    tracks = session.stages.tracks
+    seen = np.flatnonzero(tracks.is_observed & (tracks.track == track))
+    row = seen[len(seen) // 2]
+    frame = session.stages.frame(tracks.scan[row])
+    own = frame.points_level[session.stages.labels(tracks.scan[row])["track"][frame.kept] == track]
+    return int(tracks.scan[row]), own[np.linalg.norm(own - np.median(own, axis=0), axis=1).argmin()]
+
+
+def test_what_was_missed_is_added_by_a_click_and_taken_back_by_a_key(browser, server):
+    from selenium.webdriver import ActionChains
+
+    scan, point = missed(server.session)
+    browser.get(server.url)
+    wait_for(browser, "document.body.dataset.shown")
+    press(browser, "n")
+    wait_for(browser, "document.body.dataset.place")
+    slide = f"at.value = {scan}; at.dispatchEvent(new Event('input'))"
+    browser.execute_script(f"const at = document.getElementById('moment'); {slide}")
+    wait_for(browser, f"document.body.dataset.place === '{scan}'")
+    view = json.loads(wait_for(browser, "document.getElementById('place').dataset.view"))
+    off = ((point[0] - view["x"]) * view["zoom"], (view["y"] - point[1]) * view["zoom"])
+    canvas = browser.find_element("id", "place")
+    ActionChains(browser).move_to_element_with_offset(canvas, *map(round, off)).click().perform()
+    wait_for(browser, "document.body.dataset.mode === 'proposal'")
+    wait_for(browser, "!document.body.classList.contains('busy')")
+    press(browser, "\ue007")  # enter
+    wait_for(browser, "document.body.dataset.added && document.body.dataset.mode === 'place'")
+    assert [one["made"] for one in server.session.overview()["items"] if "made" in one] == ["added"]
+    wait_for(browser, "!document.body.classList.contains('busy')")
+    press(browser, "z")
+    wait_for(browser, "document.getElementById('saved').textContent.includes('taken back')")
+    assert [one for one in server.session.overview()["items"] if "made" in one] == []
 
 
 def test_finishing_goes_on_without_the_page_and_a_page_opened_again_says_so(browser, server, monkeypatch):

@@ -1,5 +1,5 @@
 "use strict";
-/* Steps through objects and places, sends what is decided, adds what was missed. */
+/* Steps through objects and places, and sends what is decided; review_missed.js adds what was missed. */
 (() => {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;
@@ -9,18 +9,17 @@
   const outbox = makeOutbox((decision) => ask("api/decide", decision), saved);
   const list = makeList({ onOpen: open, isOnItsWay: (id) => outbox.tracks().includes(id) });
   const view = makeObjectView({ spaceCanvas: byId("space"), aboveCanvas: byId("above"), onMoment: showMoment });
-  const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: (text) => { byId("place-hint").textContent = text || "click on it; drag to move, wheel to zoom"; } });
   const outliner = makeOutliner(byId("above"), {
     sceneNow: () => view.scene, onOutline: (box) => view.outline(box), onDone: splitBy,
     onHint: (text) => { byId("above-hint").textContent = text || "all moments, pale to dark"; },
   });
-  let run = null, current = null, mode = "object", joining = null;
-  let scan = 0, proposal = null, boxes = []; // the scan in sight; what is proposed; boxes drawn for it
-  let isAtOnce = false, added = []; // whether a click adds without asking; ids of what was added here, oldest first
+  const now = { run: null, current: null, mode: "object", scan: 0 }; // the overview; what is open; what is shown; the scan in sight
+  const missed = makeMissed(now, { view, tell, doing, watch, refresh, setMode, setSlider, play, open, openAfter, drawProgress, fact, forgetScenes: () => scenes.clear() });
+  let joining = null;
   let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
   function setMode(name) {
-    mode = name;
+    now.mode = name;
     document.body.dataset.mode = name;
     if (name !== "object") outliner.set(false);
     if (name === "place") view.play(false);
@@ -28,10 +27,10 @@
 
   // --------------------------------------------------------------------------------------------------- the list
   async function refresh(id) {
-    run = await ask("api/overview");
-    const same = (item) => (current && current.place !== undefined ? item.place === current.place : item.id === (id ?? current?.id));
-    current = run.items.find(same) || null;
-    list.fill(run.items, current);
+    now.run = await ask("api/overview");
+    const same = (item) => (now.current && now.current.place !== undefined ? item.place === now.current.place : item.id === (id ?? now.current?.id));
+    now.current = now.run.items.find(same) || null;
+    list.fill(now.run.items, now.current);
     drawProgress();
     fetchPictures();
   }
@@ -39,20 +38,20 @@
   const isObject = (item) => item.place === undefined;
 
   function drawProgress() {
-    const left = run.items.filter((item) => !item.decided);
-    const done = run.doubtful ? 1 - left.reduce((sum, item) => sum + item.doubtful, 0) / run.doubtful : 1;
+    const left = now.run.items.filter((item) => !item.decided);
+    const done = now.run.doubtful ? 1 - left.reduce((sum, item) => sum + item.doubtful, 0) / now.run.doubtful : 1;
     byId("progress").style.width = `${100 * done}%`;
     byId("progress-text").textContent = `${Look.percent(done, 0)} of the doubtful points`;
     const undecided = left.filter((item) => item.core).length;
     const rest = left.filter((item) => isObject(item) && !item.core);
-    const what = `${run.enough === 1 ? "This one holds" : `The first ${Look.count(run.enough)} hold`} 95 % of the doubtful points`;
-    byId("enough-text").textContent = !run.enough ? "Nothing is doubtful." : undecided ? `${what}; ${Look.count(undecided)} left.` : `${what}, and you decided on all: that is enough.`;
+    const what = `${now.run.enough === 1 ? "This one holds" : `The first ${Look.count(now.run.enough)} hold`} 95 % of the doubtful points`;
+    byId("enough-text").textContent = !now.run.enough ? "Nothing is doubtful." : undecided ? `${what}; ${Look.count(undecided)} left.` : `${what}, and you decided on all: that is enough.`;
     byId("rest").hidden = !rest.length;
     byId("rest").textContent = `The other ${Look.count(rest.length)}: right as found`;
   }
 
   const step = (by) => {
-    const next = list.next(current, by);
+    const next = list.next(now.current, by);
     if (next) open(next);
   };
 
@@ -60,11 +59,11 @@
   function openAfter(item) {
     let next = list.next(item, 1);
     while (next && next.decided) next = list.next(next, 1);
-    open(next || run.items.find((one) => !one.decided) || run.items[0]);
+    open(next || now.run.items.find((one) => !one.decided) || now.run.items[0]);
   }
 
   function acceptRest() {
-    const rest = run.items.filter((item) => isObject(item) && !item.decided && !item.core);
+    const rest = now.run.items.filter((item) => isObject(item) && !item.decided && !item.core);
     for (const item of rest) item.decided = item.verdict;
     send({ tracks: rest.map((item) => item.id), verdict: "found" });
     list.draw();
@@ -83,17 +82,17 @@
   }
 
   async function open(item) {
-    current = item;
+    now.current = item;
     setMode("object");
     view.clear(); // of the object before
     outliner.set(false);
     list.choose(item);
-    if (!isObject(item)) return propose({ place: item.place }, item);
+    if (!isObject(item)) return missed.propose({ place: item.place }, item);
     drawFacts();
     try {
       const loaded = await load(item);
-      if (current !== item || mode !== "object") return;
-      scan = loaded.moments[0].index;
+      if (now.current !== item || now.mode !== "object") return;
+      now.scan = loaded.moments[0].index;
       setSlider(loaded.moments.length - 1);
       view.fill(loaded, list.verdictOf(item));
       play(true);
@@ -112,18 +111,20 @@
 
   function showMoment(index, one) {
     byId("moment").value = index;
-    scan = one.index;
+    now.scan = one.index;
     byId("moment-name").textContent = `scan ${one.scan} · ${one.time.toFixed(1)} s · ${one.speed.toFixed(1)} m/s`;
   }
 
   function play(isOn) {
-    byId("play").textContent = mode !== "place" && view.play(isOn) ? "❚❚" : "▶";
+    byId("play").textContent = now.mode !== "place" && view.play(isOn) ? "❚❚" : "▶";
   }
 
-  const fact = (name, value) => element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
+  function fact(name, value) {
+    return element("span", {}, element("span", { class: "soft" }, `${name} `), element("b", {}, value));
+  }
 
   function drawFacts() {
-    const item = current;
+    const item = now.current;
     byId("facts").replaceChildren(
       fact("object", `${item.id}`),
       item.made ? fact("by hand", item.made) : fact("found", `${Look.word(item.verdict)}, confidence ${item.confidence.toFixed(2)}`),
@@ -135,8 +136,8 @@
 
   // ---------------------------------------------------------------------------------------------------- deciding
   function decide(verdict) {
-    if (!view.scene || mode !== "object") return; // nobody decides on what is not drawn yet
-    const item = current;
+    if (!view.scene || now.mode !== "object") return; // nobody decides on what is not drawn yet
+    const item = now.current;
     const isTakenBack = item.made && verdict === "undo";
     item.decided = verdict === "undo" ? null : verdict;
     if (item.made) item.verdict = verdict;
@@ -144,7 +145,7 @@
     const next = list.next(item, 1);
     const sent = send({ tracks: [item.id], verdict });
     drawProgress();
-    if (isTakenBack) { scenes.clear(); sent.then(() => refresh()).then(() => open(next || run.items[0]), () => {}); return; }
+    if (isTakenBack) { scenes.clear(); sent.then(() => refresh()).then(() => open(next || now.run.items[0]), () => {}); return; }
     if (verdict !== "undo" && next) open(next);
     else { list.draw(); view.paint(list.verdictOf(item)); }
   }
@@ -180,7 +181,9 @@
     }, 150);
   }
 
-  const tell = (text, isProblem = false, title = "") => frame.tell(unsaved || text, isProblem || unsaved !== "", title);
+  function tell(text, isProblem = false, title = "") {
+    frame.tell(unsaved || text, isProblem || unsaved !== "", title);
+  }
 
   let n_doing = 0;
   async function doing(text, work) {
@@ -197,135 +200,6 @@
     }
   }
 
-  // --------------------------------------------------------------------------------------------- what was missed
-  async function goToScan(index, at = null) {
-    scan = Math.min(Math.max(index, 0), run.scans.length - 1);
-    setMode("place");
-    play(false);
-    setSlider(run.scans.length - 1, scan);
-    byId("facts").replaceChildren(element("span", { class: "soft" }, boxes.length ? "draw the box again where it is now; between the two it goes straight" : "green moves already, grey stands; what moves and is not green was missed: click on it"));
-    const wanted = scan;
-    try {
-      const found = await ask(`api/place?index=${scan}`);
-      if (wanted !== scan || mode !== "place") return;
-      if (at) place.look(...at);
-      place.show(found);
-      byId("moment-name").textContent = `scan ${found.scan} · ${found.time.toFixed(1)} s`;
-      document.body.dataset.place = scan;
-    } catch (error) { tell(error.message, true); }
-  }
-
-  function addHere() {
-    const one = mode === "object" && view.scene ? view.moment : null;
-    boxes = [];
-    const at = one ? [one.box[0] + view.scene.origin[0], one.box[1] + view.scene.origin[1]] : null;
-    goToScan(scan, at);
-  }
-
-  function pick([x, y], isShifted) {
-    boxes = [];
-    place.mark([x, y]);
-    if (isAtOnce !== isShifted) addAtOnce({ index: scan, x, y });
-    else propose({ index: scan, x, y });
-  }
-
-  /* Follow what was clicked on and add it, without showing it first; Z takes it back. */
-  function addAtOnce(what) {
-    const from_scan = scan;
-    return doing("following it through time …", async () => {
-      const indices = (await ask("api/propose", what)).moments.map((one) => one.index);
-      const { id } = await ask("api/accept", { first: indices[0], last: indices.at(-1) });
-      await showAdded(id, `object ${id} added, from scan ${run.scans[indices[0]]} to ${run.scans[indices.at(-1)]} ✓`);
-      goToScan(from_scan);
-    });
-  }
-
-  async function showAdded(id, text) {
-    boxes = [];
-    scenes.clear();
-    added.push(id);
-    await refresh();
-    tell(text);
-    document.body.dataset.added = id;
-    watch();
-  }
-
-  function takeBack() {
-    const id = added.pop();
-    if (id === undefined) return;
-    doing("taking it back …", async () => {
-      await ask("api/decide", { tracks: [id], verdict: "undo" });
-      await refresh();
-      tell(`object ${id} taken back ✓`);
-      goToScan(scan);
-    });
-  }
-
-  function setAtOnce(isOn) {
-    isAtOnce = isOn;
-    byId("at-once").setAttribute("aria-pressed", `${isOn}`);
-  }
-
-  function boxDrawn(box) {
-    boxes = [...boxes.filter((one) => one.index !== scan), { index: scan, box }];
-    propose({ boxes });
-  }
-
-  function propose(what, from = null) {
-    return doing("following it through time …", async () => {
-      const from_scan = scan;
-      const found = view.unpack(await ask("api/propose", what));
-      if (from && current !== from) return;
-      const indices = found.moments.map((one) => one.index);
-      proposal = { from, from_scan, first: indices[0], last: indices.at(-1), points: found.points_of_it, n: found.n_scans };
-      setMode("proposal");
-      setSlider(found.moments.length - 1);
-      view.fill(found, "moving");
-      play(true);
-      drawProposal();
-      tell("");
-      document.body.dataset.shown = from ? `p${from.place}` : "proposal";
-    });
-  }
-
-  function drawProposal() {
-    byId("facts").replaceChildren(
-      ...(proposal.from ? [element("span", {}, proposal.from.sentence)] : []),
-      fact("followed through", `${proposal.n} scans`), fact("points", Look.count(proposal.points)),
-      fact("from scan", run.scans[proposal.first]), fact("to", run.scans[proposal.last]));
-  }
-
-  function limit(end) {
-    proposal[end] = view.moment.index;
-    if (proposal.first > proposal.last) proposal[end === "first" ? "last" : "first"] = proposal[end];
-    drawProposal();
-  }
-
-  function accept() {
-    const { from, from_scan, first, last } = proposal;
-    return doing("adding it …", async () => {
-      const { id } = await ask("api/accept", { first, last });
-      await showAdded(id, `object ${id} added ✓`);
-      if (from) openAfter(current);
-      else goToScan(from_scan);
-    });
-  }
-
-  function discard() {
-    if (mode === "place") { boxes = []; return open(current || run.items[0]); }
-    const { from, from_scan } = proposal;
-    if (!from) { boxes = []; return goToScan(from_scan); }
-    doing("saving …", async () => {
-      await ask("api/dismiss", { place: from.place });
-      from.decided = "done";
-      drawProgress();
-      watch();
-      openAfter(from);
-    });
-  }
-
-  const anotherBox = () => { if (mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
-
   // ------------------------------------------------------------------------------------- cutting, splitting, joining
   function reshape(text, path, body) {
     return doing(text, async () => {
@@ -334,21 +208,21 @@
       const id = made.id ?? made.ids[0];
       await refresh(id);
       watch();
-      open(run.items.find((item) => item.id === id));
+      open(now.run.items.find((item) => item.id === id));
     });
   }
 
-  const cut = () => { if (view.scene) reshape("cutting …", "api/cut", { track: current.id, index: view.moment.index }); };
+  const cut = () => { if (view.scene) reshape("cutting …", "api/cut", { track: now.current.id, index: view.moment.index }); };
   const split = () => { play(false); outliner.set(!outliner.isOn); };
 
   function splitBy([x, y, length, width, yaw]) {
     const [ox, oy] = view.scene.origin;
-    reshape("splitting …", "api/split", { track: current.id, index: view.moment.index, box: [x + ox, y + oy, length, width, yaw] });
+    reshape("splitting …", "api/split", { track: now.current.id, index: view.moment.index, box: [x + ox, y + oy, length, width, yaw] });
   }
 
   function join() {
-    if (!joining || joining === current) { joining = joining ? null : current; return drawFacts(); }
-    const tracks = [joining.id, current.id];
+    if (!joining || joining === now.current) { joining = joining ? null : now.current; return drawFacts(); }
+    const tracks = [joining.id, now.current.id];
     joining = null;
     reshape("joining …", "api/join", { tracks });
   }
@@ -396,13 +270,12 @@
   }
 
   const clicks = {
-    finish, add: addHere, rest: acceptRest, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
-    box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce), "take-back": takeBack, cut, split, join, play: () => play(!view.isPlaying),
+    finish, rest: acceptRest, cut, split, join, play: () => play(!view.isPlaying), ...missed.clicks,
   };
-  const ready = (does) => () => { if (run) does(); };
+  const ready = (does) => () => { if (now.run) does(); };
   frame.onClicks(Object.fromEntries(Object.entries(clicks).map(([id, does]) => [id, ready(does)])));
   byId("moment").addEventListener("input", (event) => {
-    if (mode === "place") return goToScan(+event.target.value);
+    if (now.mode === "place") return missed.goToScan(+event.target.value);
     play(false);
     view.show(+event.target.value);
   });
@@ -410,30 +283,29 @@
     button.addEventListener("click", () => { decide(button.dataset.verdict); button.blur(); });
   }
 
-  const stepMoment = (by) => { if (mode === "place") return goToScan(scan + by); play(false); view.step(by); };
+  const stepMoment = (by) => { if (now.mode === "place") return missed.goToScan(now.scan + by); play(false); view.step(by); };
   const always = { ArrowRight: () => stepMoment(1), ArrowLeft: () => stepMoment(-1), ArrowDown: () => step(1), ArrowUp: () => step(-1), j: null };
   const keys = {
     object: {
-      m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"), n: addHere, c: cut, x: split, j: join,
-      a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying), Escape: () => { joining = null; outliner.set(false); if (current) drawFacts(); },
+      m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"), n: missed.clicks.add, c: cut, x: split, j: join,
+      a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying), Escape: () => { joining = null; outliner.set(false); if (now.current) drawFacts(); },
     },
-    place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: takeBack, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
-    proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
+    ...missed.keys,
   };
-  frame.onKeys((key) => (run && !document.body.classList.contains("busy") ? keys[mode][key] || always[key] : null));
+  frame.onKeys((key) => (now.run && !document.body.classList.contains("busy") ? keys[now.mode][key] || always[key] : null));
   window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });
 
   ask("api/overview").then((overview) => {
-    run = overview;
-    byId("name").textContent = run.name;
-    document.title = `${run.name} – AutoMOS review`;
-    list.fill(run.items, null);
+    now.run = overview;
+    byId("name").textContent = now.run.name;
+    document.title = `${now.run.name} – AutoMOS review`;
+    list.fill(now.run.items, null);
     drawProgress();
     fetchPictures();
     if (!view.hasSpace) tell("this browser has no WebGL: the view from above must do", true);
-    if (!run.items.length) { over("Nothing to review", ["No object was followed in this recording. What was missed can be added.", ...run.sentences].join("\n")); goToScan(0); } else {
-      if (run.sentences.length) over("Worth knowing", run.sentences.join("\n"));
-      open(run.items.find((item) => !item.decided) || run.items[0]);
+    if (!now.run.items.length) { over("Nothing to review", ["No object was followed in this recording. What was missed can be added.", ...now.run.sentences].join("\n")); missed.goToScan(0); } else {
+      if (now.run.sentences.length) over("Worth knowing", now.run.sentences.join("\n"));
+      open(now.run.items.find((item) => !item.decided) || now.run.items[0]);
     }
     ask("api/status").then((status) => { if (status.finishing) waitForFinishing(); });
   }).catch((error) => tell(error.message, true));

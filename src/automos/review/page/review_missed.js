@@ -1,0 +1,153 @@
+"use strict";
+/* Adds what was missed: a scan from above to click or draw on, what is proposed there, and taking it back.
+
+`now` is what the page shows: overview, open item, mode, scan in sight; `page` is what it can do. */
+function makeMissed(now, page) {
+  const byId = (id) => document.getElementById(id);
+  const { element } = Look;
+  const { view, tell, doing, watch, refresh, setMode, setSlider, play, open, fact } = page;
+  const hint = (text) => { byId("place-hint").textContent = text || "click on it; drag to move, wheel to zoom"; };
+  const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: hint });
+  let proposal = null, boxes = []; // what is proposed; boxes drawn for it
+  let isAtOnce = false, added = []; // whether a click adds without asking; ids of what was added here, oldest first
+
+  async function goToScan(index, at = null) {
+    now.scan = Math.min(Math.max(index, 0), now.run.scans.length - 1);
+    setMode("place");
+    play(false);
+    setSlider(now.run.scans.length - 1, now.scan);
+    byId("facts").replaceChildren(element("span", { class: "soft" }, boxes.length ? "draw the box again where it is now; between the two it goes straight" : "green moves already, grey stands; what moves and is not green was missed: click on it"));
+    const wanted = now.scan;
+    try {
+      const found = await ask(`api/place?index=${now.scan}`);
+      if (wanted !== now.scan || now.mode !== "place") return;
+      if (at) place.look(...at);
+      place.show(found);
+      byId("moment-name").textContent = `scan ${found.scan} · ${found.time.toFixed(1)} s`;
+      document.body.dataset.place = now.scan;
+    } catch (error) { tell(error.message, true); }
+  }
+
+  function addHere() {
+    const one = now.mode === "object" && view.scene ? view.moment : null;
+    boxes = [];
+    const at = one ? [one.box[0] + view.scene.origin[0], one.box[1] + view.scene.origin[1]] : null;
+    goToScan(now.scan, at);
+  }
+
+  function pick([x, y], isShifted) {
+    boxes = [];
+    place.mark([x, y]);
+    if (isAtOnce !== isShifted) addAtOnce({ index: now.scan, x, y });
+    else propose({ index: now.scan, x, y });
+  }
+
+  /* Follow what was clicked on and add it, without showing it first; Z takes it back. */
+  function addAtOnce(what) {
+    const from_scan = now.scan;
+    return doing("following it through time …", async () => {
+      const indices = (await ask("api/propose", what)).moments.map((one) => one.index);
+      const { id } = await ask("api/accept", { first: indices[0], last: indices.at(-1) });
+      await showAdded(id, `object ${id} added, from scan ${now.run.scans[indices[0]]} to ${now.run.scans[indices.at(-1)]} ✓`);
+      goToScan(from_scan);
+    });
+  }
+
+  async function showAdded(id, text) {
+    boxes = [];
+    page.forgetScenes();
+    added.push(id);
+    await refresh();
+    tell(text);
+    document.body.dataset.added = id;
+    watch();
+  }
+
+  function takeBack() {
+    const id = added.pop();
+    if (id === undefined) return;
+    doing("taking it back …", async () => {
+      await ask("api/decide", { tracks: [id], verdict: "undo" });
+      await refresh();
+      tell(`object ${id} taken back ✓`);
+      goToScan(now.scan);
+    });
+  }
+
+  function setAtOnce(isOn) {
+    isAtOnce = isOn;
+    byId("at-once").setAttribute("aria-pressed", `${isOn}`);
+  }
+
+  function boxDrawn(box) {
+    boxes = [...boxes.filter((one) => one.index !== now.scan), { index: now.scan, box }];
+    propose({ boxes });
+  }
+
+  function propose(what, from = null) {
+    return doing("following it through time …", async () => {
+      const from_scan = now.scan;
+      const found = view.unpack(await ask("api/propose", what));
+      if (from && now.current !== from) return;
+      const indices = found.moments.map((one) => one.index);
+      proposal = { from, from_scan, first: indices[0], last: indices.at(-1), points: found.points_of_it, n: found.n_scans };
+      setMode("proposal");
+      setSlider(found.moments.length - 1);
+      view.fill(found, "moving");
+      play(true);
+      drawProposal();
+      tell("");
+      document.body.dataset.shown = from ? `p${from.place}` : "proposal";
+    });
+  }
+
+  function drawProposal() {
+    byId("facts").replaceChildren(
+      ...(proposal.from ? [element("span", {}, proposal.from.sentence)] : []),
+      fact("followed through", `${proposal.n} scans`), fact("points", Look.count(proposal.points)),
+      fact("from scan", now.run.scans[proposal.first]), fact("to", now.run.scans[proposal.last]));
+  }
+
+  function limit(end) {
+    proposal[end] = view.moment.index;
+    if (proposal.first > proposal.last) proposal[end === "first" ? "last" : "first"] = proposal[end];
+    drawProposal();
+  }
+
+  function accept() {
+    const { from, from_scan, first, last } = proposal;
+    return doing("adding it …", async () => {
+      const { id } = await ask("api/accept", { first, last });
+      await showAdded(id, `object ${id} added ✓`);
+      if (from) page.openAfter(now.current);
+      else goToScan(from_scan);
+    });
+  }
+
+  function discard() {
+    if (now.mode === "place") { boxes = []; return open(now.current || now.run.items[0]); }
+    const { from, from_scan } = proposal;
+    if (!from) { boxes = []; return goToScan(from_scan); }
+    doing("saving …", async () => {
+      await ask("api/dismiss", { place: from.place });
+      from.decided = "done";
+      page.drawProgress();
+      watch();
+      page.openAfter(from);
+    });
+  }
+
+  const anotherBox = () => { if (now.mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
+
+  return {
+    goToScan, propose,
+    clicks: {
+      add: addHere, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
+      box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce), "take-back": takeBack,
+    },
+    keys: {
+      place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: takeBack, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
+      proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
+    },
+  };
+}
