@@ -61,8 +61,9 @@ def test_a_list_of_arrays_is_a_recording():
             r"list of \(N, 3\) arrays, metres: scan 0 must be \(N, 3 or 4\), got shape \(5, 2\)",
         ),
         (3, "a recording is a sequence or a list"),
+        ([], "a list without scans is no recording"),
     ],
-    ids=["path", "one scan", "no points", "number"],
+    ids=["path", "one scan", "no points", "number", "nothing"],
 )
 def test_what_is_no_recording_is_told_what_would_be(recording, message):
     with pytest.raises(automos.InputError, match=message):
@@ -73,7 +74,9 @@ def test_what_is_shown_at_a_prompt_is_a_line():
     world = lane(8)
     result = automos.label(world.sequence, poses=world.poses, workers=1)
     n_moving = (result.verdicts.verdict == Verdict.MOVING).sum()
-    assert repr(result) == f"<Result: 8 scans, {n_moving} of {len(result.tracks)} objects move>"
+    told = f"<Result: 8 scans, {n_moving} of {len(result.tracks)} objects move; 1 warning: .warnings>"
+    assert repr(result) == told
+    assert result.warnings[0].startswith("8 scans over 0.7 s are too few to decide what moves")
     shown = [world.sequence, world.sequence[0], result.trajectory, result.tracks, result.verdicts, Settings()]
     for thing in [*shown, automos.Workspace(), automos.Workspace("run")]:
         assert repr(thing).startswith(f"<{type(thing).__name__}")

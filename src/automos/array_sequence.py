@@ -80,7 +80,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 
     Raises
     ------
-    InputError : it is a path, one single array of points, or holds what is no scan.
+    InputError : it is a path, one single array of points, empty, or holds what is no scan.
     """
     if isinstance(recording, Sequence):
         return recording
@@ -89,9 +89,12 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
     if isinstance(recording, np.ndarray) and recording.ndim == 2:
         raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
     try:
-        return ArraySequence(list(recording))
+        sequence = ArraySequence(list(recording))
     except (TypeError, ValueError) as error:
         raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
+    if not len(sequence):
+        raise InputError("a list without scans is no recording: give an array for each scan")
+    return sequence
 
 
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:

@@ -26,6 +26,7 @@ from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
+from automos.recording_warnings import recording_warnings
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, load_settings
@@ -68,7 +69,10 @@ def label(
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
     objects, run = steps.objects, steps.run
-    return Result(steps.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels)
+    warnings = [*recording_warnings(steps.sequence), *steps.trajectory.diagnostics.get("warnings", [])]
+    return Result(
+        steps.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels, warnings
+    )
 
 
 class Steps:
@@ -158,6 +162,7 @@ class Result:
     names : one per scan.
     seconds : wall time of each stage, 0 where its results were there already.
     keys : fingerprint of each stage.
+    warnings : what to know before trusting the labels, in sentences: of the recording, then of the poses.
     """
 
     trajectory: Trajectory
@@ -167,13 +172,16 @@ class Result:
     seconds: Mapping[str, float]
     keys: Mapping[str, str]
     stage: Stage = field(repr=False)
+    warnings: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.names)
 
     def __repr__(self) -> str:
         n_moving = int((self.verdicts.verdict == Verdict.MOVING).sum())
-        return f"<Result: {len(self)} scans, {n_moving} of {len(self.verdicts.verdict)} objects move>"
+        n = len(self.warnings)
+        warned = f"; {n} warning{'s' * (n > 1)}: .warnings" if n else ""
+        return f"<Result: {len(self)} scans, {n_moving} of {len(self.verdicts.verdict)} objects move{warned}>"
 
     def labels(self, index: int) -> npt.NDArray[np.uint8]:
         """Return (N,) uint8 of `Label`, one per point of scan `index`, in the scan's order."""

@@ -8,6 +8,7 @@ from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.geometry import transform
 from automos.odometry.motion import SweepTiming
+from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.tracking.verdict import Verdict
@@ -130,3 +131,12 @@ def test_tracks_that_nobody_wrote_so_are_refused_with_the_file(tmp_path, where, 
     with pytest.raises(InputError, match=r"tracks\.json is damaged") as told:
         _ = run.tracks_file
     assert said in str(told.value).lower()
+
+
+def test_a_folder_of_results_folders_is_told_with_what_is_in_it(run):
+    (run.folder / "run.json").write_text('{"fingerprint": "key"}')
+    with pytest.raises(InputError, match=r"holds no results of automos label .*; these in it do: run$"):
+        open_run(run.folder.parent)
+    (run.folder / "run.json").unlink()
+    with pytest.raises(InputError, match=r"run.json is missing or damaged\)$"):
+        open_run(run.folder)

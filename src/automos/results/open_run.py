@@ -8,7 +8,10 @@ from pathlib import Path
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
-from automos.workspace import Workspace
+from automos.workspace import RUN_FILE, Workspace
+
+SHOWN = 5
+"""Folders that are named where another one was given."""
 
 
 def open_run(
@@ -34,7 +37,12 @@ def open_run(
         raise InputError(f"{folder} is no folder; give the results folder of automos label")
     if recording is not None:
         return RunFiles(folder, open_sequence(recording, format), progress)
-    source = Workspace(folder).read_run().get("recording", {}).get("source")
+    about = Workspace(folder).read_run()
+    if not about:
+        inner = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
+        there = f"; these in it do: {', '.join(inner[:SHOWN])}{' ...' * (len(inner) > SHOWN)}" if inner else ""
+        raise InputError(f"{folder} holds no results of automos label ({RUN_FILE} is missing or damaged){there}")
+    source = about.get("recording", {}).get("source")
     if source is None:
         raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
     try:
