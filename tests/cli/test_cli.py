@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -174,6 +175,17 @@ def test_an_error_that_names_all_columns_is_cut_to_what_can_be_read(automos, tmp
     assert "has no column x, y, z; its columns are: c0, c1" in ended.err
     assert "c19999" in ended.err
     assert len(ended.err) < 3000
+
+
+def test_too_little_memory_for_compiled_code_is_one_sentence(log):
+    resource = pytest.importorskip("resource", reason="Windows limits no process so")
+    ended = subprocess.run(
+        [sys.executable, "-c", "from automos.cli import main; main()", "label", log],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (600 << 20, 600 << 20)),
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 2
+    assert "may have 600 MB of memory and needs 800" in ended.stderr
 
 
 def test_a_file_is_no_recording(automos, log):

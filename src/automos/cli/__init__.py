@@ -56,6 +56,8 @@ class _Debug:
     on = False
 
 
+LEAST_MEMORY = 800 << 20
+"""Bytes of address space; a small recording takes as much."""
 LONGEST = 2000
 """Characters of an error that are shown, half of them from its end: a file may name a million columns."""
 
@@ -78,8 +80,26 @@ def _refused(error: Exception) -> str:
     return f"a name or text cannot be used ({error}); see the place with automos --debug"
 
 
+def _require_memory() -> None:
+    """Leave with a sentence where this process may have less memory than the compiled code alone needs.
+
+    LLVM, which loads it, ends the process or waits for itself where it gets none.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows limits no process so
+        return
+    for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA):
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+            _tell(
+                f"this process may have {limit >> 20} MB of memory and needs {LEAST_MEMORY >> 20}: raise ulimit -v, -d"
+            )
+
+
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
+    _require_memory()
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")
