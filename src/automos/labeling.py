@@ -70,7 +70,7 @@ def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | N
 
 def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) -> str:
     """Return in a few lines what a run found, and whether it did so now, in `seconds`, or all `was_there` before."""
-    points, tracks = run["points"], run["tracks"]
+    points, moving = run["points"], run["tracks"]["moving"]
     total = max(sum(points.values()), 1)
     scans = run["recording"]["scans"]
     if was_there:
@@ -78,10 +78,11 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
     else:
         effort = f"{seconds:.1f} s, {seconds / max(scans, 1):.3f} s per scan"
     riding = run.get("points_riding_along", 0)
+    on_body = f" ({riding:,} on what rides along with the sensor)" if riding else ""
     lines = [
-        f"{run['recording']['name']}: {scans} scans, {total:,} points, "
-        f"{points['moving']:,} moving ({100 * points['moving'] / total:.2f} %) on {tracks['moving']} objects, "
-        f"{points['unlabeled']:,} unlabeled" + (f" ({riding:,} on what rides along with the sensor)" if riding else ""),
+        f"{run['recording']['name']}: {scans} scan{'s' * (scans != 1)}, {total:,} points, {points['moving']:,} moving "
+        f"({100 * points['moving'] / total:.2f} %) on {moving} object{'s' * (moving != 1)}, "
+        f"{points['unlabeled']:,} unlabeled{on_body}",
         *timing_line(run),
         *(f"warning: {sentence}" for sentence in sentences_of(run)),
         f"{effort}; labels in {folder}/predictions",

@@ -128,7 +128,7 @@
     byId("facts").replaceChildren(
       fact("object", `${item.id}`),
       item.made ? fact("by hand", item.made) : fact("found", `${Look.word(item.verdict)}, confidence ${item.confidence.toFixed(2)}`),
-      fact("points", Look.count(item.points)), fact("seen in", `${item.seen} scans`), fact("moved", `${item.moved.toFixed(1)} m`),
+      fact("points", Look.count(item.points)), fact("seen in", `${item.seen} scan${item.seen === 1 ? "" : "s"}`), fact("moved", `${item.moved.toFixed(1)} m`),
       fact("size", `${item.size.map((s) => s.toFixed(1)).join(" × ")} m`),
       ...(joining ? [element("b", { class: "warn" }, joining === item ? "choose another object and press J again" : `press J to join it with object ${joining.id}`)] : []));
     for (const button of document.querySelectorAll("[data-verdict]")) button.setAttribute("aria-pressed", `${button.dataset.verdict === item.decided}`);
