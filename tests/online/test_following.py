@@ -4,6 +4,7 @@ import numpy as np
 
 from automos import load_settings
 from automos.detections import Detections
+from automos.online.following import FEW, LACKING, PAST_ALONE, Asked, Following
 from automos.tracking.tracker import Tracker, as_table, track_objects
 from automos.upright_boxes import Boxes
 
@@ -40,3 +41,35 @@ def test_a_copy_goes_its_own_way():
     log += [tracker.step(stamp, found) for stamp, found in SCANS[6:]]
     for name, column in track_objects(SCANS, SETTINGS).to_arrays().items():
         np.testing.assert_array_equal(getattr(as_table(log), name), column)
+
+
+def probability(following: Following, stamp: float, *ahead: tuple[float, Detections]) -> float:
+    """Return with which probability the one car of a scan has moved."""
+    verdicts = following.at(stamp, list(ahead)).verdicts
+    return float(np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)[0])
+
+
+def test_who_was_asked_shifts_what_is_believed():
+    assert Asked(FEW, is_far=False, is_past=True).shift == 0.0  # the first second is no surer than its probability says
+    assert Asked(9, is_far=True, is_past=False).shift == 0.0
+    assert Asked(9, is_far=True, is_past=True).shift == PAST_ALONE
+    assert Asked(FEW - 2, is_far=False, is_past=True).shift == 2 * LACKING
+
+
+def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_asked_too():
+    few, more = Asked(1, False, True), Asked(FEW, False, True)
+    following = Following(SETTINGS)
+    for k in range(2):
+        following.add(0.1 * k, cars(1.0 * k), few)
+    before = probability(following, 0.1)
+    for k in range(2):
+        following.renew(0.1 * k, cars(1.0 * k), more)
+    assert before < SETTINGS.judge.min_probability < probability(following, 0.1)
+
+
+def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
+    at_once, later = Following(SETTINGS), Following(SETTINGS)
+    at_once.add(0.0, cars(1.0), Asked(9, is_far=True, is_past=True))
+    later.add(0.0, cars(1.0), Asked(9, is_far=True, is_past=False))
+    assert probability(at_once, 0.0) > SETTINGS.judge.min_probability
+    assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once

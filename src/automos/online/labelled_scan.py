@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.detections import Detections
 from automos.labels import Label
-from automos.scan import Pose
+from automos.scan import OBJECT, Pose
 from automos.tracking.tracks import Tracks
+from automos.workspace import Arrays
 
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
 
@@ -56,3 +58,11 @@ def objects_of(tracks: Tracks) -> npt.NDArray:
     for name in out.dtype.names or ():
         out[name] = getattr(tracks, name)
     return out
+
+
+def is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
+    """Return (M,) which points nothing is known of: no scan has seen their place, nor any of what they belong to."""
+    found = Detections.from_arrays(segments)
+    spoken = np.append(found.n_moving + found.n_static > 0.0, False)  # the last entry is for id -1
+    is_silent = about["log_odds"] == 0.0
+    return (about["kind"] == OBJECT) & is_silent & ~spoken[segments["ids"]] & ~spoken[segments["stayed"]]

@@ -75,6 +75,11 @@ class _Correction:
         few = [self._todo.popleft() for _ in range(min(AT_ONCE, len(self._todo)))]
         self._asked = self._pool.submit(lambda: [(came, self.path.follow(came)) for came in few])
 
+    def catch_up(self) -> None:
+        """Begin on all scans at once."""
+        todo, self._todo = list(self._todo), deque()
+        self._asked = self._pool.submit(lambda: [(came, self.path.follow(came)) for came in todo])
+
     @property
     def has_caught_up(self) -> bool:
         """Whether all scans were followed, once `advance` has returned."""
@@ -156,7 +161,9 @@ class CausalOdometry:
     def _hear(self) -> _Correction | None:
         """Return the correction that is due where something was found out that changes where the last scans lie."""
         if self._n == 2 and self._path.timing.share:  # now it is known how the first sweep was bent
-            return self._follow_again(self._path.timing, self._path.twist)
+            correction = self._follow_again(self._path.timing, self._path.twist)
+            correction.catch_up()
+            return correction
         start = None if self._start is None else self._start.answer(self._stamp)
         timing = None if self._choice is None else self._choice.answer(self._stamp)
         if start is None and timing is None:

@@ -7,14 +7,13 @@ seen its places, too, the evidence is made again and the tracker moves on over i
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_ask import Evidence
 from automos.candidates.free_space_view import Seen, look, ray_steps
 from automos.detections import Detections
 from automos.geometry import inverse, make_transform
@@ -24,13 +23,13 @@ from automos.odometry.level import level_frame
 from automos.odometry.motion import usable_points
 from automos.odometry.trajectory import frame_of
 from automos.online.evidence import EvidenceWindow
-from automos.online.following import Followed, Following
-from automos.online.labelled_scan import LabelledScan, objects_of
+from automos.online.following import FEW, Asked, Followed, Following
+from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
 from automos.online.lidars import LidarLearner
 from automos.online.odometry import CausalOdometry, Moved
 from automos.online.path import Posed
 from automos.online.renewal import Renewal
-from automos.scan import OBJECT, Frame, Pose, Scan
+from automos.scan import Frame, Pose, Scan
 from automos.settings import Settings
 from automos.stages.candidates import candidates_of
 from automos.stages.instances import segment_frame
@@ -38,8 +37,11 @@ from automos.stages.labels import label_points
 from automos.stages.tracking import TrackedObjects
 from automos.workspace import Arrays
 
+_Recounted = Future[tuple[float, Detections, Asked]]
 GROWN = 1.0
 """Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
+AGAIN = 3
+"""Scans that are asked about once more with every scan that comes, where the sensor's path turned out to be another."""
 SETTLED = 1.0
 """Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
 
@@ -54,6 +56,7 @@ class _Held:
     seen: Seen | None = None
     about: Arrays | None = None
     segments: Arrays | None = None
+    n_asked: int = 0
     is_settled: bool = False
 
     @property
@@ -86,6 +89,7 @@ class Stream:
         self._following = Following(settings.tracking, first_track)
         self._held: deque[_Held] = deque()
         self._growing: deque[_Held] = deque()
+        self._doubted: deque[_Held] = deque()
         self._start = np.inf
 
     @property
@@ -104,6 +108,7 @@ class Stream:
         moved = self._odometry.step(scan)
         self._start = min(self._start, moved.stamp)
         self._renew(moved)
+        grown += self._doubt()
         if not self._is_level:
             self._find_level(scan, moved.posed)
         self._T_level_sensor = self._T_level_world @ moved.posed.T_world_sensor
@@ -129,22 +134,40 @@ class Stream:
             if held.stamp in frames:
                 held.frame, held.seen = frames[held.stamp]
         self._learner.forget_poses()
+        self._doubted = deque(self._growing)
 
-    def _grow(self, now: float | None) -> list[Future[tuple[float, Detections]]]:
+    def _grow(self, now: float | None) -> list[_Recounted]:
         """Ask about scans some time ago once more, beside what else is done meanwhile."""
         asked = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
-            if held.seen is not None and held.segments is not None:
-                question = self._window.question(held.stamp, held.seen)
-                asked.append(self._pool.submit(self._recount, held.stamp, held.segments, question))
+            asked += self._ask_again(held, Asked(len(self._window), is_far=True, is_past=False))
         return asked
 
-    def _recount(
-        self, stamp: float, segments: Arrays, question: Callable[[None], Evidence]
-    ) -> tuple[float, Detections]:
-        ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
-        return stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None).net, about)
+    def _doubt(self) -> list[_Recounted]:
+        """Ask once more about the last scans, if few could be asked or they were thought to lie elsewhere."""
+        n, asked = len(self._window), []
+        few = [held for held in self._growing if held.n_asked < FEW <= n]
+        doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
+        for held in few or doubted:
+            held.n_asked = n
+            asked += self._ask_again(held, Asked(n, self._is_far(held), is_past=True))
+        return asked
+
+    def _ask_again(self, held: _Held, asked: Asked) -> list[_Recounted]:
+        if held.seen is None or held.segments is None:
+            return []
+        question = self._window.question(held.stamp, held.seen)
+
+        def recounted(segments: Arrays = held.segments) -> tuple[float, Detections, Asked]:
+            ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
+            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None).net, about), asked
+
+        return [self._pool.submit(recounted)]
+
+    def _is_far(self, held: _Held) -> bool:
+        """Whether others from a second or more are asked about a scan."""
+        return self._settle > 0.0 or held.stamp - self._start >= GROWN
 
     def finish(self) -> Iterator[LabelledScan]:
         """Yield the rest."""
@@ -175,6 +198,7 @@ class Stream:
         """Make the scan's evidence and segments from all scans that are remembered."""
         if held.seen is None:
             return
+        held.n_asked = len(self._window) - 1
         evidence = self._window.question(held.stamp, held.seen)(self._pool)
         steps = ray_steps(self._learner.lidars)
         held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
@@ -186,8 +210,8 @@ class Stream:
                 if self._settle > 0.0:
                     self._find_segments(held)
                 if held.segments is not None:
-                    is_asked = self._settle > 0.0 or held.stamp - self._start >= GROWN
-                    self._following.add(held.stamp, held.detections, is_asked)
+                    asked = Asked(held.n_asked, self._is_far(held), is_past=self._settle == 0.0)
+                    self._following.add(held.stamp, held.detections, asked)
                     if self._settle < GROWN:
                         self._growing.append(held)
                 held.is_settled = True
@@ -207,7 +231,7 @@ class Stream:
             frame, held.about, held.segments, followed.here, judged, self._settings, followed.is_followed
         )
         labels, track = painted["label"], painted["track"]
-        unknown = _is_unknown(held.about, held.segments)
+        unknown = is_unknown(held.about, held.segments)
         labels[frame.kept[unknown & (labels[frame.kept] == Label.STATIC)]] = Label.UNLABELED
         track_ids = np.append(followed.numbers, -1).astype(np.int32)[track]
         confidence = painted["confidence"].astype(np.float32) / np.float32(255.0)
@@ -218,14 +242,6 @@ class Stream:
 def _make_frame(scan: Scan, posed: Posed, T_level_sensor: Pose, stamp: float) -> Frame:
     """Return the valid points of `scan`, compensated for the motion during its sweep."""
     return frame_of(scan, posed.timing, posed.sweep_motion, T_level_sensor, stamp)
-
-
-def _is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
-    """Return (M,) which points nothing is known of: no scan has seen their place, nor any of what they belong to."""
-    found = Detections.from_arrays(segments)
-    spoken = np.append(found.n_moving + found.n_static > 0.0, False)  # the last entry is for id -1
-    is_silent = about["log_odds"] == 0.0
-    return (about["kind"] == OBJECT) & is_silent & ~spoken[segments["ids"]] & ~spoken[segments["stayed"]]
 
 
 def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:

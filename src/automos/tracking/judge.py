@@ -119,10 +119,20 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
     return judge_tracks(tracks, [segment_terms(found) for found in detections], settings)
 
 
-def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings) -> Verdicts:
-    """Return the same as `judge_by_evidence` from the `terms` of each scan's segments."""
+def judge_tracks(
+    tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings, shifts: Array | None = None
+) -> Verdicts:
+    """Return the same as `judge_by_evidence` from the `terms` of each scan's segments.
+
+    shifts : (N,) log-odds to add for what was seen in each scan, their mean over a track's scans. In a scan with more
+        than none, what is seen for the first time is judged, too.
+    """
     log_odds = PRIOR + track_terms(tracks, terms) @ np.array(list(WEIGHTS.values()))
-    n_seen, is_known = np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks)), _is_known(tracks, terms)
+    scan, owner = tracks.scan[tracks.is_observed], tracks.track[tracks.is_observed]
+    n_seen, is_known = np.bincount(owner, minlength=len(tracks)), _is_known(tracks, terms)
+    if shifts is not None:
+        log_odds += np.bincount(owner, shifts[scan], len(tracks)) / np.maximum(n_seen, 1)
+        n_seen += np.bincount(owner, shifts[scan] > 0.0, len(tracks)).astype(np.int64)
     probability = np.where((n_seen > 1) & is_known, 1.0 / (1.0 + np.exp(-np.clip(log_odds, -30.0, 30.0))), 0.0)
     is_moving = probability >= settings.min_probability
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
