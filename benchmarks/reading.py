@@ -36,7 +36,7 @@ class Unlabelled(RunFiles):
 
     def __init__(self, sequence: ArraySequence):
         self.folder, self.sequence, self.names = Path(), sequence, sequence.names
-        self._progress = lambda name, done, total: None
+        self._progress, self.deskewed = lambda name, done, total: None, False
 
     def labels(self, index: int, n_points: int) -> np.ndarray:
         return np.zeros(n_points, np.uint16)
