@@ -101,3 +101,12 @@ def test_who_brakes_hard_is_not_held_to_the_speed_that_he_had():
     assert np.mean(-np.diff(true)) > 0.03  # metres a scan and scan: 3 m/s^2 all the time, among traffic
     found = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
     np.testing.assert_allclose(found[3:], true[3:], atol=0.05)
+
+
+def test_where_submaps_say_nothing_a_scan_is_laid_on_the_last_ones(monkeypatch):
+    monkeypatch.setattr("automos.online.past_submaps.MIN_MATCHED", 1_000_000)  # as in a room of few surfels
+    points = street(20).sequence[0].points
+    come = np.cumsum([0.0] * 8 + [0.3] * 8)  # metres; it stands, then sets off
+    scans = [Scan(points - np.float32([x, 0.0, 0.0]), stamp=0.1 * k) for k, x in enumerate(come)]
+    found = chained(follow(scans, is_compensated=True))[:, 0, 3]
+    np.testing.assert_allclose(found, come, atol=0.15)

@@ -97,7 +97,7 @@ class Path:
         expected = come.T_world_last @ se3_exp(come.gap * come.twist)
         laid = self._past.lay([expected], surfels, come)
         usual = float(np.median(self._shares)) if self._shares else 1.0
-        if (self._n < START_SCANS and not self._is_start_known) or laid.share < DOUBTFUL * usual:
+        if (self._n < START_SCANS and not self._is_start_known) or laid.share <= DOUBTFUL * usual:
             guesses = [self._near.register(surfels, expected)]
             if come.is_first:
                 guesses += [come.T_world_last @ se3_exp(step) for step in FIRST_STEPS]
