@@ -66,6 +66,15 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
         _ = open_sequence(folder).reference_poses
 
 
+@pytest.mark.parametrize("name", ["times.txt", "poses.txt", "mounts.yaml"])
+def test_a_link_to_nothing_is_not_passed_over(tmp_path, name):
+    folder = write_scans(tmp_path / "log")
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to("nothing")
+    with pytest.raises(InputError, match=name):
+        _ = open_sequence(folder).reference_poses
+
+
 @pytest.mark.parametrize(
     ("at", "form", "value"),
     [

@@ -70,6 +70,11 @@ def require_regular(path: Path) -> None:
         raise InputError(f"{path} is a {kind}; only plain files are read")
 
 
+def is_there(path: Path) -> bool:
+    """Return whether something has this name, be it a link to nothing: what is meant to be read is not passed over."""
+    return os.path.lexists(path)
+
+
 def read_bytes(path: Path, most: int | None = None) -> bytes:
     """Return what is in a regular file of at most `most` bytes.
 

@@ -97,6 +97,9 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(folder):
     path.write_text("0 1 Car 0 0\n")
     with pytest.raises(InputError, match=r"label_02/0000.txt is no file of KITTI's tracking labels"):
         open_sequence(folder).truth(0)
+    path.write_text(labels(street_log()).replace("\n", " "))
+    with pytest.raises(InputError, match=r"label_02/0000.txt is no file .*a line of another number of words"):
+        open_sequence(folder).truth(0)
     path = split / "oxts" / "0000.txt"
     path.write_text("\n".join(path.read_text().splitlines()[:5]))
     with pytest.raises(InputError, match=r"0000.txt holds 5 poses, but there is a scan 000011"):

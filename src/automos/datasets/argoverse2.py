@@ -24,7 +24,7 @@ from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_po
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label, pack
-from automos.reading import damage_told, require_regular
+from automos.reading import damage_told, is_there, require_regular
 from automos.scan import MAX_RANGE, Pose, Scan
 from automos.upright_boxes import Boxes, points_in_boxes
 
@@ -84,7 +84,7 @@ class Argoverse2Sequence(ListedSequence):
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor; None without poses."""
-        if not (self.source / _POSES).exists():
+        if not is_there(self.source / _POSES):
             return None
         return sensor_poses(self._T_city_ego, self._T_ego_sensor)
 
@@ -95,14 +95,14 @@ class Argoverse2Sequence(ListedSequence):
         none of the others: the flags say what moves at that moment, boxes what moves at some time. Else the boxes are.
         """
         index = range(len(self))[index]
-        if (self.source / _FLOW).exists():
+        if is_there(self.source / _FLOW):
             return self._from_flow() if index == 0 else None
-        return self._from_boxes(index) if (self.source / _BOXES).exists() else None
+        return self._from_boxes(index) if is_there(self.source / _BOXES) else None
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next sweep, as the annotated boxes say; None without."""
         index = range(len(self))[index]
-        if not (self.source / _BOXES).exists() or index + 1 == len(self):
+        if not is_there(self.source / _BOXES) or index + 1 == len(self):
             return None
         now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])
         T_now_later = inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1]
@@ -175,7 +175,7 @@ class Argoverse2Sequence(ListedSequence):
             raise InputError(f"{path} holds {len(is_dynamic)} rows, but sweep {scan.name} has {len(scan)} points")
         label = np.where(is_dynamic, Label.MOVING, Label.STATIC)
         instance = np.zeros(len(scan), np.int64)
-        if (self.source / _BOXES).exists():
+        if is_there(self.source / _BOXES):
             drawn = self._drawn.of(self._nanoseconds[0])
             owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), drawn.boxes)
             instance[owner >= 0] = drawn.track[owner[owner >= 0]]

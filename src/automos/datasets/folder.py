@@ -28,7 +28,7 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.label_files import read_labels
 from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.reading import read_text
+from automos.reading import is_there, read_text
 from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -118,12 +118,12 @@ class FolderSequence(Sequence):
     def T_camera_sensor(self) -> Pose | None:
         """(4, 4) from calib.txt, None where there is none: poses are then the sensor's own."""
         path = self.source / "calib.txt"
-        return read_calib(path) if path.exists() else None
+        return read_calib(path) if is_there(path) else None
 
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), None where there is none."""
-        path = next((path for path in self._pose_files() if path.exists()), None)
+        path = next((path for path in self._pose_files() if is_there(path)), None)
         if path is None:
             return None
         by_name = np.argsort(self._order)
@@ -177,7 +177,7 @@ class FolderSequence(Sequence):
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
-        if not path.exists():
+        if not is_there(path):
             return stamps_from_names
         try:
             times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from automos.datasets.formats import Format
 from automos.datasets.kitti import KittiSequence
+from automos.reading import is_there
 
 _SPLITS = ("train.txt", "val.txt", "test.txt")
 
@@ -38,7 +39,7 @@ class HelimosSequence(KittiSequence):
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index`, None where it was not labelled."""
         name = self.names[range(len(self))[index]]
-        return super().truth(index) if (self.source / "labels" / f"{name}.label").exists() else None
+        return super().truth(index) if is_there(self.source / "labels" / f"{name}.label") else None
 
 
 FORMAT = Format(

@@ -15,6 +15,7 @@ from automos.datasets.formats import Format
 from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.records import read_records, read_table
 from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_poses
+from automos.reading import is_there
 from automos.scan import Pose, Scan
 
 _XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
@@ -61,7 +62,7 @@ class HeliprSequence(ListedSequence):
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor of this sensor; None without its poses."""
         path = self.source.parent.parent / "LiDAR_GT" / f"{self.source.name}_gt.txt"
-        if not path.exists():
+        if not is_there(path):
             return None
         table = read_table(path, 8, "poses")
         T = from_quaternions(table[:, 1:4], table[:, 4:], path)

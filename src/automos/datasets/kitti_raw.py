@@ -24,7 +24,7 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.labels import Label
 from automos.pose_files import lines_of_scans
-from automos.reading import read_bytes, read_text
+from automos.reading import is_there, read_bytes, read_text
 from automos.scan import Pose
 from automos.upright_boxes import Boxes
 
@@ -60,7 +60,7 @@ class KittiRawSequence(FolderSequence):
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "velodyne_points" / "timestamps.txt"
-        if not path.exists():
+        if not is_there(path):
             return None
         try:
             lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
@@ -86,7 +86,7 @@ class KittiRawSequence(FolderSequence):
 
         What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
         """
-        if not (self.source / _BOXES).exists():
+        if not is_there(self.source / _BOXES):
             return None
         index = range(len(self))[index]
         scan = self[index]

@@ -25,13 +25,15 @@ from automos.datasets.stamped_poses import sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label
-from automos.reading import read_text
+from automos.reading import is_there, read_text
 from automos.scan import Pose
 from automos.upright_boxes import Boxes
 
 _PERIOD = 0.1
 """Seconds between scans; the benchmark gives no times."""
 _PACKET = 30
+_WORDS = (17, 18)
+"""Of a line about a box; some programs add a score."""
 
 
 def find(path: Path) -> list[Path]:
@@ -70,7 +72,7 @@ class KittiTrackingSequence(FolderSequence):
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
         path = self._beside("oxts")
-        if not path.exists():
+        if not is_there(path):
             return None
         packets = read_table(path, _PACKET, "poses")
         if len(packets) <= self._frames.max():
@@ -82,7 +84,7 @@ class KittiTrackingSequence(FolderSequence):
 
         What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
         """
-        if not self._beside("label_02").exists():
+        if not is_there(self._beside("label_02")):
             return None
         index = range(len(self))[index]
         scan = self[index]
@@ -119,6 +121,8 @@ class KittiTrackingSequence(FolderSequence):
         path = self._beside("label_02")
         try:
             words = [line.split() for line in read_text(path).splitlines() if line.strip()]
+            if any(len(row) not in _WORDS for row in words):
+                raise ValueError("a line of another number of words")
             objects = [row for row in words if row[2] != "DontCare"]
             table = np.array([[row[0], row[1], *row[10:17]] for row in objects], np.float64).reshape(-1, 9)
         except (OSError, ValueError, IndexError) as error:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import is_rigid
-from automos.reading import parse_yaml, read_text
+from automos.reading import is_there, parse_yaml, read_text
 from automos.scan import Pose, Scan
 
 FILE = "mounts.yaml"
@@ -95,7 +95,7 @@ def read_mounts(folder: Path) -> Mounts | None:
         A file that cannot be read as mounts, or a mount that is no rigid transform.
     """
     path = folder / FILE
-    if not path.exists():
+    if not is_there(path):
         return None
     try:
         entries = parse_yaml(read_text(path))

@@ -22,7 +22,7 @@ from automos.datasets.listed import ListedSequence
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
 from automos.labels import Label
-from automos.reading import read_json
+from automos.reading import is_there, read_json
 from automos.scan import Pose, Scan
 from automos.upright_boxes import Boxes
 
@@ -159,7 +159,7 @@ def _transforms(rows: list[Row], path: Path) -> Pose:
 
 def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
     """Return the boxes of a scene by keyframe, in the global frame; None where it came without, as the test split."""
-    if not (tables / "sample_annotation.json").exists():
+    if not is_there(tables / "sample_annotation.json"):
         return None
     rows = [row for row in _read(tables, "sample_annotation") if row["sample_token"] in samples]
     if not rows:

@@ -28,7 +28,7 @@ from automos.errors import InputError
 from automos.geometry import inverse, make_transform
 from automos.labels import Label
 from automos.pose_files import FARTHEST
-from automos.reading import damage_told
+from automos.reading import damage_told, is_there
 from automos.scan import Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 
@@ -214,7 +214,7 @@ class WaymoSequence(Sequence):
     def _drawn(self) -> DrawnBoxes | None:
         """The boxes of all scans by their time, in the vehicle's frame; None without."""
         path = _table(self.source, "lidar_box")
-        if not path.exists():
+        if not is_there(path):
             return None
         parts = [
             f"{_BOX}.{name}" for name in ("heading", *(f"{of}.{axis}" for of in ("center", "size") for axis in "xyz"))
