@@ -35,6 +35,12 @@ def test_a_crown_and_the_car_beneath_it_are_two():
     assert set(car.tolist()).isdisjoint(crown.tolist())
 
 
+def test_a_mirror_image_under_the_ground_belongs_to_nothing():
+    _, (car, image) = segments(cloud(6, 0), cloud(6, 0, low=-5.2, high=-4.9))
+    assert set(car.tolist()) == {0}
+    assert set(image.tolist()) == {-1}
+
+
 def test_far_away_the_gap_between_rows_of_rays_holds_nothing_apart():
     low, high = cloud(40, 0, low=0.2, high=0.4), cloud(40, 0, low=1.9, high=2.1)
     sparse, dense = segments(low, high, rows=np.radians(2.0))[0], segments(low, high, rows=np.radians(0.2))[0]

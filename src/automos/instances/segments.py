@@ -2,7 +2,8 @@
 
 Seen from above, points fall into small cells; in a cell, points that follow each other without a gap in height form a
 *stack*, so that a tree's crown and the car beneath it are two. Stacks of neighbouring cells join where their heights
-meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds.
+meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds. What lies
+deep under the ground is a mirror image and joins nothing.
 
 A ray that grazes an edge returns a point between what is before and behind it; such points hang between two vehicles
 that pass each other like a curtain, which one ray in a few has woven. A stack is *thin* if it holds fewer points than
@@ -21,6 +22,8 @@ _BINS = 64
 _NONE = np.iinfo(np.int64).max
 HEIGHT_BIN = 0.1
 """Metres: resolution in height; 64 bins from the ground up."""
+DEPTH = 1.5
+"""Metres under the ground from which on a point is a mirror image, in a window or on a wet road, of nothing there."""
 THIN_SHARE = 0.25
 """Points per row of rays: a stack of fewer joins no two things."""
 THIN_ROWS = 6
@@ -35,7 +38,9 @@ def segment_points(
     column_width: float,
     settings: SegmentSettings,
 ) -> npt.NDArray[np.int32]:
-    """Return (M,) int32 segment ids, 0, 1, 2 ... in the order of their first point; -1 beyond the range looked at.
+    """Return (M,) int32 segment ids, 0, 1, 2 ... in the order of their first point.
+
+    -1 is what is beyond the range looked at, and mirror images under the ground.
 
     Parameters
     ----------
@@ -123,6 +128,8 @@ def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # 
     for i in range(m):
         x, y = points[i, 0] / cell, points[i, 1] / cell
         if not (abs(x) < n and abs(y) < n):  # compared before they are made whole numbers: huge ones have none
+            continue
+        if heights[i] < -DEPTH:
             continue
         u, v = int(np.floor(x)) + n // 2, int(np.floor(y)) + n // 2
         if not (0 <= u < n and 0 <= v < n):
