@@ -186,7 +186,10 @@ def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
             scan = ArraySequence([scan])[0]
         except (TypeError, ValueError) as error:
             raise InputError(f"a scan is a Scan or an (N, 3) array, metres: {error}") from None
-    return scan if stamp is None else replace(scan, stamp=float(stamp))
+    try:
+        return scan if stamp is None else replace(scan, stamp=float(stamp))
+    except (TypeError, ValueError):
+        raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
 
 
 def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: LabelledScan | None) -> LabelledScan:

@@ -24,6 +24,7 @@ from automos import __version__
 from automos.array_sequence import as_sequence
 from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
+from automos.errors import InputError
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.recording_warnings import recording_warnings
@@ -139,7 +140,10 @@ class Steps:
 
 def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None) -> dict[str, str]:
     """Return each stage's fingerprint: it changes with all that shapes the stage's results."""
-    given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
+    try:
+        given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"poses are (N, 4, 4) numbers, T_world_sensor of each scan: {error}") from None
     key = fingerprint(__version__, sequence.fingerprint(), given)
     keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):

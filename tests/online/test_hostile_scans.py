@@ -64,3 +64,22 @@ def test_hostile_scans_come_back_whole(seed):
     code += f"import test_hostile_scans as hostile; hostile.push_all({seed})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_stamps_that_numbers_cannot_tell_apart_are_no_times():
+    labeler, scans = automos.Labeler(lag=0.0), [scan.points for scan in lane(12).sequence]
+    given = [one for points in scans for one in labeler.push(points, 1e300)] + labeler.finish()
+    assert [len(one.labels) for one in given] == [len(points) for points in scans]
+    assert np.diff([one.stamp for one in given]) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("stamp", ["x", [1.0, 2.0], object()])
+def test_a_stamp_that_is_no_number_is_told(stamp):
+    with pytest.raises(InputError, match="a scan's stamp is seconds"):
+        automos.Labeler(lag=0.0).push(np.ones((10, 3), np.float32), stamp)
+
+
+@pytest.mark.parametrize("poses", ["x", [["a"]], object()])
+def test_poses_that_are_no_numbers_are_told(poses):
+    with pytest.raises(InputError, match="poses are "):
+        automos.label([np.ones((10, 3), np.float32)], poses=poses)

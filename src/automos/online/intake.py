@@ -6,7 +6,6 @@ what cannot be used is left out, and where the stream breaks off it begins anew.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -22,6 +21,8 @@ USUAL_GAPS = 3.0
 """Times as long as usual that this must be: some sensors take a scan a second."""
 LEAST_STEP = 1e-3
 """Seconds: no sensor takes a scan so soon after another, so a stamp that says so is no later."""
+LATEST = 1e11
+"""Seconds either way: beyond, numbers cannot tell one scan's time from the next one's."""
 MOST_LATE = 5
 """Scans in a row that are older than what came before: then the clock was set back."""
 
@@ -64,12 +65,12 @@ class Intake:
             self._steps.clear()
         is_new = kind is not self._trouble or kind is Kind.RESTART
         self._trouble = None if kind is Kind.NEXT else kind
-        if own is not None and not math.isfinite(own) and not why:
+        if own is not None and not abs(own) < LATEST and not why:
             why = f"its stamp is {own}, which is no time; it is taken to have come in its turn"
         return Taken(kind, stamp, why if is_new else "")
 
     def _stamp_of(self, scan: Scan) -> float:
-        if scan.stamp is not None and math.isfinite(scan.stamp):
+        if scan.stamp is not None and abs(scan.stamp) < LATEST:
             return float(scan.stamp)
         period = float(np.median(self._steps)) if self._steps else USUAL_PERIOD
         return 0.0 if self._stamp is None else self._stamp + period
