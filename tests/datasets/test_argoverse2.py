@@ -107,6 +107,14 @@ def test_a_log_without_boxes_or_poses_has_no_truth_and_no_poses(tmp_path):
     assert len(sequence[0])
 
 
+def test_a_column_whose_name_is_no_text_is_told(tmp_path):
+    folder = write_log(tmp_path / "log", street_log())
+    path = folder / "annotations.feather"
+    path.write_bytes(path.read_bytes().replace(b"timestamp_ns", b"timestamp_\xff\xff"))
+    with pytest.raises(InputError, match=r"annotations.feather is damaged or cut short"):
+        open_sequence(folder).truth(0)
+
+
 def test_rows_without_a_value_are_told(tmp_path):
     folder = write_log(tmp_path / "log", street_log())
     scan = next((folder / "sensors" / "lidar").iterdir())

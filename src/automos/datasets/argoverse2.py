@@ -213,16 +213,17 @@ def _read(path: Path) -> Table:
         require_regular(path)
         with limited(path):
             table = feather.read_table(path, memory_map=False)
+        names = table.column_names  # which may be no text
     except FileNotFoundError:
         raise InputError(f"{path} is missing; a log needs it: download the log again") from None
     except InputError:
         raise
     except (OSError, UnicodeError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
-    empty = [name for name in table.column_names if table[name].null_count]
+    empty = [name for name in names if table[name].null_count]
     if empty:
         raise InputError(f"{path} has rows without {', '.join(empty)}; download it again")
-    return Table(path, {name: table[name].to_numpy() for name in table.column_names})
+    return Table(path, {name: table[name].to_numpy() for name in names})
 
 
 def _transforms(table: Table) -> Pose:
