@@ -138,7 +138,7 @@ class _Estimate:
             first = self._register(timing)
         if first.held:
             self.warnings.append(
-                f"{len(first.held)} scans have too few points to register (first: {names[first.held[0]]}); their poses "
+                f"scans with too few points to register: {len(first.held)} (first: {names[first.held[0]]}); their poses "
                 "are extrapolated."
             )
         if not self._settings.refine:
