@@ -9,6 +9,7 @@ from automos.geometry import inverse, se3_log
 from automos.odometry.motion import SweepTiming
 from automos.online.inquiry import Inquiry
 from automos.online.odometry import AT_ONCE, CausalOdometry
+from automos.online.past_submaps import Come
 from automos.scan import Scan
 from automos.simulation import Convention, record, simulate
 
@@ -34,6 +35,14 @@ def test_a_slow_drive_is_found_though_rings_lie_on_rings_at_rest():
     error = se3_log(inverse(world.poses) @ chained(follow(world.sequence, is_compensated=True)))
     assert np.linalg.norm(error[:, :3], axis=1).max() < 0.03
     assert np.degrees(np.linalg.norm(error[:, 3:], axis=1)).max() < 0.1
+
+
+def test_a_motion_of_which_little_is_known_holds_the_next_one_less():
+    def evenness(doubt):
+        come = Come(0.1, np.eye(4), 1.0, np.zeros(6), np.full(6, doubt), 0.1, 1.0, False)
+        return come.evenness(np.zeros(6), SETTINGS)
+
+    assert (evenness(0.01) < 0.2 * evenness(0.0)).all()
 
 
 def test_a_start_in_full_flight_is_found():

@@ -138,8 +138,8 @@ class _Estimate:
             first = self._register(timing)
         if first.held:
             self.warnings.append(
-                f"scans with too few points to register: {len(first.held)} (first: {names[first.held[0]]}); their poses "
-                "are extrapolated."
+                f"scans with too few points to register: {len(first.held)} (first: {names[first.held[0]]}); their "
+                "poses are extrapolated."
             )
         if not self._settings.refine:
             return chain(np.eye(4), first.steps)

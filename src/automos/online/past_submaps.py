@@ -52,7 +52,8 @@ class Come:
     ----------
     stamp : seconds.
     T_world_last : (4, 4) of the scan before, `gap` usual times earlier.
-    twist : (6,) expected motion per usual time between scans, `period` seconds.
+    twist : (6,) expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is
+        (variance).
     share : of a sweep in the time between scans.
     is_first : whether `twist` is a guess, because nothing came before.
     """
@@ -61,6 +62,7 @@ class Come:
     T_world_last: Pose
     gap: float
     twist: Array
+    doubt: Array
     period: float
     share: float
     is_first: bool
@@ -68,13 +70,15 @@ class Come:
     def evenness(self, off: Array, settings: OdometrySettings) -> Array:
         """Return (6,) weights of even motion against a motion that is `off` (6,) from what is expected.
 
-        Its tails are heavy (Cauchy): who brakes hard among traffic is not held to the speed that he had.
+        What was expected is as uncertain as the motion that it was taken from: where little tells how fast the sensor
+        is, it is not held to a guess. Tails are heavy (Cauchy), so that who brakes hard among traffic is not either.
         """
         usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])
         spread = usual * self.period**2 * self.gap
         spread = np.maximum(spread, FIRST_MOTION) if self.is_first else spread
-        far = np.linalg.norm(off.reshape(2, 3), axis=1) / (SUDDEN * spread)
-        return np.repeat(1.0 / spread**2 / (1.0 + far**2), 3)
+        variance = np.repeat(spread**2, 3) + self.gap**2 * self.doubt
+        far = (off**2 / variance).reshape(2, 3).sum(axis=1) / SUDDEN**2
+        return 1.0 / variance / (1.0 + np.repeat(far, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +86,13 @@ class Laid:
     """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
 
     share : of the surfels, those that lie on a surface; 0 where nothing is there to lie on.
+    doubt : (6,) variance of the motion to there.
     """
 
     T_world_sensor: Pose
     surfels: Surfels
     share: float
+    doubt: Array
 
 
 class PastSubmaps:
@@ -122,12 +128,12 @@ class PastSubmaps:
         """
         places = self._near(come.stamp, guesses[0])
         if not places:
-            return Laid(guesses[0], surfels, 0.0)
+            return Laid(guesses[0], surfels, 0.0, come.doubt)
         return max((self._descend(places, guess, surfels, come) for guess in guesses), key=lambda laid: laid.share)
 
     def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> Laid:
         """Return where the scan comes to lie from the guess `T`."""
-        used, nothing = come.twist, Laid(T, surfels, 0.0)
+        used, nothing = come.twist, Laid(T, surfels, 0.0, come.doubt)
         for kernel in ON_PAST.kernels:
             fits = self._fit(places, T, surfels, kernel)
             A = adjoint(np.array([inverse(place.T_world_center) @ T for place in places]))
@@ -138,7 +144,8 @@ class PastSubmaps:
                 return nothing
             off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
             even = come.evenness(off, self._settings)
-            step = -np.linalg.solve(H + np.diag(even), g + even * off)
+            known = H + np.diag(even)
+            step = -np.linalg.solve(known, g + even * off)
             T = T @ se3_exp(step)
             twist = se3_log(inverse(come.T_world_last) @ T) / come.gap
             surfels = _compensated(surfels, come.share * (twist - used))
@@ -146,7 +153,8 @@ class PastSubmaps:
             if np.abs(step[:3]).max() < CONVERGED:
                 break
         fits = self._fit(places, T, surfels, ON_PAST.kernels[-1])
-        return Laid(T, surfels, sum(fit.n_close for fit in fits) / sum(fit.n_surfels for fit in fits))
+        share = sum(fit.n_close for fit in fits) / sum(fit.n_surfels for fit in fits)
+        return Laid(T, surfels, share, np.diag(np.linalg.inv(known)))
 
     def _near(self, stamp: float, T: Pose) -> list[_Place]:
         """Return the submaps nearest to each lag, the oldest where the past is shorter than that."""

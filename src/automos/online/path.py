@@ -65,7 +65,7 @@ class Path:
     ):
         """Take how sweeps are timed, the (6,) motion per usual gap at first if that is known, and the first pose."""
         self.timing, self.T_world_sensor = timing, T_world_first
-        self.twist = np.zeros(6) if twist is None else twist
+        self.twist, self._doubt = np.zeros(6) if twist is None else twist, np.zeros(6)
         self._is_start_known = twist is not None
         self._settings = settings
         self._past, self._near = PastSubmaps(settings), NearMap(settings)
@@ -82,10 +82,11 @@ class Path:
             step = np.zeros(6)
         elif len(points) >= MIN_POINTS:
             is_first = self._n == 1 and not self._is_start_known
-            how = Come(came.stamp, self.T_world_sensor, came.gap, self.twist, came.period, share, is_first)
+            how = Come(came.stamp, self.T_world_sensor, came.gap, self.twist, self._doubt, came.period, share, is_first)
             laid = self._lay(surfels, how)
             step = np.round(se3_log(inverse(self.T_world_sensor) @ laid.T_world_sensor), STEP_DIGITS)
             self.twist, surfels = step / came.gap, laid.surfels
+            self._doubt = laid.doubt / came.gap**2
         self.T_world_sensor = self.T_world_sensor @ se3_exp(step)
         self._past.add(came.stamp, self.T_world_sensor, surfels, came.period)
         self._near.add(self.T_world_sensor, surfels)
