@@ -23,6 +23,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
+import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -35,7 +37,7 @@ from store import stored_world
 from automos import open_sequence
 from automos.progress import StageProgress
 from automos.simulation import FORMAT, SCENARIOS
-from automos.simulation.recorders import Recorded, TurnsByAzimuth
+from automos.simulation.recorders import Recorded, TurnsByAzimuth, write_recorded
 
 NICE = 10
 """Priority that the gate takes at most, lower being higher."""
@@ -71,14 +73,20 @@ def real(root: Path, scores: Scores) -> dict[str, dict]:
 
 
 def conventions(root: Path, scores: Scores) -> dict[str, dict]:
-    """Return the rows of drive 0005 as other recorders would have kept it."""
+    """Return the rows of drive 0005 as other recorders would have kept it: written so, and read as anyone's is."""
     if not (root / "kitti_0005").is_dir():
         return {}
     turns = TurnsByAzimuth(open_sequence(root / "kitti_0005"))
-    return {
-        f"convention/{name}": scores.of(f"0005-{name}", lambda _, n=name: Recorded(turns, CASES[n].convention))
-        for name in OF_DRIVE
-    }
+    rows = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in OF_DRIVE:
+            recording = Path(folder) / "recording"
+            kept = Recorded(turns, CASES[name].convention)
+            rows[f"convention/{name}"] = scores.of(
+                f"0005-{name}, read back", lambda _, kept=kept, at=recording: open_sequence(write_recorded(kept, at))
+            )
+            shutil.rmtree(recording, ignore_errors=True)
+    return rows
 
 
 def table_file(name: str | None, other_than: str) -> Path | None:
