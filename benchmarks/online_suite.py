@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from scores import code_digest
 from store import StoredWorld, stored_world
-from suite import STATIC_WORLDS
+from suite import STATIC_WORLDS, cell_text
 
 from automos import Labeler
 from automos.atomic import write_text
@@ -94,7 +94,7 @@ def _table(rows: dict, arguments: argparse.Namespace) -> Table:
         for scenario in arguments.scenarios:
             cells = [rows.get((seed, scenario, *column)) for column in columns]
             if any(cells):
-                table.add_row(str(seed), scenario, *("" if row is None else _cell(row, scenario) for row in cells))
+                table.add_row(str(seed), scenario, *("" if row is None else cell_text(row, scenario) for row in cells))
     table.add_section()
     for name, of, scale in (
         ("mean", "iou", 100.0),
@@ -108,12 +108,6 @@ def _table(rows: dict, arguments: argparse.Namespace) -> Table:
         ]  # fmt: skip
         table.add_row("", name, *(f"{scale * np.mean(of_column):.1f}" if of_column else "" for of_column in found))
     return table
-
-
-def _cell(row: dict, scenario: str) -> str:
-    if scenario in STATIC_WORLDS:
-        return f"{row['false_points']} of {row['points']:,} false"
-    return f"{100 * row['iou']:.1f} ({100 * row['precision']:.0f}/{100 * row['recall']:.0f})"
 
 
 if __name__ == "__main__":

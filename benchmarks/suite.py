@@ -150,7 +150,7 @@ def main() -> None:
 def _table(cells: dict, arguments: argparse.Namespace, preset: str) -> Table:
     table = Table("scenario", *arguments.sensors, title=f"preset {preset}: IoU % (precision / recall)")
     for scenario in arguments.scenarios:
-        table.add_row(scenario, *(_cell(cells[scenario, s, preset], scenario) for s in arguments.sensors))
+        table.add_row(scenario, *(cell_text(cells[scenario, s, preset], scenario) for s in arguments.sensors))
     means = []
     for sensor in arguments.sensors:
         ious = [cells[c, sensor, preset]["iou"] for c in arguments.scenarios if c not in STATIC_WORLDS]
@@ -160,7 +160,8 @@ def _table(cells: dict, arguments: argparse.Namespace, preset: str) -> Table:
     return table
 
 
-def _cell(row: dict, scenario: str) -> str:
+def cell_text(row: dict, scenario: str) -> str:
+    """Return what a table says of a world: its scores, or its false points where nothing moves."""
     if scenario in STATIC_WORLDS:
         return f"{row['false_points']} false of {row['points']:,}"
     return f"{100 * row['iou']:5.1f} ({100 * row['precision']:.0f} / {100 * row['recall']:.0f})"

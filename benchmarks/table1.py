@@ -20,6 +20,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 from store import stored_world
+from suite import STATIC_WORLDS
 
 from automos import open_sequence
 from automos.comparison.compare import Comparison, compare, write_comparison
@@ -29,7 +30,6 @@ from automos.progress import StageProgress
 from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
-STATIC_WORLDS = ("country",)
 """Scenarios in which nothing moves: the share of false points counts, IoU has no meaning."""
 
 

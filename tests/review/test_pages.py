@@ -3,10 +3,11 @@
 import json
 import shutil
 import threading
-import time
+from functools import partial
 
 import numpy as np
 import pytest
+from browsing import wait_for as browser_waits
 
 from automos.results.open_run import open_run
 from automos.review import writer as writer_module
@@ -16,17 +17,7 @@ from automos.review.session import Session
 from automos.tracking.verdict import Verdict
 
 pytestmark = pytest.mark.browser
-
-
-def wait_for(browser, script, seconds=30):
-    """Return what `script` returns as soon as that is something."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        found = browser.execute_script(f"return {script}")
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"never true: {script}")
+wait_for = partial(browser_waits, seconds=30)
 
 
 def press(browser, key):
@@ -101,8 +92,12 @@ def test_what_was_missed_is_added_by_a_click_and_taken_back_by_a_key(browser, se
     wait_for(browser, "document.body.dataset.added && document.body.dataset.mode === 'place'")
     assert [one["made"] for one in server.session.overview()["items"] if "made" in one] == ["added"]
     wait_for(browser, "!document.body.classList.contains('busy')")
+    browser.execute_script(  # all that is told, however soon "saved" takes its place
+        "const at = document.getElementById('saved'); window.told = [];"
+        "new MutationObserver(() => told.push(at.textContent)).observe(at, {childList: true})"
+    )
     press(browser, "z")
-    wait_for(browser, "document.getElementById('saved').textContent.includes('taken back')")
+    wait_for(browser, "told.some((text) => text.includes('taken back'))")
     assert [one for one in server.session.overview()["items"] if "made" in one] == []
 
 

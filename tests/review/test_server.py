@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 from asking import ask
+from browsing import wait_for
 
 from automos.labels import Label
 from automos.review import record as record_module
@@ -218,17 +219,6 @@ def count_moving(run):
 
 
 # ------------------------------------------------------------------------------------------------------ in a browser
-def wait_for(browser, script, seconds=15):
-    """Return what `script` returns as soon as that is something."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        found = browser.execute_script(f"return {script}")
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"never true: {script}")
-
-
 @pytest.mark.browser
 def test_one_key_decides_and_shows_the_next(browser, server):
     browser.get(server.url)

@@ -69,9 +69,7 @@ def live(
         console.print(LINE if is_cold() else "getting ready", markup=False)
         get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
-        sinks: list[Sink] = []
-        if out is not None:
-            sinks.append(lambda scan, given: writer.write(given))
+        sinks: list[Sink] = [] if out is None else [lambda scan, given: writer.write(given)]
         if send is not None:
             sinks.append(_sending(send, stack))
         if view or web:

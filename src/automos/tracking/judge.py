@@ -17,8 +17,8 @@ counts the lesser of its two faces' ways, if they go the same way; the noise is 
 its own path. Segments jump, so the noise has heavy tails (Cauchy): what is far for its scatter counts by its logarithm.
 
 *Unsteadiness, pieces*: vehicles and people stand on the ground, and their foot or their roof keeps its height from scan
-to scan; segments of trees and walls do not. What is no whole segment, but what the evidence cut out of
-one, is seldom an object.
+to scan; segments of trees and walls do not. What is no whole segment, but what the evidence cut out of one, is seldom
+an object.
 
 *Porosity*: the face of a vehicle or a person returns all rays that meet it; rain, dust, spray and leaves come and go as
 movers do, but let rays through. Of a square face of n rays, 1 - 1.5 / sqrt(n) + 0.5 / n of the neighbours of a ray lie
