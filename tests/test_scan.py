@@ -119,6 +119,7 @@ def test_a_point_of_a_merged_cloud_is_a_measurement_by_its_distance_from_its_own
         (np.zeros(5, np.uint8), None, "go together"),
         (None, np.eye(4)[None], "go together"),
         (np.full(5, 2, np.uint8), np.stack([np.eye(4)] * 2), "names number 2, but T_scan_sensor holds 2"),
+        (np.zeros(5, np.uint8), np.empty((0, 4, 4)), "names number 0, but T_scan_sensor holds 0"),
         (np.zeros(5, np.uint8), np.eye(4), r"must be \(K, 4, 4\)"),
         (np.zeros(4, np.uint8), np.eye(4)[None], r"sensor must be \(5,\)"),
     ],

@@ -66,7 +66,7 @@ class Scan:
         if self.sensor is None or mounts is None:
             if self.sensor is not mounts:
                 raise InputError("sensor and T_scan_sensor go together: who measured a point, and where that sits")
-        elif self.sensor.max(initial=0) >= max(len(mounts), 1):
+        elif len(self.sensor) and self.sensor.max() >= len(mounts):
             raise InputError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
         elif not is_rigid(mounts).all():
             raise InputError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")

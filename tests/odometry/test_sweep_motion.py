@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from automos.geometry import se3_exp, se3_log, transform
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, step_twists, sweep_times
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, recorded_duration, step_twists, sweep_times
 from automos.scan import Scan
 
 AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 1e-4, 0], [0, -1, 0]], np.float32)  # 0, 90, 180, 270 degrees
@@ -30,6 +30,15 @@ def test_times_from_the_file_are_fractions_of_the_usual_sweep_and_never_outside_
     scan = Scan(np.ones((4, 3), np.float32), time=np.array([0.0, 0.05, 0.1, 0.13], np.float32))
     times = sweep_times(scan, SweepTiming("file", duration=0.1, share=1.0))
     np.testing.assert_allclose(times, [-0.5, 0.0, 0.5, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "duration"),
+    [([0.0, 0.05, 0.1], 0.1), ([np.nan, 0.1, np.inf], 0.1), ([np.inf] * 3, None), ([0.0, 1e30, -np.inf], None)],
+)
+def test_times_that_are_no_times_within_a_sweep_tell_not_how_long_it_took(times, duration):
+    found = recorded_duration(Scan(np.ones((3, 3), np.float32), time=np.array(times, np.float32)))
+    assert found == (None if duration is None else pytest.approx(duration))
 
 
 def test_a_compensated_sweep_has_no_times():

@@ -140,3 +140,8 @@ def test_a_folder_of_results_folders_is_told_with_what_is_in_it(run):
     (run.folder / "run.json").unlink()
     with pytest.raises(InputError, match=r"run.json is missing or damaged\)$"):
         open_run(run.folder)
+
+
+def test_a_name_that_is_too_long_is_told():
+    with pytest.raises(InputError, match="cannot be read: File name too long"):
+        open_run("a" * 5000)

@@ -21,6 +21,8 @@ from automos.settings import OdometrySettings
 
 N_SECTORS = 720
 """Sectors in which a gap is looked for."""
+LONGEST_SWEEP = 1e4
+"""Seconds, times beyond which are no times within a sweep: the slowest surveying scanners take minutes."""
 MIN_POINTS = 50
 """Usable points of a scan without which it is not registered, and asked about no ground."""
 
@@ -75,6 +77,18 @@ class SweepTiming:
         if self.source != "file" and part < 0.6:
             text += f", {part:.2g} of the time between scans"
         return f"{text}, backwards" if self.share < 0.0 else text
+
+
+def recorded_duration(scan: Scan) -> float | None:
+    """Return the seconds from a sweep's first point to its last, as the scan's own times say; None where they do not.
+
+    What is no number tells nothing, and no sweep lasts `LONGEST_SWEEP`.
+    """
+    if scan.time is None or not scan.is_valid.any():
+        return None
+    times = scan.time[np.abs(scan.time) < LONGEST_SWEEP]  # never true of NaN
+    duration = float(times.max(initial=0.0))
+    return duration if duration > 0.0 else None
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:

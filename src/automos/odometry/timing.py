@@ -16,7 +16,7 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, gap_edges, sweep_times
+from automos.odometry.motion import SweepTiming, gap_edges, recorded_duration, sweep_times
 from automos.odometry.moving_windows import MIN_BEND, Search, bend_of, moving_windows
 from automos.odometry.sweep_order import learn_order, sample_pairs
 from automos.scan import Pose, Scan, Sequence
@@ -208,10 +208,10 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
     """Return the timing the scans' own times give, None where they have none."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, 11).round().astype(int))
     scans = [sequence[int(i)] for i in ids]
-    spans = [float(np.nanmax(scan.time)) for scan in scans if scan.time is not None and scan.is_valid.any()]
-    if not spans or np.median(spans) <= 0.0:
+    durations = [recorded_duration(scan) or 0.0 for scan in scans if scan.time is not None and scan.is_valid.any()]
+    if not durations or np.median(durations) == 0.0:
         return None
-    duration = float(np.median(spans))
+    duration = float(np.median(durations))
     period = duration if sequence.stamps is None or len(sequence) < 2 else clock.period
     return SweepTiming("file", duration=duration, share=duration / period)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections.abc import Callable
@@ -9,11 +10,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import Generic, TypeVar
 
-import numpy as np
-
 from automos.array_sequence import ArraySequence
 from automos.odometry.clock import read_clock
-from automos.odometry.motion import SweepTiming
+from automos.odometry.motion import SweepTiming, recorded_duration
 from automos.odometry.sweep_order import learn_order
 from automos.odometry.timing import choose_timing, rear_seam, sees_all_round
 from automos.scan import Scan
@@ -30,7 +29,7 @@ class Inquiry(Generic[Answer]):
         """Take the seconds of the stream after which an answer is given; never sooner, or it mattered who is fast."""
         self._patience = patience
         self._asked: Future[Answer] | None = None
-        self._due = np.inf
+        self._due = math.inf
 
     @property
     def is_asked(self) -> bool:
@@ -63,10 +62,8 @@ def find_timing(scans: list[Scan], settings: OdometrySettings, is_compensated: b
 
 def told_by(scan: Scan) -> SweepTiming | None:
     """Return the timing that a scan's own times tell; None where it has none."""
-    if scan.time is None or not scan.is_valid.any():
-        return None
-    duration = float(np.nanmax(scan.time))
-    return SweepTiming("file", duration=duration, share=1.0) if np.isfinite(duration) and duration > 0.0 else None
+    duration = recorded_duration(scan)
+    return None if duration is None else SweepTiming("file", duration=duration, share=1.0)
 
 
 def usual_timing(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
+from automos.reading import damage_told
 from automos.results.run_files import RunFiles
 from automos.workspace import RUN_FILE, Workspace
 
@@ -33,7 +34,9 @@ def open_run(
         No results in `folder`, no recording where it is looked for, or one of other scans.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    with damage_told(folder):  # a name that is too long
+        is_folder = folder.is_dir()
+    if not is_folder:
         raise InputError(f"{folder} is no folder; give the results folder of automos label")
     if recording is not None:
         return RunFiles(folder, open_sequence(recording, format), progress)

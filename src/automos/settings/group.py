@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import BaseModel, ConfigDict, field_validator, model_validator
 
 LEAST, MOST = 1e-6, 1e9
 """Size of numbers with a fraction: beyond these, what is computed from them overflows. Lengths are metres, times
 seconds; the widest that anything of ours has is a variance of 1e6."""
+MOST_CELLS = 2000
+"""From the sensor to the end of a map seen from above: gigabytes of map show nothing more."""
 
 
 class Group(BaseModel):
@@ -23,3 +25,10 @@ class Group(BaseModel):
             if isinstance(number, float) and number and not LEAST <= abs(number) <= MOST:
                 raise ValueError(f"numbers are 0, or between {LEAST:g} and {MOST:g} in size")
         return value
+
+    @model_validator(mode="after")
+    def _fits_into_memory(self) -> Self:
+        cell, max_range = getattr(self, "cell", None), getattr(self, "max_range", None)
+        if cell is not None and max_range is not None and max_range > MOST_CELLS * cell:
+            raise ValueError(f"max_range is at most {MOST_CELLS} cells: a map of more does not fit into memory")
+        return self
