@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
-from automos.candidates.free_space_pattern import turn_of
-from automos.cells import whole_below
+from automos.cells import turn_of, whole_below
 from automos.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)

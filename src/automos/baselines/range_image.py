@@ -8,7 +8,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import learn_pattern, turn_of
+from automos.candidates.free_space_pattern import learn_pattern
+from automos.cells import turn_of
 from automos.scan import Frames
 
 Image = npt.NDArray[np.float32]

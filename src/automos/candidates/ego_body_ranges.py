@@ -6,8 +6,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import BeamPattern, raw_points, turn_of
-from automos.cells import sine_bin
+from automos.candidates.free_space_pattern import BeamPattern, raw_points
+from automos.cells import sine_bin, turn_of
 from automos.scan import Frame
 from automos.settings import EgoBodySettings
 

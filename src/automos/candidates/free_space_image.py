@@ -13,8 +13,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import BeamPattern, turn_of
-from automos.cells import sine_bin
+from automos.candidates.free_space_pattern import BeamPattern
+from automos.cells import sine_bin, turn_of
 from automos.scan import OBJECT, Mask, Points
 
 UNIT = 0.01
@@ -165,19 +165,24 @@ def _count_neighbours(cell, steps, rays, kind, ways, solidity):  # type: ignore[
         v, u, q = cell[i] // w, cell[i] % w, np.float32(steps[i])
         near = np.float32(SUPPORT / UNIT) + np.float32(SUPPORT_PER_METRE) * q
         has_neighbour, goes_up, goes_sideways, n_near, n_beside = False, False, False, 0, 0
-        for b in range(max(v - 2, 0), min(v + 3, h)):
-            for a in range(u - 2, u + 3):
-                first, last = rays[b, a - w if a >= w else a]
-                if last == 0 or (b == v and a == u and first == last):  # no ray, or the point itself
-                    continue
-                is_near = abs(np.float32(first) - q) < near or abs(np.float32(last) - q) < near
-                if is_near:
-                    has_neighbour = True
-                    goes_up |= b != v and abs(a - u) < 2
-                    goes_sideways |= a != u and abs(b - v) < 2
-                if abs(a - u) < 2 and abs(b - v) < 2:
-                    n_near += is_near
-                    n_beside += 1
+        for reach in range(1, 3):
+            if goes_up and goes_sideways:  # right beside it, as most do: who is further tells nothing new
+                break
+            for b in range(max(v - reach, 0), min(v + reach + 1, h)):
+                # Of the outer ring rows at its ends are whole, of those between there are the two ends.
+                step = 1 if reach == 1 or abs(b - v) == reach else 2 * reach
+                for a in range(u - reach, u + reach + 1, step):
+                    first, last = rays[b, a - w if a >= w else a]
+                    if last == 0 or (b == v and a == u and first == last):  # no ray, or the point itself
+                        continue
+                    is_near = abs(np.float32(first) - q) < near or abs(np.float32(last) - q) < near
+                    if is_near:
+                        has_neighbour = True
+                        goes_up |= b != v and abs(a - u) < 2
+                        goes_sideways |= a != u and abs(b - v) < 2
+                    if reach == 1:
+                        n_near += is_near
+                        n_beside += 1
         ways[i] = 2 if goes_up and goes_sideways else (1 if has_neighbour else 0)
         solidity[i] = 255 * n_near // max(n_beside, 1)
 

@@ -71,24 +71,6 @@ def directions(pattern: BeamPattern, rows: npt.NDArray, columns: npt.NDArray) ->
     return np.column_stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), sine])
 
 
-@numba.njit(cache=True, nogil=True)
-def turn_of(x, y):  # type: ignore[no-untyped-def]
-    """Return the azimuth of (x, y) as a share of the full turn, in [0, 1): 0 at -pi. Exact to 1e-5 of a radian."""
-    ax, ay = abs(x), abs(y)
-    a = min(ax, ay) / max(max(ax, ay), np.float32(1e-9))
-    s = a * a
-    angle = np.float32(-0.01172120) * s + np.float32(0.05265332)
-    angle = angle * s - np.float32(0.11643287)
-    angle = angle * s + np.float32(0.19354346)
-    angle = angle * s - np.float32(0.33262347)
-    angle = (angle * s + np.float32(0.99997726)) * a
-    angle = np.float32(1.5707964) - angle if ay > ax else angle
-    angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
-    angle = -angle if y < np.float32(0.0) else angle
-    turn = angle * np.float32(0.15915494) + np.float32(0.5)
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
-
-
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
 

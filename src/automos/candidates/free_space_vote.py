@@ -12,7 +12,7 @@ import numpy as np
 
 from automos.candidates.free_space_image import UNIT
 from automos.candidates.free_space_looks import rough_turn_of
-from automos.candidates.free_space_pattern import turn_of
+from automos.cells import turn_of
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 

@@ -26,12 +26,27 @@ def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArr
     count = len(scores)
     if count == 0:
         return Boxes.empty()
-    order = np.argsort(ids, kind="stable")
-    order = order[np.searchsorted(ids[order], 0) :]
-    start = np.searchsorted(ids[order], np.arange(count + 1))
+    order, start = _by_segment(ids, count)
     center, size, yaw = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
     _fit(np.take(points, order, axis=0).astype(np.float64), start, center, size, yaw)
     return Boxes(center, size, yaw, np.asarray(scores, np.float64))
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_segment(ids, count):  # type: ignore[no-untyped-def]
+    """Return the points of segment 0, of segment 1, ..., each in their order, and where those of each begin."""
+    start = np.zeros(count + 1, np.int64)
+    for i in range(len(ids)):
+        if ids[i] >= 0:
+            start[ids[i] + 1] += 1
+    for s in range(count):
+        start[s + 1] += start[s]
+    order, filled = np.empty(start[count], np.int64), start.copy()
+    for i in range(len(ids)):
+        if ids[i] >= 0:
+            order[filled[ids[i]]] = i
+            filled[ids[i]] += 1
+    return order, start
 
 
 @numba.njit(cache=True, nogil=True)

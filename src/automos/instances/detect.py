@@ -157,13 +157,11 @@ def _describe(
     has_stayed: npt.NDArray[np.bool_],
 ) -> Detections:
     """Return the boxes, counts, lifts and solidity of segments 0, 1, ... of `ids`."""
-    n, inside = int(ids.max(initial=-1)) + 1, ids >= 0
-    kinds = (np.ones(len(points)), has_moved, has_stayed, solidity / 255.0)
-    count, moved, stayed, solid = (np.bincount(ids[inside], kind[inside], n).astype(np.float64) for kind in kinds)
-    lift = np.full(n, np.inf)
-    np.minimum.at(lift, ids[inside], heights[inside])
-    boxes, share = fit_boxes(points, ids, np.ones(n)), solid / np.maximum(count, 1.0)
-    return Detections.of_objects(boxes, count, moved, stayed, lift, share)
+    count, moved, stayed, _ = _summarise(ids, points, has_moved, has_stayed)
+    solid, lift = np.zeros(len(count)), np.full(len(count), np.inf)
+    _add_up(ids, heights, solidity, solid, lift)
+    boxes = fit_boxes(points, ids, np.ones(len(count)))
+    return Detections.of_objects(boxes, count, moved, stayed, lift, solid / 255.0 / np.maximum(count, 1.0))
 
 
 def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:
@@ -199,3 +197,13 @@ def _summarise(ids, points, has_moved, has_stayed):  # type: ignore[no-untyped-d
             low[s, a] = min(low[s, a], points[i, a])
             high[s, a] = max(high[s, a], points[i, a])
     return count, moved, stayed, np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_up(ids, heights, solidity, solid, lift):  # type: ignore[no-untyped-def]
+    """Write the sum of the solidity of each segment's points, and the height of the lowest."""
+    for i in range(len(ids)):
+        s = ids[i]
+        if s >= 0:
+            solid[s] += solidity[i]
+            lift[s] = min(lift[s], heights[i])

@@ -18,7 +18,7 @@ from automos.detections import Detections
 from automos.settings import TrackingSettings
 from automos.tracking.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
 from automos.tracking.smoothing import smooth_tracks
-from automos.tracking.tracker import LogEntry, Tracker, as_table
+from automos.tracking.tracker import LogEntry, Tracker, joined, to_tracks
 from automos.tracking.tracks import Tracks
 from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdict, Verdicts
@@ -128,7 +128,9 @@ class Following:
         verdicts = judge_tracks(tracks, [step.terms for step in steps], self._settings.judge, shifts)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
-        np.minimum.at(begins, tracks.track, tracks.scan)
+        begins[tracks.track[::-1]] = tracks.scan[
+            ::-1
+        ]  # rows of a track are in the order of scans: of several the first
         self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
         if not is_followed:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
@@ -157,12 +159,8 @@ class Following:
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
     """Return all rows of the tracks that are in step number `scan`, and the number of each track (T,)."""
     wanted = np.unique(steps[scan].entry[0])
-    log = []
-    for k, step in enumerate(steps):
-        number, _, segment, mean = step.entry
-        track = np.searchsorted(wanted, number)
-        rows = np.flatnonzero(wanted[np.minimum(track, len(wanted) - 1)] == number) if len(wanted) else track[:0]
-        log.append((track[rows], k, segment[rows], mean[rows]))
-    tracks = as_table(log)
+    number, seen_in, segment, mean = joined([(s.entry[0], k, *s.entry[2:]) for k, s in enumerate(steps)])
+    rows = np.flatnonzero(np.isin(number, wanted))
+    tracks = to_tracks(np.searchsorted(wanted, number[rows]), seen_in[rows], segment[rows], mean[rows])
     is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0
     return replace(tracks, track=(np.cumsum(is_there) - 1)[tracks.track]), wanted[is_there]

@@ -13,11 +13,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.cells import whole_below
 from automos.settings import CompletionSettings
 from automos.tracking.tracks import Tracks
 
 RING = 1.5
 """Metres around an object's box in which the ground beside it is looked for."""
+CELL, CELLS = 2.0, 64
+"""Metres, edge of the cells in which points beside moving objects are looked for, and after how many they repeat."""
 CLEARANCE = (0.03, 0.1)
 """Metres above the ground beside it, from which on it is the object: at least, at most."""
 ROUGHNESS = 3.0
@@ -45,6 +48,8 @@ def paint_objects(
     moving : the rows of moving tracks in this scan, observed or predicted.
     """
     track_of = tracks_of_points(ids, stayed, moving)
+    if len(moving) == 0:
+        return track_of
     segment_of_row = np.where(moving.is_observed, moving.segment, -1)
     boxes = np.column_stack([moving.center, moving.size, np.cos(moving.yaw), np.sin(moving.yaw)])
     _fill(
@@ -64,24 +69,67 @@ def tracks_of_points(
 
 
 @numba.njit(cache=True, nogil=True)
-def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, track_of):  # type: ignore[no-untyped-def]
-    near = np.empty(len(points), np.int64)
+def _extents(points, ids, stayed, boxes, segments):  # type: ignore[no-untyped-def]
+    """Return the least (B, 2) and greatest (B, 3) coordinates of boxes, along and across them and up.
+
+    The own extent of a segment is surer than its filtered box; what was not seen has the box.
+    """
+    low, high = np.full((len(boxes), 2), np.inf), np.full((len(boxes), 3), -np.inf)
+    box_of = np.full(max(segments.max(), 0) + 1, -1)
     for b in range(len(boxes)):
-        center, half, c, s = boxes[b, :3], 0.5 * boxes[b, 3:6], boxes[b, 6], boxes[b, 7]
-        if segments[b] >= 0:  # the segment's own extent is surer than the filtered box
-            low, high = np.full(3, np.inf), np.full(3, -np.inf)
-            for i in range(len(points)):
-                if ids[i] == segments[b] or stayed[i] == segments[b]:
-                    u, v = _turned(points[i], center, c, s)
-                    low[0], high[0] = min(low[0], u), max(high[0], u)
-                    low[1], high[1] = min(low[1], v), max(high[1], v)
-                    high[2] = max(high[2], points[i, 2])
-        else:
-            low, high = np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], center[2] + half[2]])
-        reach = np.hypot(max(-low[0], high[0]), max(-low[1], high[1])) + RING + margin
+        if segments[b] >= 0:
+            box_of[segments[b]] = b
+            continue
+        for k in range(2):
+            low[b, k], high[b, k] = -0.5 * boxes[b, 3 + k], 0.5 * boxes[b, 3 + k]
+        high[b, 2] = boxes[b, 2] + 0.5 * boxes[b, 5]
+    for i in range(len(points)):
+        for segment in (ids[i], stayed[i]):
+            b = box_of[segment] if 0 <= segment < len(box_of) else -1
+            if b >= 0:
+                u, v = _turned(points[i], boxes[b, :3], boxes[b, 6], boxes[b, 7])
+                low[b, 0], high[b, 0] = min(low[b, 0], u), max(high[b, 0], u)
+                low[b, 1], high[b, 1] = min(low[b, 1], v), max(high[b, 1], v)
+                high[b, 2] = max(high[b, 2], points[i, 2])
+    return low, high
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_near(points, boxes, reaches):  # type: ignore[no-untyped-def]
+    """Return the rows of the points that may be within the (B,) reach of a box, and some others.
+
+    Cells seen from above are marked where a box reaches; they repeat every `CELLS`, which costs a few points more.
+    """
+    is_near = np.zeros((CELLS, CELLS), np.bool_)
+    for b in range(len(boxes)):
+        n = min(int(2.0 * reaches[b] / CELL) + 2, CELLS) if reaches[b] < CELL * CELLS else CELLS
+        x, y = whole_below((boxes[b, 0] - reaches[b]) / CELL), whole_below((boxes[b, 1] - reaches[b]) / CELL)
+        for j in range(n):
+            for k in range(n):
+                is_near[(x + j) % CELLS, (y + k) % CELLS] = True
+    rows, n = np.empty(len(points), np.int64), 0
+    for i in range(len(points)):
+        if is_near[whole_below(points[i, 0] / CELL) % CELLS, whole_below(points[i, 1] / CELL) % CELLS]:
+            rows[n] = i
+            n += 1
+    return rows[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, track_of):  # type: ignore[no-untyped-def]
+    lows, highs = _extents(points, ids, stayed, boxes, segments)
+    reaches = np.empty(len(boxes))
+    for b in range(len(boxes)):
+        along, across = max(-lows[b, 0], highs[b, 0]), max(-lows[b, 1], highs[b, 1])
+        reaches[b] = np.hypot(along, across) + RING + margin
+    candidates = _rows_near(points, boxes, reaches)
+    near = np.empty(len(candidates), np.int64)
+    for b in range(len(boxes)):
+        center, c, s, reach = boxes[b, :3], boxes[b, 6], boxes[b, 7], reaches[b]
+        low, high = lows[b], highs[b]
         n = 0
         A, rhs, squares = np.zeros((3, 3)), np.zeros(3), 0.0
-        for i in range(len(points)):
+        for i in candidates:
             if abs(points[i, 0] - center[0]) > reach or abs(points[i, 1] - center[1]) > reach:
                 continue
             u, v = _turned(points[i], center, c, s)

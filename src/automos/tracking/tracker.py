@@ -148,14 +148,24 @@ def _update(
 
 def as_table(log: list[LogEntry]) -> Tracks:
     """Return the log as tracks, without the misses after each track's last observation."""
+    return to_tracks(*joined(log))
+
+
+def joined(log: list[LogEntry]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
+    """Return the entries of `log` as one, the scan of each row in it."""
     if not log:
         log = [(np.zeros(0, np.int64), 0, np.zeros(0, np.int64), np.zeros((0, 10)))]
-    track = np.concatenate([ids for ids, *_ in log]).astype(np.int64)
-    scan = np.concatenate([np.full(len(ids), scan) for ids, scan, *_ in log]).astype(np.int64)
-    segment = np.concatenate([segment for *_, segment, _ in log]).astype(np.int64)
-    mean = np.concatenate([mean for *_, mean in log])
-    last_seen = np.full(track.max(initial=-1) + 1, -1)
-    np.maximum.at(last_seen, track[segment >= 0], scan[segment >= 0])
+    tracks, scans, segments, means = zip(*log, strict=True)
+    scan = np.repeat(np.array(scans, np.int64), [len(track) for track in tracks])
+    return np.concatenate(tracks), scan, np.concatenate(segments), np.concatenate(means)
+
+
+def to_tracks(
+    track: npt.NDArray[np.int64], scan: npt.NDArray[np.int64], segment: npt.NDArray[np.int64], mean: npt.NDArray
+) -> Tracks:
+    """Return rows (N,) of a log, in the order of scans, as tracks, without those after each one's last observation."""
+    last_seen, is_seen = np.full(track.max(initial=-1) + 1, -1), segment >= 0
+    last_seen[track[is_seen]] = scan[is_seen]  # of several the last
     keep = np.flatnonzero(scan <= last_seen[track])
     order = keep[np.argsort(track[keep], kind="stable")]  # the log is in the order of scans
     mean = mean[order]
