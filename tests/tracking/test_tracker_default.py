@@ -119,6 +119,31 @@ def test_a_fast_car_out_of_sight_does_not_become_a_parked_one():
     assert sorted(len(way) for way in ways(scans, track(scans))) == [22, 30]
 
 
+def test_a_pole_out_of_sight_does_not_become_another_some_metres_on_and_is_known_again():
+    here, there = (0.0, 0.0, POLE, STAYED), (3.3, 0.0, POLE, STAYED)
+    scans = [*[seen(here)] * 10, *[seen()] * 7, *[seen(there)] * 10, *[seen(here, there)] * 5]
+    places = [set(way.values()) for way in ways(scans, track(scans))]
+    assert places == [{0.0}, {3.3}]
+
+
+@pytest.mark.parametrize("n_hidden", [1, 5])
+def test_who_is_lost_beside_a_pole_that_comes_into_sight_again_does_not_go_on_as_the_pole(n_hidden):
+    pole, n = (10.0, 0.3, POLE, STAYED), 30
+    walker = [seen((8.0 + 0.1 * i, 0.0, PERSON, MOVED)) for i in range(17)]
+    scans = [*[seen(pole)] * 10, *walker, *[seen()] * n_hidden, *[seen(pole)] * n]
+    tracks = track(scans)
+    assert len(tracks) == 2
+    of_pole, of_walker = ways(scans, tracks)
+    assert len(of_pole) == 10 + n
+    assert max(of_walker) == 26
+
+
+def test_who_steps_out_where_something_stood_is_somebody_else():
+    scans = [*[seen((0.0, 0.0, PERSON, STAYED))] * 10, *[seen()] * 5]
+    scans += [seen((0.8 + 0.1 * i, 0.0, PERSON, MOVED)) for i in range(10)]
+    assert [len(way) for way in ways(scans, track(scans))] == [10, 10]
+
+
 def test_a_tram_of_which_more_or_less_is_seen_is_followed_on():
     length = 18.0 + 4.0 * np.random.default_rng(3).random(50)  # m; its front is seen, its end is now and then
     scans = [

@@ -150,7 +150,7 @@ class Following:
 
     def _remember(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64], is_old: npt.NDArray[np.bool_]) -> None:
         """Keep in mind which tracks move whose beginning is being forgotten."""
-        alive = set(numbers.tolist())
+        alive = set(self._tracker.numbers.tolist()) | set(numbers.tolist())
         self._moved = {number: p for number, p in self._moved.items() if number in alive}
         for k in np.flatnonzero(is_old & verdicts.is_moving):
             self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))

@@ -4,12 +4,16 @@ One loop for both presets; they differ in which pairs cost what (`association`),
 how long one may be out of sight. In `default` a scan's whole segments, the pieces that the evidence cut out of them
 and what has stayed are alternative measurements: an object is seen as the one that is most like it, whatever the
 evidence says of it at that moment. So a car that comes to a halt, waits and drives off is one object.
+
+How far a thing that moves may have gone is soon unknown; what has always stayed is where it was. Out of sight it is
+kept there for some seconds: it does not become another post some metres on, and a mover that is lost beside it does not
+go on as the post that has come into sight again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +26,10 @@ from automos.tracking.tracks import Tracks
 
 _MEMORY = 0.7
 """How much of an object's evidence is kept when it is seen again."""
+STAYED = 0.1
+"""Share of its evidence up to which an object has stayed, if it never was more than a half."""
+REMEMBERED = 10.0
+"""Seconds for which what has stayed is known to be where it was, though it is out of sight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +43,7 @@ class Objects:
     unseen : (K,) seconds since each was last seen.   misses : (K,) scans since then.
     share : (K,) in [0, 1], what the evidence said of each: has moved, against has stayed.
     count : (K,) points each last had.
+    has_moved : (K,) bool, whether it ever said so.
     """
 
     belief: kalman.Beliefs
@@ -43,6 +52,7 @@ class Objects:
     misses: npt.NDArray[np.int64]
     share: npt.NDArray[np.float64]
     count: npt.NDArray[np.float64]
+    has_moved: npt.NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.track)
@@ -74,15 +84,29 @@ class Tracker:
         self.next_track = first_track
         self._settings, self._scan = settings, 0
         self._alive: Objects | None = None
+        self._resting: Objects | None = None
         self._last_stamp: float | None = None
+
+    @property
+    def numbers(self) -> npt.NDArray[np.int64]:
+        """The numbers of all objects that may be seen again."""
+        known = [objects.track for objects in (self._alive, self._resting) if objects is not None]
+        return np.concatenate([np.zeros(0, np.int64), *known])
 
     def step(self, stamp: float, found: Detections) -> LogEntry:
         """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
         settings, born = self._settings, _start(found, self._settings)
-        alive = born[np.zeros(0, np.int64)] if self._alive is None else self._alive
+        nobody = born[np.zeros(0, np.int64)]
+        alive, resting = self._alive or nobody, self._resting or nobody
         dt = 0.0 if self._last_stamp is None else stamp - self._last_stamp
-        alive = _predict(alive, dt, settings)
-        matched, detected = assign(_cost(alive, found, settings))
+        alive, resting = _predict(alive, dt, settings), replace(resting, unseen=resting.unseen + dt)
+        cost = _cost(alive, found, settings)
+        matched, detected = assign(cost)
+        woken, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
+        is_theirs = ~np.isin(detected, known)
+        matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(woken))])
+        detected = np.concatenate([detected[is_theirs], known])
+        alive = alive.joined(resting[woken])
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
@@ -91,7 +115,11 @@ class Tracker:
         born = born[new]
         born.track[:] = self.next_track + np.arange(len(new))
         self.next_track += len(new)
-        keep = np.flatnonzero((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap))
+        rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
+        still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), woken)
+        self._resting = _at_rest(alive[np.flatnonzero(rests)], settings).joined(resting[still])
+        is_near = (alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)
+        keep = np.flatnonzero(is_near & ~rests)
         alive = alive[keep].joined(born)
         scan, self._scan = self._scan, self._scan + 1
         self._alive, self._last_stamp = alive, stamp
@@ -120,13 +148,43 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
         variance[found.moving_share > 0.5] = settings.gates.speed**2
     belief = kalman.start(found.boxes, settings.filter, variance)
     count = found.n_points.astype(np.float64)
-    return Objects(belief, np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64), found.moving_share, count)
+    share = found.moving_share
+    return Objects(belief, np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64), share, count, share > 0.5)
 
 
 def _predict(alive: Objects, dt: float, settings: TrackingSettings) -> Objects:
     """Return `alive` a scan and `dt` seconds later."""
     belief = kalman.predict(alive.belief, dt, settings.filter)
-    return Objects(belief, alive.track, alive.unseen + dt, alive.misses + 1, alive.share.copy(), alive.count.copy())
+    written = (alive.share.copy(), alive.count.copy(), alive.has_moved.copy())
+    return Objects(belief, alive.track, alive.unseen + dt, alive.misses + 1, *written)
+
+
+def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
+    """Return objects that are not seen any more, as sure to be where they were as a measured box is."""
+    boxes = rest.belief.boxes()
+    boxes.center[:] -= rest.unseen[:, None] * rest.belief.mean[:, kalman.VELOCITY]
+    return replace(rest, belief=kalman.start(boxes, settings.filter, np.zeros(len(rest))))
+
+
+def _recognise(
+    resting: Objects,
+    found: Detections,
+    share: npt.NDArray[np.float64],
+    cost: npt.NDArray[np.float64],
+    pairs: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
+    settings: TrackingSettings,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return which of `resting` are seen again as which of `found`.
+
+    These are segments that have stayed, too, and that nobody has, or that were taken, at a higher price, for something
+    that has moved: `pairs` of objects with that `share` (K,) and segments, at `cost` (K, M).
+    """
+    rows, columns = pairs
+    limit = np.where(found.moving_share > 0.5, -np.inf, np.inf)
+    is_doubtful = share[rows] - found.moving_share[columns] > 0.5
+    limit[columns] = np.where(is_doubtful, cost[rows, columns], -np.inf)
+    price = _cost(resting, found, settings)
+    return assign(np.where(price < limit, price, np.inf))
 
 
 def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> npt.NDArray[np.float64]:
@@ -144,6 +202,7 @@ def _update(
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
+    alive.has_moved[matched] |= alive.share[matched] > 0.5
 
 
 def as_table(log: list[LogEntry]) -> Tracks:
