@@ -14,6 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.cells import turn_of
 from automos.geometry import inverse, se3_log
 from automos.odometry.sweep_order import PointOrder, turns_since_start
 from automos.scan import MIN_RANGE, Points, Pose, Scan
@@ -114,10 +115,10 @@ def azimuth_times(points: Points, turn: int, seam_deg: float | None) -> npt.NDAr
     """
     points = np.ascontiguousarray(points)
     if seam_deg is not None:
-        return _azimuth_times(points, turn, np.radians(seam_deg), 1.0)
+        return _azimuth_times(points, turn, seam_deg / 360.0, 1.0)
     low, high = gap_edges(points)  # turns; the sweep goes from one edge of the gap all round to the other
     start, span = (high, 1.0 - (high - low)) if turn > 0 else (low, 1.0 - (high - low))
-    return _azimuth_times(points, turn, 2.0 * np.pi * start, span)
+    return _azimuth_times(points, turn, start, span)
 
 
 def gap_edges(points: Points) -> tuple[float, float]:
@@ -186,12 +187,12 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     return 0.5 * (before + after)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@numba.njit(cache=True, nogil=True)
 def _azimuth_times(points, turn, seam, span):  # type: ignore[no-untyped-def]
     out = np.empty(len(points), np.float32)
     for i in range(len(points)):
-        angle = turn * (np.arctan2(points[i, 1], points[i, 0]) - seam) / (2.0 * np.pi)
-        out[i] = min((angle - np.floor(angle)) / span, 1.0) - 0.5
+        turned = turn * (turn_of(points[i, 0], points[i, 1]) - 0.5 - seam)
+        out[i] = min((turned - np.floor(turned)) / span, 1.0) - 0.5
     return out
 
 

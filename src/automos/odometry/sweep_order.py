@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.cells import turn_of
 from automos.scan import Points, Scan, Sequence
 
 Array = npt.NDArray[np.float64]
@@ -235,7 +236,7 @@ def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
         x, y = float(points[i, 0]), float(points[i, 1])
         r = np.sqrt(x * x + y * y)
         if 0.1 < r < 1e6:
-            azimuth = np.arctan2(y, x) / (2.0 * np.pi)
+            azimuth = turn_of(points[i, 0], points[i, 1]) - 0.5
             step = turn * (azimuth - last)
             step -= np.rint(step)
             if is_new or step < -BACKWARD:
