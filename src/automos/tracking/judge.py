@@ -28,7 +28,7 @@ on it too; what is missing of that share is the porosity.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 
 import numba
@@ -142,8 +142,7 @@ def judge_tracks(
 def _is_known(tracks: Tracks, terms: Sequence[SegmentTerms]) -> npt.NDArray[np.bool_]:
     """Return (T,) of which tracks anything is known in any scan."""
     known = np.zeros(len(tracks), np.bool_)
-    for scan, segment, rows in _observed(tracks, len(terms)):
-        known[tracks.track[rows]] |= terms[scan].is_known[segment]
+    known[_seen(tracks, [of_scan.is_known for of_scan in terms], True)] = True
     return known
 
 
@@ -158,8 +157,7 @@ def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Det
 def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> npt.NDArray[np.bool_]:
     """Return (T,) which tracks have stayed in every scan and do not move."""
     stays = np.ones(len(tracks), np.bool_)
-    for scan, segment, rows in _observed(tracks, len(detections)):
-        stays[tracks.track[rows]] &= detections[scan].has_stayed[segment]
+    stays[_seen(tracks, [found.has_stayed for found in detections], False)] = False
     return stays & ~verdicts.is_moving
 
 
@@ -170,8 +168,7 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
     if len(seen) == 0:
         return out
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    begins = np.cumsum([0, *(len(of_scan.evidence) for of_scan in terms)])
-    segment = begins[tracks.scan[seen]] + tracks.segment[seen]
+    segment = _segments(tracks, seen, [of_scan.evidence for of_scan in terms])
     faces, evidence, columns = (
         np.concatenate([getattr(of_scan, name) for of_scan in terms])[segment]
         for name in ("faces", "evidence", "columns")
@@ -188,13 +185,18 @@ def _porosity(found: Detections) -> Array:
     return np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
 
 
-def _observed(tracks: Tracks, n_scans: int) -> list[tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
-    """Return for each scan its number, the segments (K,) that were matched in it, and the rows (K,) they are in."""
+def _seen(tracks: Tracks, is_so: Sequence[npt.NDArray[np.bool_]], wanted: bool) -> npt.NDArray[np.int64]:
+    """Return the track of every row that was seen as a segment of which, by scan, it `is_so` or, as wanted, is not."""
     seen = np.flatnonzero(tracks.is_observed)
-    seen = seen[np.argsort(tracks.scan[seen], kind="stable")]
-    first = np.searchsorted(tracks.scan[seen], np.arange(n_scans + 1))
-    rows = [seen[first[scan] : first[scan + 1]] for scan in range(n_scans)]
-    return [(scan, tracks.segment[here], here) for scan, here in enumerate(rows)]
+    if len(seen) == 0:
+        return seen
+    return tracks.track[seen[np.concatenate(is_so)[_segments(tracks, seen, is_so)] == wanted]]
+
+
+def _segments(tracks: Tracks, seen: npt.NDArray[np.int64], per_scan: Sequence[Sized]) -> npt.NDArray[np.int64]:
+    """Return (K,) the segment of each of the rows `seen` (K,), counted through all scans."""
+    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
+    return begins[tracks.scan[seen]] + tracks.segment[seen]
 
 
 @numba.njit(cache=True, nogil=True)
