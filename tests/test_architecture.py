@@ -33,6 +33,7 @@ COMPARED = {"baselines", "pipeline", "evaluation", "visualization"}
 MAY_IMPORT = {
     **dict.fromkeys(BASE, BASE),
     **{stage: {*BASE, stage} for stage in STAGES},
+    "odometry": {*BASE, "odometry", "parallel"},
     "paper": {*BASE, *METHOD, "paper"},
     "stages": {*BASE, *METHOD, "paper", "baselines", "parallel", "stages", "workspace"},
     "__main__": {"cli"},

@@ -2,7 +2,8 @@ import os
 
 import pytest
 
-from automos.parallel import available_cores, map_in_order
+from automos.errors import InputError
+from automos.parallel import available_cores, checked_workers, map_in_order
 
 
 def square(x: int) -> int:
@@ -61,3 +62,9 @@ def test_an_error_of_one_item_is_raised_after_the_results_before_its_chunk(worke
     assert got == [0, 1, 2, 3]
     with pytest.raises(ValueError, match="seven"):
         list(results)
+
+
+@pytest.mark.parametrize("workers", [-1, "two", 1.5, None])
+def test_what_is_no_number_of_workers_is_told(workers):
+    with pytest.raises(InputError, match="workers are 0, one per core"):
+        checked_workers(workers)

@@ -12,8 +12,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
+from numbers import Integral
 from typing import TypeVar
 
+from automos.errors import InputError
 from automos.working_folder import starting_processes
 
 Item = TypeVar("Item")
@@ -25,6 +27,18 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def checked_workers(workers: object) -> int:
+    """Return how many workers are asked for.
+
+    Raises
+    ------
+    InputError : `workers` is no number of them.
+    """
+    if not isinstance(workers, Integral) or workers < 0:
+        raise InputError(f"workers are 0, one per core, or how many there are to be, not {workers!r}")
+    return int(workers)
 
 
 def map_in_order(

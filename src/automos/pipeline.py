@@ -27,6 +27,7 @@ from automos.candidates.cue import cue_fingerprint
 from automos.errors import InputError
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
+from automos.parallel import checked_workers
 from automos.recording_warnings import recording_warnings
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
@@ -93,7 +94,8 @@ class Steps:
         progress: Progress | None = None,
     ):
         """Take what `label` takes."""
-        self.sequence, self.settings, self.poses, self.workers = sequence, settings, poses, workers
+        self.sequence, self.settings, self.poses = sequence, settings, poses
+        self.workers = checked_workers(workers)
         self.run = Run(workspace or Workspace(), stage_keys(sequence, settings, poses), sequence.names, progress)
 
     @cached_property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from automos.odometry.speed import rival_speed
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
+from automos.parallel import available_cores
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
 
@@ -68,7 +68,7 @@ def estimate_trajectory(
         return with_repeats(distinct, is_repeat)
     known = None if poses is None else _checked_poses(poses, len(sequence))
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool, threadpool_limits(1, "blas"):
+    with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
         found = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
         poses, timing = found.at_poses(known) if known is not None else found.from_scans()
         warnings, figures, clock = found.warnings, found.figures, found.clock
