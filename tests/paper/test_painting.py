@@ -61,3 +61,8 @@ def test_where_nothing_moves_every_point_is_static(ids):
 
 def test_a_scan_without_points_has_no_labels():
     assert painted(POINTS[:0], NO_SEGMENT[:0], moving((7, -1, 3.0))) == []
+
+
+def test_a_track_of_a_segment_that_is_in_no_list_has_its_box():
+    # `tracking.method: paper` with the instances of `default`, whose segments that have stayed are listed apart
+    assert painted(POINTS, NO_SEGMENT, moving((7, 66, 3.0))) == [7 if 4 <= i <= 8 else -1 for i in range(20)]

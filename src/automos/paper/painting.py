@@ -22,7 +22,9 @@ def paint_points(points: npt.NDArray, ids: npt.NDArray[np.int32], moving: Tracks
     """
     owner = points_in_boxes(points, moving.boxes)
     track_of = np.append(moving.track, -1)[owner].astype(np.int32)  # owner -1 reads the -1 at the end
-    track_of_segment = np.full(int(ids.max(initial=-1)) + 2, -1, np.int32)
+    # The segments of `default` that have stayed as a whole are numbered after those in `ids`.
+    n = max(int(ids.max(initial=-1)), int(moving.segment.max(initial=-1))) + 1
+    track_of_segment = np.full(n + 1, -1, np.int32)  # the last entry is for id -1
     seen = moving.is_observed
     track_of_segment[moving.segment[seen]] = moving.track[seen]
     own = track_of_segment[ids]
