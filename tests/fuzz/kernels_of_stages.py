@@ -104,6 +104,7 @@ def _instances(points: np.ndarray) -> None:
     fit_boxes(points, ids, np.ones(ids.max() + 1))
     segment_points(points, points[:, 2], points[:, 0], 0.02, 0.003, SETTINGS.instances.components.segments)
     detect._summarise(ids, points, ids > 0, ids > 1)
+    detect._add_up(ids, points[:, 2], np.full(n, 255, np.uint8), np.zeros(2), np.full(2, np.inf))
     hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
     hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
 
