@@ -1,5 +1,6 @@
 import errno
 import os
+import zipfile
 
 import numpy as np
 import pytest
@@ -103,6 +104,20 @@ def test_a_damaged_file_of_a_stage_is_told_with_what_to_delete(tmp_path, content
     with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run") as error:
         stage.load("a")
     assert "\n" not in str(error.value)
+
+
+def test_an_array_whose_header_is_no_text_is_told(tmp_path):
+    # numpy's own parser of it ends with an error of Python's tokens
+    stage = Workspace(tmp_path).stage("labels", "k")
+    stage.save("a", ARRAYS)
+    path = tmp_path / "stages" / "labels-k" / "a.npz"
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(name, data.replace(b"), }", b"\x00(, "))
+    with pytest.raises(InputError, match=r"a\.npz is damaged"):
+        stage.load("a")
 
 
 @pytest.mark.parametrize("place", ["run", "run/inside"])

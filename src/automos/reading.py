@@ -16,6 +16,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, TypeVar
 
 import numpy as np
@@ -28,7 +29,7 @@ from automos.errors import AutomosError, InputError
 T = TypeVar("T")
 DAMAGE = (
     ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError, EOFError, RuntimeError,
-    MemoryError, NotImplementedError, struct.error, zipfile.BadZipFile,
+    MemoryError, NotImplementedError, SyntaxError, TokenError, struct.error, zipfile.BadZipFile,
 )  # fmt: skip
 """What parsers raise, our own and others', when they are given what they were not made for."""
 

@@ -423,3 +423,11 @@ def test_simulate_keeps_a_recording_as_a_recorder_would(automos):
     assert refused.code == 2
     assert "did you mean turns?" in refused.err
     assert not Path("other").exists()
+
+
+def test_a_name_of_thousands_of_letters_does_not_hide_what_is_wrong_with_it(automos):
+    Path("poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    ended = automos("drift", "poses.txt", "a/" * 2500)
+    assert ended.code == 2
+    assert "File name too long" in ended.err
+    assert len(ended.err) < 2100

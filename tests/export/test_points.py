@@ -1,8 +1,10 @@
 """What is written of every point is read back, by the library that others read it with where there is one."""
 
 import json
+import os
 import shutil
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -215,6 +217,8 @@ def test_an_unknown_format_names_the_nearest_and_a_place_in_the_way_is_told(run,
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file is a file: choose another --out"):
         export(run, "pcd", tmp_path / "file")
+    with pytest.raises(InputError, match=r"is a device, a pipe or the like: choose another --out"):
+        export(run, "pcd", Path(os.devnull))
 
 
 @pytest.mark.parametrize(("format", "module"), [("laz", "laspy"), ("parquet", "pyarrow"), ("mcap", "rosbags.rosbag2")])

@@ -60,14 +60,21 @@ LEAST_MEMORY = 800 << 20
 """Bytes of address space; a small recording takes as much."""
 LONGEST = 2000
 """Characters of an error that are shown, half of them from its end: a file may name a million columns."""
+LONGEST_WORD = 500
+"""Of them, of a name: what is wrong with it stands beside it."""
 
 
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
-    half = LONGEST // 2
-    shown = sentence if len(sentence) <= LONGEST else f"{sentence[:half]} ... {sentence[-half:]}"
-    console.print(Text.assemble(("error: ", "red"), plain(" ".join(shown.split("\n")))), soft_wrap=True)
+    words = " ".join(_shortened(word, LONGEST_WORD) for word in sentence.replace("\n", " ").split(" "))
+    console.print(Text.assemble(("error: ", "red"), plain(_shortened(words, LONGEST))), soft_wrap=True)
     sys.exit(2)
+
+
+def _shortened(text: str, longest: int) -> str:
+    """Return `text`, only its beginning and its end if it has more than `longest` characters."""
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
 
 
 def _refused(error: Exception) -> str:

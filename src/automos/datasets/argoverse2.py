@@ -45,7 +45,9 @@ class Table(dict[str, npt.NDArray]):
     """The columns of a file; one that is absent or of another kind is told with the file."""
 
     def __init__(self, path: Path, columns: dict[str, npt.NDArray]):
-        super().__init__({name: values.astype(str) if name in _WORDS else values for name, values in columns.items()})
+        with damage_told(path, "has names that are no text"):  # lists
+            words = {name: values.astype(str) for name, values in columns.items() if name in _WORDS}
+        super().__init__(columns | words)
         self.path = path
         for name in self.keys() - _WORDS:
             if self[name].dtype.kind not in ("iu" if name == "timestamp_ns" else "fiub"):

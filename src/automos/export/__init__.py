@@ -72,8 +72,8 @@ def export_run(
     for sequence in sequences:
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
-        if place.is_file() != bool(export.suffix) and place.exists():
-            kind = "a folder" if place.is_dir() else "a file"
+        if place.exists() and not (place.is_file() if export.suffix else place.is_dir()):
+            kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
             raise InputError(f"{place} is {kind}: choose another --out")
         export.write(run, place)
         if place not in written:
