@@ -30,8 +30,6 @@ from automos.progress import StageProgress
 from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
-"""Scenarios in which nothing moves: the share of false points counts, IoU has no meaning."""
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -128,9 +128,8 @@ class Following:
         verdicts = judge_tracks(tracks, [step.terms for step in steps], self._settings.judge, shifts)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
-        begins[tracks.track[::-1]] = tracks.scan[
-            ::-1
-        ]  # rows of a track are in the order of scans: of several the first
+        # Rows of a track are in the order of scans: written backwards, the first stays.
+        begins[tracks.track[::-1]] = tracks.scan[::-1]
         self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
         if not is_followed:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)

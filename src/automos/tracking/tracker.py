@@ -106,7 +106,7 @@ class Tracker:
         is_theirs = ~np.isin(detected, known)
         matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(woken))])
         detected = np.concatenate([detected[is_theirs], known])
-        alive = alive.joined(resting[woken])
+        alive = alive.joined(resting[woken])  # of new arrays, which are written to
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
@@ -155,8 +155,7 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
 def _predict(alive: Objects, dt: float, settings: TrackingSettings) -> Objects:
     """Return `alive` a scan and `dt` seconds later."""
     belief = kalman.predict(alive.belief, dt, settings.filter)
-    written = (alive.share.copy(), alive.count.copy(), alive.has_moved.copy())
-    return Objects(belief, alive.track, alive.unseen + dt, alive.misses + 1, *written)
+    return replace(alive, belief=belief, unseen=alive.unseen + dt, misses=alive.misses + 1)
 
 
 def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
