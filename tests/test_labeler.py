@@ -2,6 +2,7 @@
 
 import logging
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -193,6 +194,34 @@ def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, 
     assert iou_of_moving([g.labels for g in after][20:], world.truth[20:]) > usual - 0.1
     ids = {t for g in before for t in g.objects["track"]}
     assert ids.isdisjoint(t for g in after for t in g.objects["track"])
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3, math.inf])
+def test_scans_pushed_one_ahead_get_the_same_labels(lag):
+    scans = SCANS[:16]
+    if math.isfinite(lag):  # one that is late, and a stream that begins anew
+        later = [replace(scan, stamp=scan.stamp + 5.0) for scan in scans[10:]]
+        scans = [*scans[:4], scans[2], *scans[4:10], *later]
+    labeler = automos.Labeler(lag=lag, is_compensated=True)
+    given = list(labeler.push_each(scans))
+    assert len(given) == len(scans)
+    rest = labeler.finish()
+    for one, other in zip([g for done in given for g in done] + rest, run(scans, lag), strict=True):
+        assert (one.index, one.stamp) == (other.index, other.stamp)
+        np.testing.assert_array_equal(one.labels, other.labels)
+        np.testing.assert_array_equal(one.track_ids, other.track_ids)
+        np.testing.assert_array_equal(one.pose, other.pose)
+
+
+def test_a_labeler_whose_caller_stops_pushing_ahead_begins_anew_after_finish():
+    labeler = automos.Labeler(is_compensated=True)
+    ahead = labeler.push_each(SCANS[:8])
+    first = next(ahead)
+    ahead.close()
+    assert [g.index for g in first + labeler.finish()] == [0]
+    given = [g for scan in SCANS[:8] for g in labeler.push(scan)]
+    for one, other in zip(given, run(SCANS[:8]), strict=True):
+        np.testing.assert_array_equal(one.labels, other.labels)
 
 
 def test_an_interruption_moves_the_sensor_nowhere():

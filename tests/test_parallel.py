@@ -1,9 +1,11 @@
 import os
+import threading
+import time
 
 import pytest
 
 from automos.errors import InputError
-from automos.parallel import available_cores, checked_workers, map_in_order
+from automos.parallel import available_cores, checked_workers, map_in_order, one_ahead
 
 
 def square(x: int) -> int:
@@ -68,3 +70,47 @@ def test_an_error_of_one_item_is_raised_after_the_results_before_its_chunk(worke
 def test_what_is_no_number_of_workers_is_told(workers):
     with pytest.raises(InputError, match="workers are 0, one per core"):
         checked_workers(workers)
+
+
+def test_one_is_computed_ahead_and_no_more():
+    begun = []
+
+    def noted(item):
+        begun.append(item)
+        return item
+
+    for given in one_ahead(noted, iter(range(6)), ends=lambda item: item == 3):
+        wait_until(lambda given=given: len(begun) == min(given + 2, 6) if given != 3 else True)
+        time.sleep(0.01)
+        assert begun == list(range(4 if given == 3 else min(given + 2, 6)))
+
+
+def test_what_goes_wrong_ahead_is_raised_after_the_results_before_it():
+    ahead = one_ahead(lambda x: 1 / x, [1, 2, 0, 4], ends=lambda result: False)
+    assert [next(ahead), next(ahead)] == [1.0, 0.5]
+    with pytest.raises(ZeroDivisionError):
+        next(ahead)
+
+
+def test_a_caller_that_stops_does_not_wait_for_items_that_never_come():
+    comes, begun = threading.Event(), []
+
+    def items():
+        yield 1
+        comes.wait(20.0)
+        yield 2
+
+    ahead = one_ahead(lambda item: begun.append(item) or item, items(), ends=lambda result: False)
+    assert next(ahead) == 1
+    start = time.monotonic()
+    ahead.close()
+    assert time.monotonic() - start < 5.0
+    comes.set()
+    time.sleep(0.05)
+    assert begun == [1]
+
+
+def wait_until(is_so, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not is_so() and time.monotonic() < end:
+        time.sleep(0.001)

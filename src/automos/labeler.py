@@ -15,25 +15,35 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.online.intake import Intake, Kind
+from automos.online.intake import Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan, objects_of
+from automos.online.odometry import Moved
 from automos.online.stream import Stream
-from automos.parallel import available_cores
+from automos.parallel import available_cores, one_ahead
 from automos.scan import Scan
 from automos.settings import Settings, load_settings
 
 __all__ = ["Labeler", "LabelledScan", "as_scan"]
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrived:
+    """A scan that has come, what it is to the stream, and how the sensor moved, if that was asked ahead."""
+
+    scan: Scan
+    about: Taken
+    moved: Moved | None = None
 
 
 class Labeler:
@@ -97,17 +107,24 @@ class Labeler:
         if math.isinf(self.lag):
             self._scans.append(scan)
             return []
-        index, self._n = self._n, self._n + 1
-        taken = self._intake.take(scan)
-        if taken.warning:
-            _log.warning("scan %d: %s", index, taken.warning)
-        if taken.kind is Kind.RESTART:
-            self._end_stream()
-        self._pending.append((index, taken.kind, taken.stamp, len(scan)))
-        if taken.kind in (Kind.NEXT, Kind.RESTART):
-            stream = self._begin_stream()
-            self._keep(stream.push(index, replace(scan, stamp=taken.stamp)))
-        return self._in_order()
+        return self._label(_Arrived(scan, self._intake.take(scan)))
+
+    def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
+        """Yield what `push` returns of each of `scans`; how the sensor moves next is found out meanwhile.
+
+        On two cores that is more scans a second than by `push`, of which each waits for the one before. The next scan
+        is taken from `scans` in a thread; one that was taken when the caller stops is left.
+
+        Raises
+        ------
+        InputError : one of them is no scan; and what `scans` raises.
+        """
+        if math.isinf(self.lag):
+            yield from map(self.push, scans)
+            return
+        # A stream that begins anew does so where the one before has ended, which labelling tells.
+        for arrived in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
+            yield self._label(arrived)
 
     def finish(self) -> list[LabelledScan]:
         """Return the scans that were not given back yet; afterwards a new recording may begin."""
@@ -118,6 +135,26 @@ class Labeler:
         rest = self._in_order()
         self._stream, self._intake, self._n, self._last_given = None, Intake(), 0, None
         return rest
+
+    def _arrive(self, one: Scan | npt.ArrayLike) -> _Arrived:
+        """Return a scan with what can be found out before earlier ones are labelled."""
+        scan = as_scan(one)
+        about = self._intake.take(scan)
+        is_next = about.kind is Kind.NEXT
+        return _Arrived(scan, about, self._begin_stream().locate(_stamped(scan, about)) if is_next else None)
+
+    def _label(self, arrived: _Arrived) -> list[LabelledScan]:
+        """Return the scans whose lag is over with this one, in their order."""
+        scan, about = arrived.scan, arrived.about
+        index, self._n = self._n, self._n + 1
+        if about.warning:
+            _log.warning("scan %d: %s", index, about.warning)
+        if about.kind is Kind.RESTART:
+            self._end_stream()
+        self._pending.append((index, about.kind, about.stamp, len(scan)))
+        if about.kind in (Kind.NEXT, Kind.RESTART):
+            self._keep(self._begin_stream().push(index, _stamped(scan, about), arrived.moved))
+        return self._in_order()
 
     def _begin_stream(self) -> Stream:
         if self._stream is None:
@@ -190,6 +227,10 @@ def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
         return scan if stamp is None else replace(scan, stamp=float(stamp))
     except (TypeError, ValueError):
         raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
+
+
+def _stamped(scan: Scan, about: Taken) -> Scan:
+    return replace(scan, stamp=about.stamp)
 
 
 def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: LabelledScan | None) -> LabelledScan:

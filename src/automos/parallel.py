@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from numbers import Integral
+from threading import Event, Lock
 from typing import TypeVar
 
 from automos.errors import InputError
@@ -76,3 +77,31 @@ def _in_threads(function: Callable[[Item], Result], items: Iterator[Item], worke
         while waiting:
             yield waiting.popleft().result()
             waiting.extend(pool.submit(function, item) for item in islice(items, 1))
+
+
+def one_ahead(
+    function: Callable[[Item], Result], items: Iterable[Item], ends: Callable[[Result], bool]
+) -> Iterator[Result]:
+    """Yield function(item) for each of `items`, in order, computed in a thread while the caller uses the one before.
+
+    After a result that `ends` something the next is not begun before the caller comes back. When the caller stops, a
+    call of `function` is waited for, but not `items`: they may never bring another.
+    """
+    items, is_over, working = iter(items), Event(), Lock()
+
+    def compute() -> list[Result]:
+        found = list(islice(items, 1))
+        with working:
+            return [] if is_over.is_set() else [function(item) for item in found]
+
+    thread = ThreadPoolExecutor(1)
+    try:
+        found = thread.submit(compute).result()
+        while found:
+            following = None if ends(found[0]) else thread.submit(compute)
+            yield found[0]
+            found = (following or thread.submit(compute)).result()
+    finally:
+        with working:
+            is_over.set()
+        thread.shutdown(wait=False, cancel_futures=True)

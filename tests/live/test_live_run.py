@@ -16,6 +16,7 @@ from automos.live.opening import open_feed
 from automos.live.run import get_ready, run_live
 from automos.live.udp import UdpFeed, parse_address
 from automos.live.velodyne import VelodyneAssembler
+from automos.parallel import one_ahead
 from automos.scan import Scan
 
 
@@ -43,6 +44,10 @@ class Slow:
         n = max(len(self.kept) - self.late, 0)
         done, self.kept = self.kept[:n], self.kept[n:]
         return done
+
+    def push_each(self, scans):
+        for scan in one_ahead(lambda scan: scan, scans, lambda scan: False):
+            yield self.push(scan)
 
     def finish(self) -> list[Given]:
         done, self.kept = self.kept, []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +34,7 @@ class Tally:
     ----------
     labelled, left_out : scans.
     points, moving : points of the labelled scans, and those of them that move.
-    milliseconds : what labelling took, of the latest thousand scans.
+    milliseconds : from when a scan was taken to when all that it tells was labelled, of the latest thousand scans.
     """
 
     labelled: int = 0
@@ -76,13 +76,23 @@ def run_live(
     AutomosError : what stopped the feed; what was pushed has been given to the sinks then.
     """
     tally, watch = Tally(), _Watch()
-    waiting: dict[int, Scan] = {}  # pushed and not yet given back: as many as the lag holds
+    waiting: deque[Scan] = deque()  # taken and not given back yet: as many as the lag holds
+    taken_at: deque[float] = deque()
     sinks = list(sinks)
-    n_pushed = 0
+
+    def taken() -> Iterator[Scan]:
+        while not feed.is_over:
+            scan = feed.take(LOOK)
+            if scan is not None:
+                if names is not None:
+                    names.append(scan.name)
+                waiting.append(scan)
+                taken_at.append(time.perf_counter())
+                yield scan
 
     def give(done: Iterable[LabelledScan]) -> None:
         for given in done:
-            scan = waiting.pop(given.index)
+            scan = waiting.popleft()
             tally.labelled += 1
             tally.points += len(given.labels)
             tally.moving += int(np.count_nonzero(given.labels == Label.MOVING))
@@ -93,17 +103,8 @@ def run_live(
         if tell is not None:
             tell(tally)
         with feed:
-            while not feed.is_over:
-                scan = feed.take(LOOK)
-                if scan is None:
-                    continue
-                waiting[n_pushed] = scan
-                if names is not None:
-                    names.append(scan.name)
-                n_pushed += 1
-                start = time.perf_counter()
-                done = labeler.push(scan)
-                tally.milliseconds.append(1e3 * (time.perf_counter() - start))
+            for done in labeler.push_each(taken()):
+                tally.milliseconds.append(1e3 * (time.perf_counter() - taken_at.popleft()))
                 give(done)
                 tally.left_out = feed.latest.left_out
                 watch.look(tally, feed.latest.offered)

@@ -42,10 +42,10 @@ def segment_recording(
     labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
     milliseconds = []
     with results_writer(folder, sequence.names, settings, sequence) as writer:
-        for i, scan in enumerate(stamped(sequence)):
-            start = time.perf_counter()
-            done = labeler.push(scan)
+        start = time.perf_counter()
+        for i, done in enumerate(labeler.push_each(stamped(sequence))):
             milliseconds.append(1e3 * (time.perf_counter() - start))
+            start = time.perf_counter()
             for given in done:
                 writer.write(given)
             if progress is not None:

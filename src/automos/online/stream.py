@@ -102,10 +102,19 @@ class Stream:
         """(4, 4) the latest scan's pose."""
         return self._T_level_sensor
 
-    def push(self, number: int, scan: Scan) -> Iterator[LabelledScan]:
-        """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp."""
+    def locate(self, scan: Scan) -> Moved:
+        """Return how the sensor moved up to `scan`: all that a scan tells before earlier ones are labelled."""
+        return self._odometry.step(scan)
+
+    def push(self, number: int, scan: Scan, moved: Moved | None = None) -> Iterator[LabelledScan]:
+        """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp.
+
+        Parameters
+        ----------
+        moved : what `locate` has returned of it, if it was asked ahead.
+        """
         grown = self._grow(scan.stamp)
-        moved = self._odometry.step(scan)
+        moved = moved or self.locate(scan)
         self._start = min(self._start, moved.stamp)
         self._renew(moved)
         grown += self._doubt()
