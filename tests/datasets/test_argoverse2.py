@@ -146,7 +146,7 @@ def test_what_is_missing_or_damaged_is_told_with_the_file(tmp_path):
         ("calibration/egovehicle_SE3_sensor.feather", {"sensor_name": None}, "has no column sensor_name"),
         ("city_SE3_egovehicle.feather", {"qw": None}, "has no column qw"),
         ("city_SE3_egovehicle.feather", {"timestamp_ns": ["x"]}, "timestamp_ns holds something else than numbers"),
-        ("annotations.feather", {"length_m": [float("nan")]}, "has a box without a size"),
+        ("annotations.feather", {"length_m": [float("nan")]}, "has a box that is nowhere or has no size"),
         ("annotations.feather", {"track_uuid": [["a", "b"]]}, "has names that are no text"),
         ("annotations.feather", {"length_m": [[1.0]]}, "length_m holds something else than numbers"),
     ],

@@ -80,6 +80,19 @@ def test_a_packet_of_no_place_on_earth_is_told(folder, number):
         _ = open_sequence(folder).reference_poses
 
 
+@pytest.mark.parametrize(
+    ("column", "word"), [(0, "1.5"), (1, "nan"), (1, "9" * 30), (10, "-1"), (12, "nan"), (13, "1e30"), (16, "inf")]
+)
+def test_a_box_that_is_nowhere_is_told(folder, column, word):
+    path = folder.parent.parent / "label_02" / "0000.txt"
+    lines = path.read_text().splitlines()
+    words = lines[1].split()
+    words[column] = word
+    path.write_text("\n".join([lines[0], " ".join(words), *lines[2:]]))
+    with pytest.raises(InputError, match=r"label_02/0000.txt (has a box that is nowhere|is no file of KITTI)"):
+        open_sequence(folder).truth(0)
+
+
 def test_scans_that_are_missing_shift_nothing_and_the_test_split_has_no_truth(folder, tmp_path):
     log = street_log()
     (folder / "000003.bin").unlink()

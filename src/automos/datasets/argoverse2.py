@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, judge_boxes, motion_with_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, checked_boxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.datasets.columns import to_scan
 from automos.datasets.foreign import limited
 from automos.datasets.formats import Format, import_extra, recordings_at
@@ -25,8 +25,8 @@ from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label, pack
 from automos.reading import damage_told, is_there, require_regular
-from automos.scan import MAX_RANGE, Pose, Scan
-from automos.upright_boxes import Boxes, points_in_boxes
+from automos.scan import Pose, Scan
+from automos.upright_boxes import points_in_boxes
 
 _SCANS = Path("sensors") / "lidar"
 _CALIBRATION = Path("calibration") / "egovehicle_SE3_sensor.feather"
@@ -198,12 +198,10 @@ class Argoverse2Sequence(ListedSequence):
         _, track = np.unique(table["track_uuid"], return_inverse=True)
         yaw = np.arctan2(T_ego_box[:, 1, 0], T_ego_box[:, 0, 0])
         size = np.column_stack([table[f"{side}_m"] for side in ("length", "width", "height")])
-        if not ((size >= 0.0) & (size < MAX_RANGE)).all():
-            raise InputError(f"{self.source / _BOXES} has a box without a size; download it again")
         return DrawnBoxes(
             table["timestamp_ns"],
             track.astype(np.int64) + 1,
-            Boxes(T_ego_box[:, :3, 3], size, yaw, np.ones(len(yaw))),
+            checked_boxes(T_ego_box[:, :3, 3], size, yaw, self.source / _BOXES),
             judge_boxes(track, seconds, (T_city_ego @ T_ego_box)[:, :3, 3]),
         )
 

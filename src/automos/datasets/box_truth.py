@@ -7,13 +7,16 @@ few centimetres off and rest on the ground: what lies just outside a mover's box
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
 from automos.geometry import transform
 from automos.labels import Label, pack
-from automos.scan import Pose, Scan
+from automos.pose_files import FARTHEST
+from automos.scan import MAX_RANGE, Pose, Scan
 from automos.upright_boxes import Boxes, points_in_boxes
 
 PACE = 1.0
@@ -52,6 +55,21 @@ class DrawnBoxes:
         """Return the boxes drawn in one scan."""
         rows = np.flatnonzero(self.scan == scan)
         return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
+
+
+def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path: Path) -> Boxes:
+    """Return the boxes (R, 3), (R, 3), (R,) that the file at `path` holds, in its frame.
+
+    Raises
+    ------
+    InputError
+        One of them is nowhere, has no size or no heading.
+    """
+    has_place = (np.abs(center) < FARTHEST).all(axis=1) & (np.abs(yaw) < FARTHEST)
+    has_size = ((size >= 0.0) & (size < MAX_RANGE)).all(axis=1)
+    if not (has_place & has_size).all():
+        raise InputError(f"{path} has a box that is nowhere or has no size; download it again")
+    return Boxes(center, size, yaw, np.ones(len(yaw)))
 
 
 def judge_boxes(

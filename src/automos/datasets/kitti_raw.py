@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, centers_in_world, judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.datasets.folder import FolderSequence
 from automos.datasets.formats import Format
 from automos.datasets.kitti_calibration import in_view, poses_from_packets, read_calibration, rigid, take
@@ -24,9 +24,8 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.labels import Label
 from automos.pose_files import lines_of_scans
-from automos.reading import is_there, read_bytes, read_text
+from automos.reading import DAMAGE, is_there, read_bytes, read_text
 from automos.scan import Pose
-from automos.upright_boxes import Boxes
 
 _SCANS = Path("velodyne_points") / "data"
 _BOXES = "tracklet_labels.xml"
@@ -116,23 +115,24 @@ class KittiRawSequence(FolderSequence):
         path = self.source / _BOXES
         try:
             rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
-        except (OSError, ValueError, TypeError, AttributeError, LookupError, ElementTree.ParseError) as error:
+            table = np.array(rows, np.float64).reshape(-1, 9)
+        except (OSError, *DAMAGE, ElementTree.ParseError) as error:
             raise InputError(f"{path} is no whole file of tracklets ({error}); download it again") from None
-        table = np.array(rows, np.float64).reshape(-1, 9)
+        drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
         frames = np.array([int(name) for name in self._names])
         place = np.searchsorted(frames, table[:, 1]).clip(0, len(frames) - 1)
         has_scan = frames[place] == table[:, 1]
-        table, scan = table[has_scan], place[has_scan]
+        table, drawn, scan = table[has_scan], drawn[has_scan], place[has_scan]
         poses = self.reference_poses
         if poses is None:
             raise InputError(f"{self.source / 'oxts'} is missing; without poses nobody can tell which boxes move")
         seconds = 0.1 * table[:, 1] if self._stamps is None else self._stamps[scan]
-        track, center = table[:, 0].astype(np.int64), table[:, 2:5]
+        track = table[:, 0].astype(np.int64)
         return DrawnBoxes(
             scan,
             track,
-            Boxes(center, table[:, 5:8], table[:, 8], np.ones(len(table))),
-            judge_boxes(track, seconds, centers_in_world(poses[scan], center)),
+            drawn,
+            judge_boxes(track, seconds, centers_in_world(poses[scan], drawn.center)),
         )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, centers_in_world, judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.datasets.folder import FolderSequence
 from automos.datasets.formats import Format
 from automos.datasets.kitti_calibration import (
@@ -124,28 +124,29 @@ class KittiTrackingSequence(FolderSequence):
             if any(len(row) not in _WORDS for row in words):
                 raise ValueError("a line of another number of words")
             objects = [row for row in words if row[2] != "DontCare"]
-            table = np.array([[row[0], row[1], *row[10:17]] for row in objects], np.float64).reshape(-1, 9)
-        except (OSError, ValueError, IndexError) as error:
+            numbers = np.array([row[:2] for row in objects], np.int64).reshape(-1, 2)
+            table = np.array([row[10:17] for row in objects], np.float64).reshape(-1, 7)
+        except (OSError, ValueError, IndexError, OverflowError) as error:
             raise InputError(f"{path} is no file of KITTI's tracking labels ({error}); download it again") from None
-        place = np.searchsorted(self._frames, table[:, 0]).clip(0, len(self._frames) - 1)
-        has_scan = self._frames[place] == table[:, 0]
-        table, scan = table[has_scan], place[has_scan]
-        height, width, length = table[:, 2:5].T
+        in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
+        place = np.searchsorted(self._frames, numbers[:, 0]).clip(0, len(self._frames) - 1)
+        has_scan = self._frames[place] == numbers[:, 0]
+        numbers, in_camera, scan = numbers[has_scan], in_camera[has_scan], place[has_scan]
         T_sensor_rectified = inverse(self._T_rectified_sensor)
         # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.
-        center = transform(T_sensor_rectified, table[:, 5:8] - np.outer(0.5 * height, [0.0, 1.0, 0.0]))
-        turn = table[:, 8]
+        raised = in_camera.center - np.outer(0.5 * in_camera.size[:, 2], [0.0, 1.0, 0.0])
+        center = transform(T_sensor_rectified, raised)
+        turn = in_camera.yaw
         heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
         poses = self.reference_poses
         if poses is None:
             raise InputError(f"{self._beside('oxts')} is missing; without poses nobody can tell which boxes move")
-        track = table[:, 1].astype(np.int64) + 1
-        size = np.column_stack([length, width, height])
+        track = numbers[:, 1] + 1
         return DrawnBoxes(
             scan,
             track,
-            Boxes(center, size, np.arctan2(heading[:, 1], heading[:, 0]), np.ones(len(table))),
-            judge_boxes(track, _PERIOD * table[:, 0], centers_in_world(poses[scan], center)),
+            Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score),
+            judge_boxes(track, _PERIOD * numbers[:, 0], centers_in_world(poses[scan], center)),
         )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, checked_boxes, judge_boxes, paint_boxes
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import to_scan
 from automos.datasets.formats import Format
@@ -24,7 +24,6 @@ from automos.errors import InputError
 from automos.labels import Label
 from automos.reading import is_there, read_json
 from automos.scan import Pose, Scan
-from automos.upright_boxes import Boxes
 
 _CHANNEL = "LIDAR_TOP"
 _MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")
@@ -173,7 +172,7 @@ def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
     return DrawnBoxes(
         np.array([row["sample_token"] for row in rows]),
         instance.astype(np.int64) + 1,
-        Boxes(center, size, yaw, np.ones(len(rows))),
+        checked_boxes(center, size, yaw, tables / "sample_annotation.json"),
         _judge(tables, rows, instance, seconds, center),
     )
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import DrawnBoxes, centers_in_world, judge_boxes, paint_boxes
+from automos.datasets.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.datasets.formats import Format
 from automos.datasets.listed import digest_of_files, require_increasing
 from automos.datasets.mounts import checked_mount
@@ -27,10 +27,8 @@ from automos.datasets.stamped_poses import rigid_transforms, sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, make_transform
 from automos.labels import Label
-from automos.pose_files import FARTHEST
 from automos.reading import damage_told, is_there
 from automos.scan import Pose, Scan, Sequence
-from automos.upright_boxes import Boxes
 
 _TOP = 1
 _TIME, _LASER, _OBJECT = "key.frame_timestamp_micros", "key.laser_name", "key.laser_object_id"
@@ -222,13 +220,13 @@ class WaymoSequence(Sequence):
         table = read_columns(path, [_TIME, _OBJECT, *parts])
         with damage_told(path):
             yaw, *sides = (table[part].astype(np.float64) for part in parts)
-            if table[_TIME].dtype.kind not in "iu" or not (np.abs([yaw, *sides]) < FARTHEST).all():
-                raise ValueError("a box that is nowhere")
-        center, size = np.column_stack(sides[:3]), np.column_stack(sides[3:])
+            if table[_TIME].dtype.kind not in "iu":
+                raise ValueError("times that are no whole numbers")
+        boxes = checked_boxes(np.column_stack(sides[:3]), np.column_stack(sides[3:]), yaw, path)
         _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
         scan = np.searchsorted(self._micros, table[_TIME]).clip(max=len(self) - 1)
-        label = judge_boxes(track, 1e-6 * table[_TIME], centers_in_world(self._T_world_vehicle[scan], center))
-        return DrawnBoxes(table[_TIME], track.astype(np.int64) + 1, Boxes(center, size, yaw, np.ones(len(yaw))), label)
+        label = judge_boxes(track, 1e-6 * table[_TIME], centers_in_world(self._T_world_vehicle[scan], boxes.center))
+        return DrawnBoxes(table[_TIME], track.astype(np.int64) + 1, boxes, label)
 
 
 def _image(row: dict[str, npt.NDArray], name: str, n_channels: int) -> npt.NDArray[np.float32]:
