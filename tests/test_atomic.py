@@ -51,6 +51,18 @@ def test_the_temporary_file_lies_beside_the_file_and_is_hidden(file):
         temporary.write_text("")
 
 
+def test_a_device_a_pipe_a_stream_or_a_folder_is_not_replaced_by_a_file(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "null").symlink_to("/dev/null")
+    (tmp_path / "stdout").symlink_to("/proc/self/fd/1")
+    for name in ("pipe", "folder", "null", "stdout"):
+        with pytest.raises(InputError, match=f"{name} is a folder, a device or the like: give the name of a file"):
+            write_text(tmp_path / name, "scores")
+    assert {path.name for path in tmp_path.iterdir() if not path.is_file()} >= {"pipe", "folder"}
+    assert (tmp_path / "null").is_symlink()
+
+
 @pytest.mark.parametrize("error", [ValueError("a bug"), KeyboardInterrupt()], ids=["bug", "Ctrl-C"])
 def test_whatever_ends_the_block_early_leaves_the_old_file_and_nothing_else(file, error):
     with pytest.raises(type(error)):

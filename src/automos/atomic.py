@@ -17,10 +17,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError : the disk is full or the folder cannot be written; nothing half-written stays.
+    InputError : the disk is full or the folder cannot be written; nothing half-written stays. Or `path` is no file.
     """
-    if path.name in ("", ".."):
-        raise InputError(f"{path} is a folder: give the name of a file to write")
+    if path.name in ("", "..") or _is_special(path):
+        raise InputError(f"{path} is a folder, a device or the like: give the name of a file to write")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield temporary
@@ -33,6 +33,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _is_special(path: Path) -> bool:
+    """Return whether `path` is there and no plain file; who may write in /dev would replace its devices and streams."""
+    is_stream = path.is_symlink() and os.readlink(path).startswith("/proc/")  # /dev/stdout
+    return is_stream or (path.exists() and not path.is_file())
 
 
 def _remedy(error: OSError) -> str:
