@@ -75,9 +75,14 @@ class Scene:
         for boxes in self.scans:
             for box in boxes:
                 box["attributes"]["track_id"] = 1000 - box["attributes"]["track_id"]
-        with zipfile.ZipFile(self.path / "export.zip", "w") as archive:
-            archive.writestr("annotations/default.json", json.dumps(self._document))
-        return self.path / "export.zip"
+        return pack_as_cvat(self)
+
+
+def pack_as_cvat(scene):
+    """Write the boxes of a scene from CVAT as they are."""
+    with zipfile.ZipFile(scene.path / "export.zip", "w") as archive:
+        archive.writestr("annotations/default.json", json.dumps(scene._document))
+    return scene.path / "export.zip"
 
 
 @pytest.fixture(params=TOOLS)
@@ -269,10 +274,41 @@ def test_places_that_hold_no_corrections_are_told(run, tmp_path):
         merge(run, tmp_path / "broken.json", tmp_path / "out")
     (tmp_path / "other" / "label").mkdir(parents=True)
     (tmp_path / "other" / "label" / "777777.json").write_text("[]")
-    with pytest.raises(InputError, match="has boxes of a scan '777777', which lane has not"):
+    with pytest.raises(InputError, match="has corrections of a scan '777777', which lane has not"):
         merge(run, tmp_path / "other", tmp_path / "out")
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "777777.label").write_bytes(b"")
+    with pytest.raises(InputError, match="has corrections of a scan '777777', which lane has not"):
+        merge(run, tmp_path / "labels", tmp_path / "out")
     with pytest.raises(InputError, match="choose another --out"):
         merge(run, tmp_path / "empty", run.folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda boxes: boxes[0].update(type="cuboid"), "'cuboid' .* does not match any of the expected tags"),
+        (lambda boxes: boxes[0].update(label_id=-1), "label_id: input should be greater than or equal to 0"),
+        (lambda boxes: boxes[0].update(label_id=99), "has a box of class 99, but names 3"),
+        (lambda boxes: boxes[0]["attributes"].update(outside="-"), "outside: input should be a valid boolean"),
+        (lambda boxes: boxes[0]["attributes"].update(track_id=1.5), "track_id: input should be a valid integer"),
+        (lambda boxes: boxes.append(boxes[0]), "has two boxes of track"),
+    ],
+)
+def test_boxes_of_cvat_that_would_be_taken_for_others_are_told(run, root, tmp_path, change, message):
+    scene = Scene("cvat", root, tmp_path)
+    change(next(boxes for boxes in scene.scans if boxes))
+    with pytest.raises(InputError, match=f"export.zip .*{message}"):
+        merge(run, pack_as_cvat(scene), tmp_path / "out")
+
+
+def test_a_scan_that_cvat_has_twice_is_told_and_a_tag_of_a_scan_is_passed_over(run, root, tmp_path):
+    scene = Scene("cvat", root, tmp_path)
+    scene.scans[0].append({"type": "label", "label_id": 0})
+    assert not merge(run, pack_as_cvat(scene), tmp_path / "out").points
+    scene._document["items"].append(scene._document["items"][0])
+    with pytest.raises(InputError, match="has the boxes of a scan twice"):
+        merge(run, pack_as_cvat(scene), tmp_path / "out")
 
 
 def test_results_that_are_being_replaced_are_no_results_until_the_last_file(run, root, tmp_path, monkeypatch):

@@ -6,7 +6,6 @@ them anew, so its tracks are recognised by where their boxes are.
 
 from __future__ import annotations
 
-import zipfile
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,7 +16,8 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.export.cvat import ANNOTATIONS
-from automos.reading import DAMAGE, MAX_TEXT, parse_json, read_json, require_regular
+from automos.export.datumaro import Datumaro, read_datumaro
+from automos.reading import read_json
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import MIN_SIDE, VERDICTS
 from automos.scan import MAX_RANGE
@@ -66,16 +66,16 @@ def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
     labels = path / "label" if (path / "label").is_dir() else path
     if labels.is_dir() and any(labels.glob("*.json")) and not (path / ANNOTATIONS).exists():
         return _read_sustech(labels, run)
-    document = _read_datumaro(path)
+    document = read_datumaro(path)
     if document is None:
         raise InputError(f"{path} is neither a SUSTechPOINTS scene (label/*.json) nor CVAT's export as 'Datumaro 3D'")
-    return _recognise(_parse_datumaro(document, path, run), run)
+    return _recognise(_boxes_of(document, path, run), run)
 
 
 # ------------------------------------------------------------------------------------------------- SUSTechPOINTS
 def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
     files = {path.stem: path for path in folder.glob("[!.]*.json")}
-    _require_known(files, run, folder)
+    require_known(files, run, folder)
     ids = _Ids(run)
     edits: dict[int, EditedScan] = {}
     for index, name in enumerate(run.names):
@@ -126,57 +126,28 @@ class _Ids:
 
 
 # ---------------------------------------------------------------------------------------------------------- CVAT
-def _read_datumaro(path: Path) -> dict[str, Any] | None:
-    """Return the annotations of a zip, a folder or a JSON file; None where it is none of them."""
-    try:
-        if path.is_dir():
-            inner = path / ANNOTATIONS
-            return read_json(inner) if inner.exists() else None
-        require_regular(path)
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                return parse_json(_unpacked(archive)) if ANNOTATIONS in archive.namelist() else None
-        document = read_json(path)
-    except InputError:
-        raise
-    except (OSError, *DAMAGE) as error:  # an encrypted or unknown kind of archive, text that is none
-        raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
-    return document if isinstance(document, dict) and "items" in document else None
-
-
-def _unpacked(archive: zipfile.ZipFile) -> bytes:
-    """Return the annotations in an archive; ValueError where they unpack to more than any drive has."""
-    with archive.open(ANNOTATIONS) as file:
-        text = file.read(MAX_TEXT + 1)  # whatever the archive says of their size
-    if len(text) > MAX_TEXT:
-        raise ValueError(f"its annotations unpack to more than {MAX_TEXT >> 20} MB")
-    return text
-
-
-def _parse_datumaro(document: dict[str, Any], path: Path, run: RunFiles) -> dict[int, EditedScan]:
+def _boxes_of(document: Datumaro, path: Path, run: RunFiles) -> dict[int, EditedScan]:
     """Return the boxes by scan, under the numbers that CVAT gave the tracks; single shapes have negative ones."""
+    names = [label.name for label in document.categories.label.labels]
+    items = {Path(str(item.id)).name: item for item in document.items}
+    if len(items) < len(document.items):
+        raise InputError(f"{path} has the boxes of a scan twice; export it from CVAT again")
+    require_known(items, run, path)
     n_shapes = 0
     edits: dict[int, EditedScan] = {}
-    try:
-        names = [label["name"] for label in document["categories"]["label"]["labels"]]
-        items = {Path(str(item["id"])).name: item for item in document["items"]}
-        _require_known(items, run, path)
-        for index, name in enumerate(run.names):
-            if name not in items:
-                continue
-            edits[index] = {}
-            for box in items[name]["annotations"]:
-                attributes = box.get("attributes", {})
-                if box["type"] != "cuboid_3d" or attributes.get("outside", False):
-                    continue
-                n_shapes += 1
-                track = int(attributes["track_id"]) if "track_id" in attributes else -n_shapes
-                center, size, rotation = (tuple(map(float, box[key])) for key in ("position", "scale", "rotation"))
-                edits[index][track] = _make_box(center, size, rotation, names[box["label_id"]], path)
-    except InputError:
-        raise
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise InputError(f"{path} is no export of CVAT as 'Datumaro 3D' ({error!r}); export it again") from None
+    for index, name in enumerate(run.names):
+        if name not in items:
+            continue
+        edits[index] = {}
+        for box in items[name].cuboids:
+            n_shapes += 1
+            track = -n_shapes if box.attributes.track_id is None else box.attributes.track_id
+            if track in edits[index]:
+                raise InputError(f"{path} has two boxes of track {track} in scan {name!r}; give each object its own")
+            if box.label_id >= len(names):
+                raise InputError(f"{path} has a box of class {box.label_id}, but names {len(names)}; export it again")
+            center, size, rotation = tuple(box.position), tuple(box.scale), tuple(box.rotation)
+            edits[index][track] = _make_box(center, size, rotation, names[box.label_id], path)
     return edits
 
 
@@ -222,10 +193,11 @@ def _make_box(
     return EditedBox(center, size, float(yaw), VERDICTS.index(kind.lower()))  # type: ignore[arg-type]
 
 
-def _require_known(names: Iterable[str], run: RunFiles, path: Path) -> None:
+def require_known(names: Iterable[str], run: RunFiles, path: Path) -> None:
+    """Raise where the corrections at `path` are of other scans than the run's."""
     strays = sorted(set(names) - set(run.names))
     if strays:
         raise InputError(
-            f"{path} has boxes of a scan {strays[0]!r}, which {run.sequence.name} has not; give the recording that it "
-            "was exported from"
+            f"{path} has corrections of a scan {strays[0]!r}, which {run.sequence.name} has not; give the recording "
+            "that it was exported from"
         )

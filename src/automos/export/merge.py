@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from automos.atomic import atomic_path, held, write_text
 from automos.errors import InputError
-from automos.export.edits import EditedScan, read_edits
+from automos.export.edits import EditedScan, read_edits, require_known
 from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
+from automos.reading import is_there
 from automos.results.claiming import refuse_foreign
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -65,6 +66,8 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     if out.resolve() == run.folder.resolve():
         raise InputError(f"{out} holds the results that are to be corrected: choose another --out")
     has_labels = corrected.is_dir() and any(corrected.glob("[!.]*.label"))
+    if has_labels:
+        require_known((path.stem for path in corrected.glob("[!.]*.label")), run, corrected)
     edits = {} if has_labels else read_edits(corrected, run)
     refuse_foreign(out)
     with held(out):
@@ -103,7 +106,7 @@ def _from_file(
     path: Path, before: tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
     """Return the labels in a corrected file, of any SemanticKITTI class; without ids, points that move keep theirs."""
-    if not path.exists():
+    if not is_there(path):
         return before
     packed = read_labels(path, len(before[0]))
     label = to_mos(packed).astype(np.uint16)
