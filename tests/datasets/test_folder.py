@@ -332,6 +332,28 @@ def test_times_that_repeat_or_are_out_of_order_are_told(kitti):
 def test_files_that_are_there_twice_are_recognised(kitti):
     (kitti / "velodyne" / "000001.bin").write_bytes((kitti / "velodyne" / "000000.bin").read_bytes())
     np.testing.assert_array_equal(open_sequence(kitti).repeats, [False, True, False, False])
+    assert open_sequence(kitti).warnings == []  # told with what odometry makes of it
+
+
+def test_a_copy_of_an_earlier_scan_is_told(kitti):
+    (kitti / "velodyne" / "000003.bin").write_bytes((kitti / "velodyne" / "000000.bin").read_bytes())
+    sequence = open_sequence(kitti)
+    assert not sequence.repeats.any()
+    assert sequence.warnings == [
+        "1 scans are earlier ones once more (first: 000003 is 000000): remove the copies.",
+    ]
+
+
+def test_scans_in_a_folder_among_scans_are_told_to_be_left_out(kitti):
+    folder = kitti / "velodyne"
+    for name in ("more", "notes"):
+        (folder / name).mkdir()
+    (folder / "notes" / "a.txt").write_text("rain")
+    assert open_sequence(folder).warnings == []
+    (folder / "more" / "000000.bin").write_bytes(bytes(16))
+    assert open_sequence(folder).warnings == [
+        f"Folders in {folder} hold scans, too (more): they are left out, give their own paths.",
+    ]
 
 
 @pytest.mark.parametrize(

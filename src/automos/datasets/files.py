@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections import Counter
@@ -32,6 +33,13 @@ def holds_point_files(folder: Path) -> bool:
 def holds_scans(folder: Path) -> bool:
     """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
     return any(_suffix(name) not in _TEXT for name in _point_files(folder))
+
+
+def folders_told(folder: Path) -> list[str]:
+    """Return what to say where folders in `folder` hold scans, too."""
+    inner = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")]
+    names = ", ".join(sorted(p.name for p in inner if holds_scans(p))[:5])
+    return [f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths."] if names else []
 
 
 def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:
@@ -66,14 +74,31 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
 
 
-def find_repeats(paths: Sequence[Path]) -> npt.NDArray[np.bool_]:
-    """Return (N,) bool: which of `paths` hold, byte for byte, what the one before them holds."""
+def find_copies(paths: Sequence[Path]) -> npt.NDArray[np.int64]:
+    """Return (N,) for each of `paths` the index of the first that holds the same, byte for byte; empty ones differ."""
     sizes = [path.stat().st_size for path in paths]
-    is_repeat = np.zeros(len(paths), np.bool_)
-    for i in range(1, len(paths)):
-        if sizes[i] == sizes[i - 1] > 0 and _glimpse(paths[i], sizes[i]) == _glimpse(paths[i - 1], sizes[i]):
-            is_repeat[i] = paths[i].read_bytes() == paths[i - 1].read_bytes()
-    return is_repeat
+    of_size = Counter(sizes)
+    glimpses = [
+        _glimpse(path, size) if size > 0 and of_size[size] > 1 else None
+        for path, size in zip(paths, sizes, strict=True)
+    ]
+    alike = Counter(glimpses)
+    copy_of = np.arange(len(paths))
+    first: dict[bytes, int] = {}
+    for i, path in enumerate(paths):
+        if glimpses[i] is not None and alike[glimpses[i]] > 1:
+            copy_of[i] = first.setdefault(hashlib.sha256(path.read_bytes()).digest(), i)
+    return copy_of
+
+
+def copies_told(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
+    """Return what to say where a scan holds what an earlier one holds, others between them; see `find_copies`."""
+    is_next = np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
+    copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~is_next)
+    if not len(copies):
+        return []
+    copy, first = names[copies[0]], names[copy_of[copies[0]]]
+    return [f"{len(copies)} scans are earlier ones once more (first: {copy} is {first}): remove the copies."]
 
 
 def _glimpse(path: Path, size: int) -> bytes:

@@ -16,7 +16,7 @@ from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
-from automos.datasets.files import find_repeats, holds_point_files, list_scans
+from automos.datasets.files import copies_told, find_copies, folders_told, holds_point_files, list_scans
 from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
@@ -106,13 +106,14 @@ class FolderSequence(Sequence):
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong with the order of the files, the times of their points and their unit."""
-        return [*self._warnings, *self._point_times.warnings, *self._unit[1]]
+        """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
+        beside = [*copies_told(self._copy_of, self._names), *folders_told(self._folder)]
+        return [*self._warnings, *beside, *self._point_times.warnings, *self._unit[1]]
 
     @cached_property
     def repeats(self) -> Mask:
         """(len,) bool: files that hold what the one before them holds."""
-        return find_repeats(self._paths)
+        return np.concatenate([[False], self._copy_of[1:] == self._copy_of[:-1]])
 
     @cached_property
     def T_camera_sensor(self) -> Pose | None:
@@ -174,6 +175,11 @@ class FolderSequence(Sequence):
 
     def _pose_files(self) -> list[Path]:
         return [self.source / "poses.txt"]
+
+    @cached_property
+    def _copy_of(self) -> npt.NDArray[np.int64]:
+        """(len,) for each scan the first one whose file holds the same."""
+        return find_copies(self._paths)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
