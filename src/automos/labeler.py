@@ -28,7 +28,7 @@ from automos.online.intake import Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan, objects_of
 from automos.online.odometry import Moved
 from automos.online.stream import Stream
-from automos.parallel import available_cores, one_ahead
+from automos.parallel import available_cores, checked_workers, one_ahead
 from automos.scan import Scan
 from automos.settings import Settings, load_settings
 
@@ -72,7 +72,8 @@ class Labeler:
 
         Raises
         ------
-        InputError : the lag is no time, or the settings name a method that needs the whole recording.
+        InputError : the lag is no time, `threads` is no number of them, or the settings name a method that needs the
+            whole recording.
         """
         if not lag >= 0.0:
             raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag}")
@@ -81,8 +82,8 @@ class Labeler:
         if math.isfinite(lag):
             _check_methods(self.settings)
         self._is_compensated = is_compensated
-        self._pool = ThreadPoolExecutor(threads or available_cores())
-        self._threads = threads
+        self._threads = checked_workers(threads, "threads")
+        self._pool = ThreadPoolExecutor(self._threads or available_cores())
         self._intake = Intake()
         self._n = 0
         self._scans: list[Scan] = []

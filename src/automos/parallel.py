@@ -30,15 +30,15 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def checked_workers(workers: object) -> int:
-    """Return how many workers are asked for.
+def checked_workers(workers: object, what: str = "workers") -> int:
+    """Return how many workers, or `what` they are called, are asked for.
 
     Raises
     ------
     InputError : `workers` is no number of them.
     """
     if not isinstance(workers, Integral) or workers < 0:
-        raise InputError(f"workers are 0, one per core, or how many there are to be, not {workers!r}")
+        raise InputError(f"{what} are 0, one per core, or how many there are to be, not {workers!r}")
     return int(workers)
 
 
