@@ -13,6 +13,7 @@ import os
 import stat
 import struct
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -109,12 +110,22 @@ def parse_json(text: str | bytes) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases: what we read needs none, and a few of them stand for more than any memory holds."""
+    """YAML without aliases: what we read needs none, and a few of them stand for more than any memory holds.
+
+    Nor is a name there twice, of which all but the last would be left out in silence.
+    """
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             raise yaml.YAMLError("it has aliases; write values out")
         return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        names = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        twice = next((name for name, times in names.items() if times > 1), None)
+        if twice is not None:
+            raise yaml.YAMLError(f"{twice!r} is there twice")
+        return super().construct_mapping(node, deep)
 
 
 def checked(kind: TypeAdapter[T], value: Any) -> T:

@@ -108,6 +108,8 @@ def test_an_unknown_group_names_the_nearest_group():
         ("instances.hdbscan.epsilons", [1.0, 0.0], ""),
         ("instances.hdbscan.epsilons", [], ""),
         ("candidates.ground", {"cell": 0.001}, "max_range is at most 2000 cells"),
+        ("odometry.voxel", True, "it is no switch"),
+        ("candidates.erasor.every", True, "it is no switch"),
         ("tracking", 3, ""),
         ("output.track_ids", "perhaps", "boolean"),
     ],
@@ -123,7 +125,7 @@ def test_an_unknown_preset_names_the_known_ones():
         load_settings("papre")
 
 
-@pytest.mark.parametrize("text", ["[1, 2]", "just words", "a: [1", "a: b: c"])
+@pytest.mark.parametrize("text", ["[1, 2]", "just words", "a: [1", "a: b: c", "odometry: {}\nodometry: {}"])
 def test_a_file_that_is_no_settings_file_is_told_by_name_in_one_line(tmp_path, text):
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(SettingsError, match=r"mine\.yaml") as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator, model_validator
 
 LEAST, MOST = 1e-6, 1e9
 """Size of numbers with a fraction: beyond these, what is computed from them overflows. Lengths are metres, times
@@ -17,6 +17,13 @@ class Group(BaseModel):
     """Settings that belong together: checked when made, unchangeable then, and none beside those named."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_no_switch(cls, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, bool) and cls.model_fields[str(info.field_name)].annotation is not bool:
+            raise ValueError("it is no switch")  # true would be taken for 1
+        return value
 
     @field_validator("*")
     @classmethod
