@@ -9,7 +9,6 @@ aside for each other and stop for moving vehicles.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -61,73 +60,63 @@ class Drive:
     present: npt.NDArray[np.bool_]
 
 
-class _Lines(NamedTuple):
-    """All paths, one after the other: `starts` (P + 1,) tells where each begins; `limit` is the speed bends allow."""
+# Tables are arrays of records: numba takes several times as long to compile the same with a tuple of columns.
+_LINES = np.dtype([("x", float), ("y", float), ("heading", float), ("limit", float)])
+"""Samples of all paths, one path after the other; `limit` is the speed that bends allow."""
+_CREW = np.dtype(
+    [("path", np.int64), ("on_foot", np.bool_)]
+    + [(name, float) for name in ("start", "speed", "initial", "enter", "go", "stop", "offset")]
+    + [(name, float) for name in ("front", "rear", "width", "headway")]
+)
+"""What stays as it is of each agent; see `Agent`. `path` counts paths."""
+_STATE = np.dtype([(name, float) for name in ("s", "v", "side", "x", "y")] + [("present", np.bool_)])
+"""What an agent does at a step, as in `Drive`, and where in the plane that is."""
 
-    xy: Array
-    heading: Array
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """Paths and agents as the compiled loops take them.
+
+    Attributes
+    ----------
+    lines : (K,) of `_LINES`.   starts : (P + 1,) where each path begins.   crew : (A,) of `_CREW`.
+    """
+
+    lines: npt.NDArray
     starts: npt.NDArray[np.int64]
-    limit: Array
-
-
-class _Crew(NamedTuple):
-    """The agents' constant attributes, (A,) each; see `Agent`."""
-
-    path: npt.NDArray[np.int64]
-    start: Array
-    speed: Array
-    initial: Array
-    enter: Array
-    go: Array
-    stop: Array
-    offset: Array
-    front: Array
-    rear: Array
-    width: Array
-    headway: Array
-    on_foot: npt.NDArray[np.bool_]
-
-
-_CREW_TYPES = {"path": np.int64, "on_foot": np.bool_}
-
-
-class _Now(NamedTuple):
-    """One row of a `Drive`, and where in the plane that puts the agents."""
-
-    s: Array
-    v: Array
-    side: Array
-    present: npt.NDArray[np.bool_]
-    x: Array
-    y: Array
+    crew: npt.NDArray
 
 
 def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
     """Return the motion of all `agents` over `duration` seconds. Cost: steps x agents x neighbours."""
-    lines, crew = _tables(agents)
-    row = {id(agent.path): int(p) for agent, p in zip(agents, crew.path, strict=True)}
+    return _drive_of(_states(agents, signals, _tables(agents), duration))
+
+
+def _drive_of(states: npt.NDArray) -> Drive:
+    return Drive(*(np.ascontiguousarray(states[name]) for name in ("s", "v", "side", "present")))
+
+
+def _states(agents: list[Agent], signals: list[Signal], tables: _Tables, duration: float) -> npt.NDArray:
+    row = {id(agent.path): int(p) for agent, p in zip(agents, tables.crew["path"], strict=True)}
     lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
-    n_steps = int(np.ceil(duration / DT)) + 2
-    shape = (n_steps, len(agents))
-    record = Drive(np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape, np.bool_))
-    _drive(lines, crew, lights.reshape(-1, 5).astype(np.float64), record.s, record.v, record.side, record.present)
-    return record
+    states = np.zeros((int(np.ceil(duration / DT)) + 2, len(agents)), _STATE)
+    _drive(tables.lines, tables.starts, tables.crew, lights.reshape(-1, 5).astype(np.float64), states)
+    return states
 
 
-def _tables(agents: list[Agent]) -> tuple[_Lines, _Crew]:
+def _tables(agents: list[Agent]) -> _Tables:
     paths = list({id(agent.path): agent.path for agent in agents}.values())
     row = {id(path): k for k, path in enumerate(paths)}
-    lines = _Lines(
-        np.concatenate([path.xy for path in paths]),
-        np.concatenate([path.heading for path in paths]),
-        np.cumsum([0] + [len(path.xy) for path in paths]),
-        np.concatenate([_bend_speed(path) for path in paths]),
-    )
-    columns = {name: np.array([getattr(a, name) for a in agents]) for name in _Crew._fields}
-    columns["path"] = np.array([row[id(a.path)] for a in agents])
-    columns["initial"] = np.array([a.speed if a.initial is None else a.initial for a in agents])
-    crew = _Crew(**{name: values.astype(_CREW_TYPES.get(name, np.float64)) for name, values in columns.items()})
-    return lines, crew
+    lines = np.empty(sum(len(path.xy) for path in paths), _LINES)
+    lines["x"], lines["y"] = np.concatenate([path.xy for path in paths]).T
+    lines["heading"] = np.concatenate([path.heading for path in paths])
+    lines["limit"] = np.concatenate([_bend_speed(path) for path in paths])
+    crew = np.empty(len(agents), _CREW)
+    for name in set(_CREW.names or ()) - {"path", "initial"}:
+        crew[name] = [getattr(a, name) for a in agents]
+    crew["path"] = [row[id(a.path)] for a in agents]
+    crew["initial"] = [a.speed if a.initial is None else a.initial for a in agents]
+    return _Tables(lines, np.cumsum([0] + [len(path.xy) for path in paths]), crew)
 
 
 def _bend_speed(path: Path) -> Array:
@@ -145,95 +134,94 @@ def drive_unharmed(agents: list[Agent], signals: list[Signal], duration: float) 
     Of two that would touch, the later in the list was never there; the first agent always stays.
     """
     while True:
-        record = drive(agents, signals, duration)
-        lines, crew = _tables(agents)
+        tables = _tables(agents)
+        states = _states(agents, signals, tables, duration)
         harmed = np.zeros(len(agents), np.bool_)
-        for t in range(0, len(record.s), CHECK_EVERY):
-            now = _Now(record.s[t], record.v[t], record.side[t], record.present[t], *np.empty((2, len(agents))))
-            _mark_touching(lines, crew, now, harmed)
+        _mark_touching(tables.lines, tables.starts, tables.crew, states[::CHECK_EVERY].copy(), harmed)
         if not harmed.any():
-            return agents, record
+            return agents, _drive_of(states)
         agents = [agent for agent, is_harmed in zip(agents, harmed, strict=True) if not is_harmed]
 
 
 @numba.njit(cache=True, nogil=True)
-def _mark_touching(lines, crew, now, harmed):  # type: ignore[no-untyped-def]
-    """Set `harmed` for the later of any two outlines that overlap, unless both are on foot."""
-    for a in range(len(now.s)):
-        now.x[a], now.y[a], _ = place(lines, crew.path[a], now.s[a], now.side[a])
-    for b in range(1, len(now.s)):
-        for a in range(b):
-            if (
-                not (now.present[a] and now.present[b])
-                or (crew.on_foot[a] and crew.on_foot[b])
-                or harmed[a]
-                or harmed[b]
-            ):
-                continue
-            reach = crew.front[a] + crew.rear[a] + crew.front[b] + crew.rear[b]
-            if np.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) > reach:
-                continue
-            least = 0.5 * (crew.width[a] + crew.width[b]) - TOUCH
-            for i in range(n_discs(a, crew)):
-                ax, ay, _ = disc(a, i, lines, crew, now)
-                for j in range(n_discs(b, crew)):
-                    bx, by, _ = disc(b, j, lines, crew, now)
-                    if np.hypot(ax - bx, ay - by) < least:
-                        harmed[b] = True
+def _mark_touching(lines, starts, crew, states, harmed):  # type: ignore[no-untyped-def]
+    """Set `harmed` for the later of any two outlines that overlap at a step of `states`, unless both are on foot."""
+    for t in range(len(states)):
+        now = states[t]
+        for a in range(len(crew)):
+            now[a].x, now[a].y, _ = place(lines, starts, crew[a].path, now[a].s, now[a].side)
+        for b in range(1, len(crew)):
+            for a in range(b):
+                if not (now[a].present and now[b].present) or (crew[a].on_foot and crew[b].on_foot):
+                    continue
+                if harmed[a] or harmed[b]:
+                    continue
+                reach = crew[a].front + crew[a].rear + crew[b].front + crew[b].rear
+                if np.hypot(now[a].x - now[b].x, now[a].y - now[b].y) > reach:
+                    continue
+                least = 0.5 * (crew[a].width + crew[b].width) - TOUCH
+                for i in range(n_discs(crew[a])):
+                    ax, ay, _ = disc(i, lines, starts, crew[a], now[a])
+                    for j in range(n_discs(crew[b])):
+                        bx, by, _ = disc(j, lines, starts, crew[b], now[b])
+                        if np.hypot(ax - bx, ay - by) < least:
+                            harmed[b] = True
 
 
 @numba.njit(cache=True, nogil=True)
-def _drive(lines, crew, lights, s, v, side, present):  # type: ignore[no-untyped-def]
-    n_steps, n_agents = s.shape
+def _drive(lines, starts, crew, lights, states):  # type: ignore[no-untyped-def]
+    n_steps, n_agents = states.shape
     follows = np.full(n_agents, -1)
     has_left = np.zeros(n_agents, np.bool_)
     for a in range(n_agents):
-        s[0, a], side[0, a] = crew.start[a], crew.offset[a]
-        v[0, a] = crew.initial[a] if crew.go[a] <= 0.0 else 0.0
-        present[0, a] = crew.enter[a] <= 0.0
+        one, first = crew[a], states[0, a]
+        first.s, first.side, first.present = one.start, one.offset, one.enter <= 0.0
+        first.v = one.initial if one.go <= 0.0 else 0.0
     for t in range(1, n_steps):
         time = t * DT
-        now = _Now(s[t - 1], v[t - 1], side[t - 1], present[t - 1], np.empty(n_agents), np.empty(n_agents))
+        now, then = states[t - 1], states[t]
         for a in range(n_agents):
-            now.x[a], now.y[a], _ = place(lines, crew.path[a], now.s[a], now.side[a])
-            s[t, a], v[t, a], side[t, a], present[t, a] = now.s[a], now.v[a], now.side[a], now.present[a]
+            was, is_ = now[a], then[a]
+            was.x, was.y, _ = place(lines, starts, crew[a].path, was.s, was.side)
+            is_.s, is_.v, is_.side, is_.present = was.s, was.v, was.side, was.present
         for a in range(n_agents):
-            if not now.present[a]:
-                if not has_left[a] and time >= crew.enter[a]:
-                    gap, _, _ = gap_ahead(a, lines, crew, now, -crew.rear[a], 8.0 + 1.5 * now.v[a], follows)
-                    present[t, a] = gap == np.inf  # enters once its place and the road before it are free
+            one, was, is_ = crew[a], now[a], then[a]
+            if not was.present:
+                if not has_left[a] and time >= one.enter:
+                    gap, _, _ = gap_ahead(a, lines, starts, crew, now, -one.rear, 8.0 + 1.5 * was.v, follows)
+                    is_.present = gap == np.inf  # enters once its place and the road before it are free
                 continue
-            waits = now.v[a] == 0.0 and crew.go[a] > 0.0 and now.s[a] == crew.start[a]
-            if waits and (time < crew.go[a] or is_somebody_coming(a, lines, crew, now)):
+            waits = was.v == 0.0 and one.go > 0.0 and was.s == one.start
+            if waits and (time < one.go or is_somebody_coming(a, lines, starts, crew, now)):
                 continue
-            v[t, a], side[t, a] = _advance(a, time, lines, crew, lights, now, follows)
-            s[t, a] = now.s[a] + 0.5 * DT * (now.v[a] + v[t, a])
-            p = crew.path[a]
-            if s[t, a] > (lines.starts[p + 1] - lines.starts[p] - 1) * STEP - crew.front[a] - 2.0:
-                present[t, a] = False
+            is_.v, is_.side = _advance(a, time, lines, starts, crew, lights, now, follows)
+            is_.s = was.s + 0.5 * DT * (was.v + is_.v)
+            if is_.s > (starts[one.path + 1] - starts[one.path] - 1) * STEP - one.front - 2.0:
+                is_.present = False
                 has_left[a] = True
 
 
 @numba.njit(cache=True, nogil=True)
-def _advance(a, time, lines, crew, lights, now, follows):  # type: ignore[no-untyped-def]
+def _advance(a, time, lines, starts, crew, lights, now, follows):  # type: ignore[no-untyped-def]
     """Return agent a's new speed and its new distance from the line of its path."""
-    p, speed = crew.path[a], now.v[a]
-    k = min(max(int(now.s[a] / STEP), 0), lines.starts[p + 1] - lines.starts[p] - 1)
-    wish = max(min(crew.speed[a], lines.limit[lines.starts[p] + k]), 0.5)
-    gap, lead, side = np.inf, 0.0, now.side[a]
-    if crew.on_foot[a]:
-        push, is_blocked = sidestep(a, lines, crew, now)
-        side += DT * (push * ASIDE[0] - 0.3 * (side - crew.offset[a]))
-        side = min(max(side, crew.offset[a] - ASIDE[1]), crew.offset[a] + ASIDE[1])
+    one, was = crew[a], now[a]
+    p, speed = one.path, was.v
+    k = min(max(int(was.s / STEP), 0), starts[p + 1] - starts[p] - 1)
+    wish = max(min(one.speed, lines[starts[p] + k].limit), 0.5)
+    gap, lead, side = np.inf, 0.0, was.side
+    if one.on_foot:
+        push, is_blocked = sidestep(a, lines, starts, crew, now)
+        side += DT * (push * ASIDE[0] - 0.3 * (side - one.offset))
+        side = min(max(side, one.offset - ASIDE[1]), one.offset + ASIDE[1])
         if is_blocked:
             return max(speed - DT * HARD_BRAKE, 0.0), side
     else:
         horizon = 12.0 + 1.5 * speed + speed**2 / (2.0 * BRAKE)
-        gap, lead, follows[a] = gap_ahead(a, lines, crew, now, crew.front[a], horizon, follows)
-    halt = min(red_ahead(a, time, crew, lights, now) + 1.0, crew.stop[a] - now.s[a] + STANDSTILL_GAP)
+        gap, lead, follows[a] = gap_ahead(a, lines, starts, crew, now, one.front, horizon, follows)
+    halt = min(red_ahead(time, one, lights, was) + 1.0, one.stop - was.s + STANDSTILL_GAP)
     if halt < gap:
         gap, lead = halt, 0.0
-    desired = STANDSTILL_GAP + speed * crew.headway[a] + speed * (speed - lead) / (2.0 * np.sqrt(ACCELERATE * BRAKE))
+    desired = STANDSTILL_GAP + speed * one.headway + speed * (speed - lead) / (2.0 * np.sqrt(ACCELERATE * BRAKE))
     pull = 1.0 - (speed / wish) ** 4 - (max(desired, 0.0) / max(gap, 0.1)) ** 2
     pull = min(pull, (wish - speed) / (ACCELERATE * REACTION)) if speed > wish else pull
     new = max(speed + DT * min(max(ACCELERATE * pull, -HARD_BRAKE), 1.8), 0.0)
