@@ -25,6 +25,7 @@ BASE = {
     "working_folder",
     "reading",
     "cells",
+    "kernels",
     "voxel_map",
 }
 METHOD = {"candidates", "instances", "tracking"}

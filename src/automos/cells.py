@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from automos.kernels import kernel
 
-@numba.njit(cache=True, nogil=True)
+
+@kernel
 def whole_below(x):  # type: ignore[no-untyped-def]
     """Return the whole number below `x` as int64, 0 for what none of them can hold."""
     return np.int64(np.floor(x)) if abs(x) < 1e15 else np.int64(0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
     """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
     half = np.float32((n_bins - 1) / 2)
@@ -20,7 +21,7 @@ def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
     return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return the azimuth of (x, y) as a share of the full turn, in [0, 1): 0 at -pi. Exact to 1e-5 of a radian."""
     ax, ay = abs(x), abs(y)

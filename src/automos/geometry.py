@@ -5,9 +5,10 @@ Transforms are named by their frames, `T_target_source`, so that a wrong product
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from automos.kernels import kernel
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +20,7 @@ def transform(T: npt.ArrayLike, points: npt.NDArray) -> npt.NDArray:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _transform(T, points, out):  # type: ignore[no-untyped-def]
     # BLAS spends ten times as long on a matrix of three columns, and wakes all its threads for it.
     for i in range(len(points)):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import transform, wrap_angle
+from automos.kernels import kernel
 
 Array = npt.NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def iou_3d(a: Boxes, b: Boxes) -> Array:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _iou_3d(corners_a, z_a, size_a, corners_b, z_b, size_b, center_a, center_b, out):  # type: ignore[no-untyped-def]
     for i in range(len(corners_a)):
         volume_a = size_a[i, 0] * size_a[i, 1] * size_a[i, 2]
@@ -116,7 +116,7 @@ def _iou_3d(corners_a, z_a, size_a, corners_b, z_b, size_b, center_a, center_b, 
             out[i, j] = inter / (volume_a + volume_b - inter)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _clip_area(subject, clip):  # type: ignore[no-untyped-def]
     """Area of the intersection of two convex counter-clockwise quadrilaterals (Sutherland and Hodgman)."""
     polygon = np.empty((12, 2))
@@ -160,7 +160,7 @@ def points_in_boxes(points: npt.NDArray, boxes: Boxes, margin: float = 0.0) -> n
     return owner
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _points_in_boxes(points, center, half, cos, sin, owner):  # type: ignore[no-untyped-def]
     reach = np.empty(len(center))
     for j in range(len(center)):

@@ -6,11 +6,11 @@ nearest map point instead lost points to quantisation (at 0.2 m a fifth of all p
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import whole_below
+from automos.kernels import kernel
 
 _BITS = 21  # per axis of a packed key: +-1e6 voxels, 200 km at 0.2 m
 _OFFSET = 1 << (_BITS - 1)
@@ -71,7 +71,7 @@ class VoxelMap:
             self._table_keys, self._table_ids = keys, ids
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _slot(key, keys):  # type: ignore[no-untyped-def]
     """Where `key` is or belongs in the open-addressing table `keys` (its length a power of two)."""
     mask = len(keys) - 1
@@ -82,7 +82,7 @@ def _slot(key, keys):  # type: ignore[no-untyped-def]
     return slot
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
@@ -104,7 +104,7 @@ def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  
     return n
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _rehash(old_keys, old_ids, keys, ids):  # type: ignore[no-untyped-def]
     for s in range(len(old_keys)):
         if old_keys[s] != -1:

@@ -60,7 +60,7 @@ def kernels() -> Iterator[tuple[Path, str]]:
         for node in ast.walk(ast.parse(path.read_text())):
             if (
                 isinstance(node, ast.FunctionDef)
-                and any("njit" in ast.unparse(d) for d in node.decorator_list)
+                and any("kernel" in ast.unparse(d) for d in node.decorator_list)
                 and node.name not in WHOLE_NUMBERS
             ):
                 yield path, node.name

@@ -6,9 +6,10 @@ of the air lies in bricks without any, which a ray crosses at the cost of one lo
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from automos.kernels import kernel
 
 _SIDE_BITS = 3
 _SIDE = 1 << _SIDE_BITS
@@ -94,12 +95,12 @@ class BrickGrid:
         return indices
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _cell(x, y, z):  # type: ignore[no-untyped-def]
     return ((x & (_SIDE - 1)) << (2 * _SIDE_BITS)) | ((y & (_SIDE - 1)) << _SIDE_BITS) | (z & (_SIDE - 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_inside(point, low, per_metre, table):  # type: ignore[no-untyped-def]
     """Whether the table has a brick for a place; compared before it is made whole numbers: huge ones have none."""
     is_inside = True
@@ -108,7 +109,7 @@ def _is_inside(point, low, per_metre, table):  # type: ignore[no-untyped-def]
     return is_inside
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _insert(points, start, low, per_metre, table, cells, n_bricks, n_voxels, ids):  # type: ignore[no-untyped-def]
     """Write the voxels of `points` from `start` on into `ids`; return how far free bricks lasted, and counts."""
     for i in range(start, len(points)):
@@ -133,7 +134,7 @@ def _insert(points, start, low, per_metre, table, cells, n_bricks, n_voxels, ids
     return len(points), n_bricks, n_voxels
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _pass_rays(origin, ends, low, per_metre, table, cells, stamp, passed):  # type: ignore[no-untyped-def]
     """Amanatides and Woo's walk through the voxels."""
     start, step, at, last = np.empty(3), np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
@@ -176,7 +177,7 @@ def _pass_rays(origin, ends, low, per_metre, table, cells, stamp, passed):  # ty
                 due[2] += stride[2]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _indices(table, cells, out):  # type: ignore[no-untyped-def]
     for bx in range(table.shape[0]):
         for by in range(table.shape[1]):
@@ -192,7 +193,7 @@ def _indices(table, cells, out):  # type: ignore[no-untyped-def]
                         out[v, 2] = (bz << _SIDE_BITS) + (c & (_SIDE - 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-untyped-def]
     for i in range(len(ids)):
         n = 0
@@ -203,7 +204,7 @@ def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-unty
                     n += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _pass_lines(start, ends, table, cells, stamp, passed):  # type: ignore[no-untyped-def]
     for i in range(len(ends)):
         dx, dy, dz = ends[i, 0] - start[0], ends[i, 1] - start[1], ends[i, 2] - start[2]
@@ -215,7 +216,7 @@ def _pass_lines(start, ends, table, cells, stamp, passed):  # type: ignore[no-un
                 passed[v] = stamp
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _squared_steps(centres, reach, table, cells, out):  # type: ignore[no-untyped-def]
     for i in range(len(centres)):
         for dx in range(-reach, reach + 1):
@@ -228,7 +229,7 @@ def _squared_steps(centres, reach, table, cells, out):  # type: ignore[no-untype
                             out[v] = min(out[v], square)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _voxel_at(x, y, z, table, cells):  # type: ignore[no-untyped-def]
     """The voxel at an index, -1 where there is none."""
     bx, by, bz = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS

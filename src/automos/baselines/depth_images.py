@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
 from automos.cells import turn_of, whole_below
+from automos.kernels import kernel
 from automos.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
@@ -67,7 +67,7 @@ def stack(images: list[DepthImage]) -> Stack:
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _sort_into_pixels(points, is_moving, shape):  # type: ignore[no-untyped-def]
     h, w = shape.rows, shape.columns
     pixel = np.full(len(points), -1, np.int32)
@@ -96,7 +96,7 @@ def _sort_into_pixels(points, is_moving, shape):  # type: ignore[no-untyped-def]
     return start, rays, nearest
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def direction_of(x, y, z):  # type: ignore[no-untyped-def]
     """Return azimuth and elevation (rad) and range (m) of a point (float32)."""
     level = np.sqrt(x * x + y * y)
@@ -108,7 +108,7 @@ def direction_of(x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def seen_from(T, x, y, z):  # type: ignore[no-untyped-def]
     """Return the direction (`direction_of`) of a point from where `T` (3, 4) float32 leads to."""
     return direction_of(
@@ -118,7 +118,7 @@ def seen_from(T, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def pixels_around(azimuth, elevation, width, height, shape):  # type: ignore[no-untyped-def]
     """Return first and last row, first and last column (which may be out of the image: modulo) around a direction."""
     per_column = shape.columns / _FULL_TURN
@@ -129,7 +129,7 @@ def pixels_around(azimuth, elevation, width, height, shape):  # type: ignore[no-
     return max(first, 0), min(last, shape.rows - 1), left, right
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def turn_between(a, b):  # type: ignore[no-untyped-def]
     """Return the azimuth `a` minus `b`, rad, in [-pi, pi]."""
     turn = a - b
@@ -138,7 +138,7 @@ def turn_between(a, b):  # type: ignore[no-untyped-def]
     return turn + _FULL_TURN if turn < -0.5 * _FULL_TURN else turn
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # type: ignore[no-untyped-def]
     """Tell whether a point that stands lies in that direction at that range; `start` is one image's."""
     width = max(window.width, window.metres / max(r, 0.3))
@@ -155,7 +155,7 @@ def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # typ
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
     """Tell whether the points around that are within `reach` of range `r` differ from it little, on average."""
     n, sum_ = 0, np.float32(0.0)
@@ -173,7 +173,7 @@ def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape)
     return sum_ <= tolerance * n
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def surface_at(start, rays, azimuth, elevation, r, window, reach, shape):  # type: ignore[no-untyped-def]
     """Return the range in a direction of the plane through what stands around it, inf where three points do not.
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.scan import Mask
 
 
@@ -63,13 +63,13 @@ def find_ground(points: npt.NDArray, images: HeightImages) -> Mask:
     return is_low & (votes >= images.share * len(images.cells)) & (votes > 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _draw(rows, columns, grey, image):  # type: ignore[no-untyped-def]
     for i in range(len(rows)):
         image[rows[i], columns[i]] = max(image[rows[i], columns[i]], grey[i])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_votes(rows, columns, inside, is_edge, votes):  # type: ignore[no-untyped-def]
     h, w = is_edge.shape
     for i in range(len(rows)):
@@ -81,7 +81,7 @@ def _add_votes(rows, columns, inside, is_edge, votes):  # type: ignore[no-untype
             votes[inside[i]] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def find_edges(image, weak, strong):  # type: ignore[no-untyped-def]
     """Return (H, W) bool: Canny's edges of `image` (H, W) uint8 (Sobel, sum of absolute gradients, not blurred)."""
     h, w = image.shape

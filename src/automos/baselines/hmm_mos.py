@@ -13,12 +13,12 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.batches import BatchSize, cut_batches, is_within, labels_of_voxels
 from automos.baselines.brick_grid import FAR, BrickGrid
+from automos.kernels import kernel
 from automos.scan import Frames, Mask
 
 _BATCH = BatchSize(scans=600, length=480.0)
@@ -134,7 +134,7 @@ class _Voxels:
         return self._moved if about.min_sum < threshold < np.inf else np.zeros_like(self._moved)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _filter(k, seen, away, belief, state, changed, surface, change, sure):  # type: ignore[no-untyped-def]
     """One step of the hidden Markov model for the voxels that scan `k` saw; a belief past `sure` becomes the state.
 
@@ -155,7 +155,7 @@ def _filter(k, seen, away, belief, state, changed, surface, change, sure):  # ty
             state[v] = now
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _count(around, k, state, seen, hit, changed, forgotten):  # type: ignore[no-untyped-def]
     """Return (H,) int32: hit voxels whose state changed among `around` (H, W), less those unobserved, at least 0."""
     out = np.zeros(len(around), np.int32)
@@ -170,7 +170,7 @@ def _count(around, k, state, seen, hit, changed, forgotten):  # type: ignore[no-
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _median(around, is_hit, counts):  # type: ignore[no-untyped-def]
     """Return (H,) int32: the median of `counts` (V,) over those of `around` (H, W) that were hit."""
     out = np.zeros(len(around), np.int32)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from automos.baselines.depth_images import (
@@ -21,6 +20,7 @@ from automos.baselines.depth_images import (
     turn_between,
 )
 from automos.baselines.range_image import pixel_of
+from automos.kernels import kernel
 
 
 class Crossing(NamedTuple):
@@ -58,7 +58,7 @@ class AlongRay(NamedTuple):
     even_reach: float
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def leave_out_standing(points, is_asked, T, past, window, tolerance, images, shape):  # type: ignore[no-untyped-def]
     """Unset `is_asked` (M,) of `points` (M, 3) that lie on what stood in the newest images: most points do.
 
@@ -71,7 +71,7 @@ def leave_out_standing(points, is_asked, T, past, window, tolerance, images, sha
                 is_asked[i] = not agrees(past.start[j], past.rays, a, b, r, window, tolerance, shape)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def find_crossing(points, is_asked, T, past, case, shape):  # type: ignore[no-untyped-def]
     """Return (M,) bool: what hides all that enough images saw around its direction, and stood in none of these.
 
@@ -94,7 +94,7 @@ def find_crossing(points, is_asked, T, past, case, shape):  # type: ignore[no-un
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-untyped-def]
     """Tell whether in an image something stood where a point lies, or a surface ran on through there."""
     if agrees(start, rays, azimuth, elevation, r, case.stands, case.tolerance, shape):
@@ -103,7 +103,7 @@ def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-
     return abs(surface - r) < case.surface + case.surface_slope * max(r - case.surface_from, 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _hides(point, T, nearest, depth, shape):  # type: ignore[no-untyped-def]
     """Tell whether `point` lies before all that an image saw around its direction."""
     x = T[0, 0] * point[0] + T[0, 1] * point[1] + T[0, 2] * point[2] + T[0, 3]
@@ -113,7 +113,7 @@ def _hides(point, T, nearest, depth, shape):  # type: ignore[no-untyped-def]
     return v >= 0 and nearest[v, u] < np.inf and r < nearest[v, u] - depth
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def find_along_ray(points, is_asked, T, T_between, gaps, now, past, case, shape):  # type: ignore[no-untyped-def]
     """Return (M,) bool: what hides behind (before, `case.sign` -1) a point that hid behind (before) another, as fast.
 
@@ -140,7 +140,7 @@ def find_along_ray(points, is_asked, T, T_between, gaps, now, past, case, shape)
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _has_predecessor(azimuth, elevation, r, T_between, gaps, past, case, shape):  # type: ignore[no-untyped-def]
     """Tell whether the newest image has a point that this one went away from, and the one before one for that point."""
     start, rays, same = past.start[0], past.rays, case.same
@@ -162,7 +162,7 @@ def _has_predecessor(azimuth, elevation, r, T_between, gaps, past, case, shape):
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _has_one_as_fast(azimuth, elevation, r, speed, gap, past, case, shape):  # type: ignore[no-untyped-def]
     start, rays, same = past.start[1], past.rays, case.same
     first, last, left, right = pixels_around(azimuth, elevation, same.width, same.height, shape)
@@ -176,7 +176,7 @@ def _has_one_as_fast(azimuth, elevation, r, speed, gap, past, case, shape):  # t
     return False
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # two scans may be of one time
+@kernel(error_model="numpy")  # two scans may be of one time
 def _speed(ray, azimuth, elevation, r, gap, case):  # type: ignore[no-untyped-def]
     """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 where it is none of the case."""
     way = case.sign * (r - ray[2])

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -28,6 +27,7 @@ from automos.baselines.batches import (
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
 from automos.geometry import transform
+from automos.kernels import kernel
 from automos.scan import Frame, Frames, Mask
 
 
@@ -110,7 +110,7 @@ def _shortened(frame: Frame, max_range: float) -> npt.NDArray[np.float32]:
     return transform(frame.T_level_sensor, points.astype(np.float32))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _update(log_odds, passed, hit, stamp, more, less, lowest, highest):  # type: ignore[no-untyped-def]
     """One scan's say: once per voxel, and a hit outweighs any number of rays through."""
     for v in range(len(log_odds)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.cells import turn_of
+from automos.kernels import kernel
 from automos.scan import Frames
 
 Image = npt.NDArray[np.float32]
@@ -66,7 +66,7 @@ def _a_few(frames: Frames) -> npt.NDArray[np.int64]:
     return np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
     """Return row, column and range of a point (float32) in the sensor frame; row -1 where it is out of the image."""
     level = np.sqrt(x * x + y * y)
@@ -79,7 +79,7 @@ def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
     return int(row), int(turn_of(x, y) * shape.columns), r
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
     """Return (rows, columns) float32: the shortest range of `points` (M, 3), sensor frame, in each pixel, else inf."""
     image = np.full((shape.rows, shape.columns), NOTHING)
@@ -90,7 +90,7 @@ def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
     return image
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def shortest_around(image, rows, columns):  # type: ignore[no-untyped-def]
     """Return the shortest range within `rows` above and below and `columns` to both sides, which go round."""
     h, w = image.shape

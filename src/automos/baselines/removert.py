@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -28,6 +27,7 @@ from automos.baselines.batches import (
 )
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
 from automos.geometry import inverse
+from automos.kernels import kernel
 from automos.parallel import available_cores, map_in_order
 from automos.scan import Frames, Mask
 from automos.voxel_map import VoxelMap
@@ -127,7 +127,7 @@ def _condemn(
     return condemned
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _mark_seen_through(points, T, seen, shape: ImageShape, max_range, difference, only_nearest, condemned):  # type: ignore[no-untyped-def]
     """Set `condemned` (V,) of `points` (V, 3) that are nearer than `seen`, from the sensor that `T` (3, 4) leads to."""
     nearest = np.full((shape.rows, shape.columns), NOTHING)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -22,6 +21,7 @@ from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, p
 from automos.baselines.regions import grow_regions
 from automos.candidates.ground import segment_ground
 from automos.geometry import inverse, transform
+from automos.kernels import kernel
 from automos.scan import Frame, Frames, Mask
 from automos.settings import GroundSettings
 
@@ -100,7 +100,7 @@ def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, parameters: Par
     return is_changed
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _find_free(points, shortest, shape, margin, max_range, is_free):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
@@ -108,7 +108,7 @@ def _find_free(points, shortest, shape, margin, max_range, is_free):  # type: ig
             is_free[i] = shortest[v, u] - r > margin
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _has_company(points, is_seed, shape, reach, min_points):  # type: ignore[no-untyped-def]
     """Return (M,) bool: the seeds with at least `min_points` seeds within `reach` pixels, themselves counted."""
     counts = np.zeros((shape.rows, shape.columns), np.int32)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_pattern import BeamPattern, raw_points
 from automos.cells import sine_bin, turn_of
+from automos.kernels import kernel
 from automos.scan import Frame
 from automos.settings import EgoBodySettings
 
@@ -41,7 +41,7 @@ def find_constant(ranges: npt.NDArray[np.float32], settings: EgoBodySettings) ->
     return np.where(is_same, np.stack([median + tolerance, tolerance]), np.float32(0.0))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _median_range(ranges, min_share, median):  # type: ignore[no-untyped-def]
     """Write each cell's median range, infinite where less than `min_share` of the scans returned."""
     n, h, w = ranges.shape
@@ -61,7 +61,7 @@ def _median_range(ranges, min_share, median):  # type: ignore[no-untyped-def]
             median[v, u] = 0.5 * (values[(m - 1) // 2] + values[m // 2]) if is_there else np.inf
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_constant(ranges, median, tolerance, min_share, is_same):  # type: ignore[no-untyped-def]
     """Mark the cells where at least `min_share` of the returns are within `tolerance` of the median."""
     n, h, w = ranges.shape
@@ -85,7 +85,7 @@ def find_near(
     reach[:] = np.where(is_near.mean(axis=0) >= min_share, farthest + np.float32(0.1), np.float32(0.0))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _keep_nearest(points, max_range, row_of_sine, image):  # type: ignore[no-untyped-def]
     h, w = image.shape
     for i in range(len(points)):
@@ -96,7 +96,7 @@ def _keep_nearest(points, max_range, row_of_sine, image):  # type: ignore[no-unt
                 image[v, u] = r
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def cell_of(x, y, z, row_of_sine, h, w):  # type: ignore[no-untyped-def]
     """Range, row (-1 outside the pattern) and column of a point."""
     r = np.sqrt(x * x + y * y + z * z)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
@@ -21,6 +20,7 @@ from automos.candidates.free_space_image import make_image, project, pyramid_sha
 from automos.candidates.free_space_pattern import BeamPattern, directions, raw_points
 from automos.candidates.free_space_vote import EDGE, HIT, look_through
 from automos.geometry import inverse
+from automos.kernels import kernel
 from automos.scan import OBJECT, Frame, Mask
 
 Array = npt.NDArray[np.float64]
@@ -103,7 +103,7 @@ def parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
     return parts[tuple(voxels.T)], n_parts + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def cells_within(points, row_of_sine, reach, cell):  # type: ignore[no-untyped-def]
     """Write the cell (row times columns plus column) of each point nearer than its cell's reach."""
     h, w = reach.shape
@@ -116,7 +116,7 @@ def cells_within(points, row_of_sine, reach, cell):  # type: ignore[no-untyped-d
                 cell[i] = v * w + u
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _meets(points, T, row_of_sine, reach, before, meets):  # type: ignore[no-untyped-def]
     """Mark which of `points` (3, K), taken by `T` (3, 4) to another scan, lie no farther than `reach` (H, W) there."""
     h, w = reach.shape

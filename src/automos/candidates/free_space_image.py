@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_pattern import BeamPattern
 from automos.cells import sine_bin, turn_of
+from automos.kernels import kernel
 from automos.scan import OBJECT, Mask, Points
 
 UNIT = 0.01
@@ -131,7 +131,7 @@ def make_image(projection: Projection, kind: npt.NDArray[np.uint8], pyramid: Pyr
     return RangeImage(rays, around, clear)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _project(points, is_seen, row_of_sine, cell, steps, rays):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
     for i in range(len(points)):
@@ -149,14 +149,14 @@ def _project(points, is_seen, row_of_sine, cell, steps, rays):  # type: ignore[n
         rays[v, u, 1] = max(rays[v, u, 1], q)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _keep_nearest(cell, steps, kind, solid):  # type: ignore[no-untyped-def]
     for i in range(len(cell)):
         if cell[i] >= 0 and kind[i] == OBJECT:
             solid[cell[i]] = min(solid[cell[i]], steps[i])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _count_neighbours(cell, steps, rays, kind, ways, solidity):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
     for i in range(len(cell)):
@@ -187,7 +187,7 @@ def _count_neighbours(cell, steps, rays, kind, ways, solidity):  # type: ignore[
         solidity[i] = 255 * n_near // max(n_beside, 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _window(rays, around):  # type: ignore[no-untyped-def]
     """Write the shortest and longest of the 3 x 3 cells around each; columns go round."""
     h, w, _ = rays.shape
@@ -203,7 +203,7 @@ def _window(rays, around):  # type: ignore[no-untyped-def]
             around[v, u, 1] = max(high[u], max(high[u + 1], high[u + 2]))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _shortest_around(solid, out):  # type: ignore[no-untyped-def]
     h, w = solid.shape
     low = np.empty(w + 2, np.uint16)
@@ -216,7 +216,7 @@ def _shortest_around(solid, out):  # type: ignore[no-untyped-def]
             out[v, u] = min(low[u], min(low[u + 1], low[u + 2]))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _merge(fine, rows, columns, coarse):  # type: ignore[no-untyped-def]
     """Write the shortest range of each block of `rows` x `columns` cells."""
     h, w = fine.shape

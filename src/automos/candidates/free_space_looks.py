@@ -6,10 +6,10 @@ its stream by time begins each scan elsewhere, and one of more than a turn looks
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.scan import Points
 
 N_DIRECTIONS = 360
@@ -19,7 +19,7 @@ _SAME_LOOK = 0.5
 """Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
     share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
@@ -42,7 +42,7 @@ def times_of_directions(raw: Points, times: npt.NDArray[np.float32] | None) -> n
     return out[nearest]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _latest_times(raw, times, n_bins):  # type: ignore[no-untyped-def]
     """Return for each direction the mean time of the last look at it, its deviation, and how many points it saw."""
     latest = np.full(n_bins, np.float32(-1.0))
@@ -64,7 +64,7 @@ def _latest_times(raw, times, n_bins):  # type: ignore[no-untyped-def]
     return mean, spread, n
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def is_last_look(raw, times, latest):  # type: ignore[no-untyped-def]
     """Return (M,) bool: which points the scan saw when it last looked along their direction."""
     out = np.empty(len(raw), np.bool_)

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_looks import MIN_POINTS, N_DIRECTIONS, is_last_look, times_of_directions
 from automos.geometry import se3_exp
+from automos.kernels import kernel
 from automos.scan import Frame, Points
 
 _SINE_BINS = 4096
@@ -220,7 +220,7 @@ def _make_pattern(centres: npt.NDArray, step: float, sweep_time: npt.NDArray[np.
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
     n = len(T)
     for i in range(len(points)):

@@ -7,12 +7,12 @@ that ended before it say nothing, and neither do places without rays: a missing 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from automos.candidates.free_space_image import UNIT
 from automos.candidates.free_space_looks import rough_turn_of
 from automos.cells import turn_of
+from automos.kernels import kernel
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 
@@ -21,7 +21,7 @@ _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 """All liberties of fast arithmetic but those that take every number for finite."""
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_hit(rays, v, u, q, tolerance):  # type: ignore[no-untyped-def]
     """Whether a ray of the 3 x 3 cells around (v, u) ended at range `q`."""
     h, w, _ = rays.shape
@@ -33,7 +33,7 @@ def _is_hit(rays, v, u, q, tolerance):  # type: ignore[no-untyped-def]
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
     """Whether rays on all four sides (or in the middle) of (v, u) went on beyond range `q`.
 
@@ -53,7 +53,7 @@ def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
     return n >= 4 and above and below and left and right
 
 
-@numba.njit(cache=True, nogil=True, fastmath=_FAST)
+@kernel(fastmath=_FAST)
 def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type: ignore[no-untyped-def]
     """Write row, column and range on the other scan's grid of `n` points from `start` on.
 
@@ -90,7 +90,7 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
         rows[i] = pattern.row_of_sine[np.uint32(bins[i])]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges, misses):  # type: ignore[no-untyped-def]
     """Write for each of `points` what the scan of `image` says, and its range from there.
 

@@ -7,11 +7,11 @@ foliage, edges and grazing surfaces let through now and then never adds up, whil
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_vote import HIT, THROUGH, WEAK
+from automos.kernels import kernel
 from automos.scan import Mask
 
 Votes = npt.NDArray[np.int8]
@@ -20,7 +20,7 @@ ONE = 64
 """A whole vote: votes are kept as int8 in fractions of it, because there are many."""
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def weigh_looks(codes, ranges, misses, own_ranges, heights, row_height, near_miss, weak_weight, ids, votes):  # type: ignore[no-untyped-def]
     """Write one scan's say on each point as a vote: -ONE for a hit, up to ONE for a see-through, 0 for nothing.
 
@@ -73,7 +73,7 @@ def find_seen_through(votes: Votes) -> npt.NDArray[np.int64]:
     return np.flatnonzero(votes.max(axis=0, initial=0) > 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def weaken_lone(votes, ids, is_supported, weight):  # type: ignore[no-untyped-def]
     """Multiply the see-throughs of the points `ids` (J,) by `weight` where they are not supported (J,) bool."""
     for j in range(len(ids)):
@@ -83,7 +83,7 @@ def weaken_lone(votes, ids, is_supported, weight):  # type: ignore[no-untyped-de
                     votes[k, ids[j]] = np.int8(weight * votes[k, ids[j]] + 0.5)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def sum_votes(votes, n_before, stay_weight, net, through, hits):  # type: ignore[no-untyped-def]
     """Write how surely each point came and went.
 

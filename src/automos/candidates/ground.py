@@ -8,11 +8,11 @@ a height map whose gaps are filled from coarser and coarser averages. No sensor 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.height_map import GroundSurface, fill_gaps, sample
+from automos.kernels import kernel
 from automos.scan import Mask
 from automos.settings import GroundSettings
 
@@ -106,7 +106,7 @@ def _start_height(lowest: npt.NDArray, settings: GroundSettings) -> float:
     return float(np.percentile(near, 30)) if len(near) else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped-def]
     """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset.
 
@@ -123,7 +123,7 @@ def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped
     return min(int(turn * n_sectors), n_sectors - 1), int(far)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-untyped-def]
     """Heights above the sensor of the lowest and highest point per sector and ring."""
     n_sectors, n_rings = lowest.shape
@@ -135,7 +135,7 @@ def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-unt
             highest[j, k] = max(highest[j, k], z)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _walk_outwards(  # type: ignore[no-untyped-def]
     lowest, highest, start, ring, step, max_bend, max_step, max_slope, ghost_depth, is_ground
 ):
@@ -173,7 +173,7 @@ def _walk_outwards(  # type: ignore[no-untyped-def]
             sight = max(sight, (low - ghost_depth) / r)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, sums, counts):  # type: ignore[no-untyped-def]
     n_sectors, n_rings = lowest.shape
     h, w = sums.shape
@@ -187,7 +187,7 @@ def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, su
             counts[v, u] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_metre, max_depth, out):  # type: ignore[no-untyped-def]
     h, w = height.shape
     for i in range(len(points)):

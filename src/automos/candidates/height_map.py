@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from automos.kernels import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ def fill_gaps(values: npt.NDArray, weights: npt.NDArray) -> npt.NDArray[np.float
     return filled
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _halve(values, weights, coarse, coarse_weights):  # type: ignore[no-untyped-def]
     h, w = values.shape
     for v in range(coarse.shape[0]):
@@ -62,21 +63,21 @@ def _halve(values, weights, coarse, coarse_weights):  # type: ignore[no-untyped-
             coarse_weights[v, u] = min(weight, np.float32(1.0))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _double(coarse, fine):  # type: ignore[no-untyped-def]
     for v in range(fine.shape[0]):
         for u in range(fine.shape[1]):
             fine[v, u] = sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _blend(values, weights, filled):  # type: ignore[no-untyped-def]
     for v in range(values.shape[0]):
         for u in range(values.shape[1]):
             filled[v, u] += weights[v, u] * (values[v, u] - filled[v, u])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def sample(grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of `grid` at column x, row y (whole numbers are the cells' centres), clamped to its border."""
     h, w = grid.shape
@@ -88,7 +89,7 @@ def sample(grid, x, y):  # type: ignore[no-untyped-def]
     return (1 - fy) * ((1 - fx) * grid[v, u] + fx * grid[v, u2]) + fy * ((1 - fx) * grid[v2, u] + fx * grid[v2, u2])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _interpolate(points, x0, y0, per_cell, height, out):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         out[i] = sample(height, (points[i, 0] - x0) * per_cell - 0.5, (points[i, 1] - y0) * per_cell - 0.5)

@@ -7,9 +7,10 @@ byte the distance back less one.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from automos.kernels import kernel
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -29,7 +30,7 @@ def decompress(packed: Bytes, n_bytes: int) -> Bytes:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _decompress(packed, out):  # type: ignore[no-untyped-def]
     """Fill `out` and return the number of bytes written, -1 where reading or writing would leave an array."""
     i, o = 0, 0

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from automos.errors import InputError
+from automos.kernels import kernel
 
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
@@ -146,18 +146,18 @@ def sender_name(sender: int) -> str:
     return ".".join(str(address >> shift & 255) for shift in (24, 16, 8, 0)) + f"-{sender & 0xFFFF}"
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _u32(data, at, is_big):  # type: ignore[no-untyped-def]
     a, b, c, d = np.int64(data[at]), np.int64(data[at + 1]), np.int64(data[at + 2]), np.int64(data[at + 3])
     return (a << 24 | b << 16 | c << 8 | d) if is_big else (d << 24 | c << 16 | b << 8 | a)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _u16(data, at):  # type: ignore[no-untyped-def]
     return np.int64(data[at]) << 8 | np.int64(data[at + 1])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _walk(data, n_bytes, is_big, unit, before_ip, records, places, seconds, senders):  # type: ignore[no-untyped-def]
     """Fill a row for each datagram; return how many, the first record that does not end in `data`, and True.
 
@@ -178,7 +178,7 @@ def _walk(data, n_bytes, is_big, unit, before_ip, records, places, seconds, send
     return n, at, True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _ip_and_udp(data, frame, end, before_ip):  # type: ignore[no-untyped-def]
     """Return the bytes at which the headers of IPv4 and UDP begin in a frame, -1 and -1 if it holds no such."""
     ip = frame + before_ip

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.scan import Points, Pose
 
 
@@ -36,7 +36,7 @@ def place_pixels(
     return points
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_world, points):  # type: ignore[no-untyped-def]
     """Fill `points` (H * W, 3) from ranges (H, W) and poses (H, W, 6: roll, pitch, yaw, x, y, z) of the vehicle."""
     height, width = distance.shape
@@ -59,7 +59,7 @@ def _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_w
             points[i * width + j] = _apply(T_target_world, x, y, z)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _apply(T, x, y, z):  # type: ignore[no-untyped-def]
     return (
         T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.kernels import kernel
 
 _POWERS = 10.0 ** np.arange(23)
 """Those that float64 holds exactly, so that numbers of up to 15 digits are rounded once, as correctly as can be."""
@@ -72,7 +72,7 @@ def _line_number(text: bytes, position: int) -> int:
     return text.count(b"\n", 0, position) + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _find_table(text, n_skipped, n_rows):  # type: ignore[no-untyped-def]
     """Return begin, end, rows and columns of the wanted lines, and the start of a line of another length or -1."""
     begin, end, rows, columns = 0, 0, 0, 0
@@ -101,7 +101,7 @@ def _find_table(text, n_skipped, n_rows):  # type: ignore[no-untyped-def]
     return begin, end, rows, columns, -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _parse_numbers(text, begin, end, out):  # type: ignore[no-untyped-def]
     """Fill `out` with the numbers in text[begin:end]; return the place of a word that is none, or -1."""
     n, i = 0, begin
@@ -123,7 +123,7 @@ def _parse_numbers(text, begin, end, out):  # type: ignore[no-untyped-def]
     return -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _parse_decimal(text, i, end):  # type: ignore[no-untyped-def]
     """Return the unsigned decimal number at `i` and the place behind it, -1 if there is none."""
     mantissa, exponent, digits, behind_point = np.uint64(0), 0, 0, False
@@ -163,7 +163,7 @@ def _parse_decimal(text, i, end):  # type: ignore[no-untyped-def]
     return (value * 10.0**exponent if value > 0.0 else 0.0), i
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _parse_word(text, i, end):  # type: ignore[no-untyped-def]
     """Return what the word nan, inf or infinity at `i` stands for and the place behind it, -1 if it is none of them."""
     if _is_word(text, i, end, _NAN):
@@ -175,7 +175,7 @@ def _parse_word(text, i, end):  # type: ignore[no-untyped-def]
     return 0.0, -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _is_word(text, i, end, word):  # type: ignore[no-untyped-def]
     if i + len(word) > end:
         return False

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.datasets.pcap import Capture, Datagrams
+from automos.kernels import kernel
 
 PACKET = 1206
 """Bytes of a packet of points of any model."""
@@ -115,7 +115,7 @@ def _count_hours(microseconds: npt.NDArray[np.int64], recorded: npt.NDArray[np.f
     return seconds
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _mark_first(azimuth, seconds, turn, is_first):  # type: ignore[no-untyped-def]
     """Mark the packets that begin a sweep; `turn` holds the azimuth of cuts, the way turned since, and the start."""
     for i in range(len(azimuth)):

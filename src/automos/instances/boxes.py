@@ -7,10 +7,10 @@ IV 2017): a LiDAR sees one or two faces of an object, and a principal axis of an
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.upright_boxes import Boxes
 
 _MAX_POINTS = 400  # an evenly spaced subset of a large segment has the same heading
@@ -32,7 +32,7 @@ def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArr
     return Boxes(center, size, yaw, np.asarray(scores, np.float64))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _by_segment(ids, count):  # type: ignore[no-untyped-def]
     """Return the points of segment 0, of segment 1, ..., each in their order, and where those of each begin."""
     start = np.zeros(count + 1, np.int64)
@@ -49,7 +49,7 @@ def _by_segment(ids, count):  # type: ignore[no-untyped-def]
     return order, start
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
     for s in range(len(start) - 1):
         member = points[start[s] : start[s + 1]]
@@ -75,7 +75,7 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
             yaw[s] -= np.pi
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _best_angle(points):  # type: ignore[no-untyped-def]
     """Return the angle in [0, pi/2) of greatest closeness: 3 degrees apart first, then 0.5 around the best."""
     best_angle, best = 0.0, -1.0
@@ -93,7 +93,7 @@ def _best_angle(points):  # type: ignore[no-untyped-def]
     return best_angle % (0.5 * np.pi)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 def _closeness(points, angle):  # type: ignore[no-untyped-def]
     c, d = np.cos(angle), np.sin(angle)
     low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
+from automos.kernels import kernel
 from automos.settings import DetectSettings
 
 TORN_SHARE = 0.1
@@ -178,7 +178,7 @@ def _renumbered(ids: npt.NDArray[np.int32], is_kept: npt.NDArray[np.bool_], firs
     return number[ids]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _summarise(ids, points, has_moved, has_stayed):  # type: ignore[no-untyped-def]
     """Return count, moved, stayed and ground extent (metres) of each segment."""
     n = 0
@@ -199,7 +199,7 @@ def _summarise(ids, points, has_moved, has_stayed):  # type: ignore[no-untyped-d
     return count, moved, stayed, np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_up(ids, heights, solidity, solid, lift):  # type: ignore[no-untyped-def]
     """Write the sum of the solidity of each segment's points, and the height of the lowest."""
     for i in range(len(ids)):

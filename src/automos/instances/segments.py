@@ -12,10 +12,10 @@ rows of rays went through it. Thin stacks join each other and one thing of full 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.settings import SegmentSettings
 
 _BINS = 64
@@ -70,7 +70,7 @@ def segment_points(
     return ids
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _root(parent, i):  # type: ignore[no-untyped-def]
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -78,7 +78,7 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
     return i
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _segment(  # type: ignore[no-untyped-def]
     points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, row_height,
     thin_share, thin_rows, ids,
@@ -111,7 +111,7 @@ def _segment(  # type: ignore[no-untyped-def]
         ids[i] = number[root]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # type: ignore[no-untyped-def]
     """Return which cell and height bin each point is in (-1 outside), and of each cell number, bins taken and reach.
 
@@ -150,7 +150,7 @@ def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # 
     return cell_of, bin_of, cells[:n_cells], masks[:n_cells], reach[:n_cells]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
     """Return the stacks, runs of bins without too large a gap: where each cell's begin, lowest and highest bins."""
     n_cells = len(masks)
@@ -171,7 +171,7 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
     return first, low[:n_stacks], high[:n_stacks]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _count(cell_of, bin_of, first, high):  # type: ignore[no-untyped-def]
     """Return the stack of each point, -1 for none, and how many points each stack has."""
     stack_of = np.full(len(cell_of), -1, np.int32)
@@ -188,7 +188,7 @@ def _count(cell_of, bin_of, first, high):  # type: ignore[no-untyped-def]
     return stack_of, count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  # type: ignore[no-untyped-def]
     """Return the root of each stack: like ones join, and what hangs together thinly the full one that is nearest."""
     n_stacks = len(low)
@@ -231,7 +231,7 @@ def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  
     return joined
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _keep_nearest(nearest, thin, full, squared, cell):  # type: ignore[no-untyped-def]
     if squared < nearest[thin, 0] or (squared == nearest[thin, 0] and cell < nearest[thin, 1]):
         nearest[thin, 0], nearest[thin, 1], nearest[thin, 2] = squared, cell, full

@@ -6,10 +6,10 @@ whose ranges come nearest to the point's.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.network.images import RangeImage
 from automos.network.projection import Image
 
@@ -46,7 +46,7 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
     return share, mean
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
     """Tell in which windows pixels that show something differ."""
     height, width = seen.shape
@@ -62,7 +62,7 @@ def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
             is_mixed[row, column] = yes and no
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _vote(pixels, ranges, seen, moving, is_mixed, far, voters, cutoff, share, mean):  # type: ignore[no-untyped-def]
     height, width = seen.shape
     radius = len(far) // 2

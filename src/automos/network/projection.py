@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.scan import MIN_RANGE, Points
 
 SINE_BINS = 4096
@@ -82,20 +82,20 @@ def nearest_points(
     return index
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def row_of(sine, row_of_sine):  # type: ignore[no-untyped-def]
     """Return the row of a direction, below 0 or beyond the image where no beam looks."""
     row = row_of_sine[int((sine + 1.0) * (0.5 * SINE_BINS) + 0.5)]
     return int(np.floor(row)) if abs(row) < 1e9 else -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def column_of(x, y, width):  # type: ignore[no-untyped-def]
     """Return the column of a direction."""
     return min(int(0.5 * (1.0 - np.arctan2(y, x) / np.pi) * width), width - 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _project(points, row_of_sine, height, width, pixels, ranges):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -108,7 +108,7 @@ def _project(points, row_of_sine, height, width, pixels, ranges):  # type: ignor
             pixels[i], ranges[i] = -1, 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _nearest(pixels, ranges, index):  # type: ignore[no-untyped-def]
     for i in range(len(pixels)):
         p = pixels[i]

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.network.projection import Image, ImageGrid, column_of, row_of
 from automos.scan import Points, Pose
 
@@ -75,7 +75,7 @@ def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -
     return np.where(off[np.arange(n), best] <= 1.001 * spacing, best, -1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _reproject(points, T, row_of_sine, height, width, farthest, before):  # type: ignore[no-untyped-def]
     before[:] = np.inf
     for i in range(len(points)):
@@ -91,7 +91,7 @@ def _reproject(points, T, row_of_sine, height, width, farthest, before):  # type
                 before[p] = min(before[p], r)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _residual(now, before, nearest, farthest, out):  # type: ignore[no-untyped-def]
     height, width = now.shape
     for row in range(height):

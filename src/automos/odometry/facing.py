@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.odometry.submap import VOXEL, Submap
 from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
 from automos.scan import Pose
@@ -120,7 +120,7 @@ def expected_share(distances: Array) -> Array:
     return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _score(  # type: ignore[no-untyped-def]
     submap, points, covariance, times, R, offset, direction, distances, shift, overhead, scores
 ):  # fmt: skip

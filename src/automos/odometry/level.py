@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import logging
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import make_transform, rotation_between
+from automos.kernels import kernel
 from automos.odometry.motion import MIN_POINTS
 from automos.odometry.surfels import find_slot, voxel_key
 from automos.scan import Points, Pose
@@ -65,7 +65,7 @@ def _thin(points: Points) -> npt.NDArray[np.float64]:
     return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
     """Return names of voxels, and the row of the point nearest to the middle of each."""
     size = 16
@@ -118,7 +118,7 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
     return _fit_plane(points, np.append(normals[best], heights[best]))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _score_planes(points, normals, heights, distance):  # type: ignore[no-untyped-def]
     """Points on each plane, less twice those clearly behind it (walls of a valley have none behind, roofs have)."""
     scores = np.zeros(len(normals))

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import turn_of
 from automos.geometry import inverse, se3_log
+from automos.kernels import kernel
 from automos.odometry.sweep_order import PointOrder, turns_since_start
 from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
@@ -147,7 +147,8 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     if not np.any(twist):
         return points
     out = np.empty_like(points)
-    _compensate(points, times, twist[:3], twist[3:], out)
+    # contiguous, whatever they are a part of: the kernel is compiled once
+    _compensate(np.ascontiguousarray(points), np.ascontiguousarray(times), twist[:3], twist[3:], out)
     return out
 
 
@@ -187,7 +188,7 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     return 0.5 * (before + after)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _azimuth_times(points, turn, seam, span):  # type: ignore[no-untyped-def]
     out = np.empty(len(points), np.float32)
     for i in range(len(points)):
@@ -196,7 +197,7 @@ def _azimuth_times(points, turn, seam, span):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
     """Apply exp(time * twist): Rodrigues' formula, its sines and cosines as series, exact up to half a turn a sweep."""
     px, py, pz = phi[0], phi[1], phi[2]
@@ -217,7 +218,7 @@ def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
         out[i, 2] = z + sine * (px * y - py * x) + cosine * (pz * dot - square * z + sz) + t * rz + rest * cz
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
     rows = np.empty(len(points), np.int32)
     n = 0

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.odometry.surfels import find_slot, rows_of_first_in_voxel, voxel_key
 from automos.scan import Points, Pose
 
@@ -97,7 +97,7 @@ class Icp:
         return found if np.isfinite(found).all() else T
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
     """Enter the voxels of `firsts` (V, 3), one point of each, in the table."""
     for row in range(len(firsts)):
@@ -106,7 +106,7 @@ def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
         keys[slot], rows[slot] = key, row
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
     """Add points to their voxels unless these are full or one lies nearby; return the number of voxels."""
     keys, rows, cells, counts, voxel = local_map
@@ -134,7 +134,7 @@ def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
     return n
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
     """Write the nearest point in a voxel or its neighbours to `nearest`; return how far it and the next one are.
 
@@ -195,7 +195,7 @@ def _rotation(x: float, y: float, z: float) -> Pose:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g):  # type: ignore[no-untyped-def]
     """Write the normal equations of a small motion of the points about the sensor's position that brings them together.
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.odometry.surfels import (
     Surfels,
     across,
@@ -95,7 +95,9 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     sums, m = np.empty((n, 10)), 0
     for part, T in zip(parts, T_center_parts, strict=True):
-        m = _add_surfels(part.mean, part.covariance, part.count, np.ascontiguousarray(T), keys, rows, sums, m)
+        # contiguous, whatever they are a part of: the kernel is compiled once
+        mean, covariance, count, T = (np.ascontiguousarray(one) for one in (part.mean, part.covariance, part.count, T))
+        m = _add_surfels(mean, covariance, count, T, keys, rows, sums, m)
     mean, axes, variance = _shape_voxels(sums[:m])
     return Submap(keys, rows, mean, axes, variance)
 
@@ -118,7 +120,7 @@ def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel
     return Fit(H, g, len(surfels), n_matched, n_close, thickness)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: ignore[no-untyped-def]
     """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
 
@@ -160,7 +162,7 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
     return m
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _shape_voxels(sums):  # type: ignore[no-untyped-def]
     n = len(sums)
     mean = np.empty((n, 3), np.float32)
@@ -192,14 +194,14 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
     return mean, axes, variance
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _copy(direction, out):  # type: ignore[no-untyped-def]
     """Write `direction` (3,) into `out`; assigning one array to another takes three seconds to compile."""
     for k in range(3):
         out[k] = direction[k]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
     keys, rows, mean, axes, variance = submap
     kernel, noise = limits

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import whole_below
+from automos.kernels import kernel
 from automos.scan import Points
 
 N_LEVELS = 4
@@ -77,7 +77,7 @@ def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32
     return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def level_of(x, y, z):  # type: ignore[no-untyped-def]
     """Return the voxel level at a place in the frame of the sensor that sees it."""
     squared = x * x + y * y + z * z
@@ -89,7 +89,7 @@ def level_of(x, y, z):  # type: ignore[no-untyped-def]
     return level
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def voxel_key(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
     """Return the int64 that names a voxel: 18 bits per axis and the level."""
     scale = inverse_voxel / (1 << level)
@@ -99,7 +99,7 @@ def voxel_key(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
     return (((kx << 18) | ky) << 18 | kz) << 3 | level
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def find_slot(keys, key):  # type: ignore[no-untyped-def]
     """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
     mask = len(keys) - 1
@@ -109,7 +109,7 @@ def find_slot(keys, key):  # type: ignore[no-untyped-def]
     return slot
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
     keys = np.full(size, -1, np.int64)
     row_of = np.empty(size, np.int32)
@@ -143,7 +143,7 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
     return sums[:n]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _finish_moments(sums):  # type: ignore[no-untyped-def]
     n = len(sums)
     mean = np.empty((n, 3), np.float32)
@@ -167,7 +167,7 @@ def _finish_moments(sums):  # type: ignore[no-untyped-def]
     return mean, covariance, count, time
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
     keys = np.full(size, -1, np.int64)
     rows = np.empty(len(points), np.int32)
@@ -182,7 +182,7 @@ def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
     return rows[:n]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def variance_along(c, a):  # type: ignore[no-untyped-def]
     """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
     x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
@@ -191,7 +191,7 @@ def variance_along(c, a):  # type: ignore[no-untyped-def]
     return a[0] * x + a[1] * y + a[2] * z
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def eigenvalues(c):  # type: ignore[no-untyped-def]
     """Return the eigenvalues, ascending, of a symmetric 3 x 3 matrix (xx, xy, xz, yy, yz, zz), by Viete's formula."""
     middle = (c[0] + c[3] + c[5]) / 3.0
@@ -205,7 +205,7 @@ def eigenvalues(c):  # type: ignore[no-untyped-def]
     return max(low, 0.0), max(3.0 * middle - low - high, 0.0), high
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
     """Write the unit eigenvector of an eigenvalue apart from the others: it is normal to the rows of C - value."""
     x, y, z = c[0] - value, c[3] - value, c[5] - value
@@ -224,7 +224,7 @@ def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
             out[0], out[1], out[2] = a / length, b / length, d / length
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def across(c, along, first, second):  # type: ignore[no-untyped-def]
     """Write the directions across `along` (not the x axis) of least and most variance; return both variances."""
     length = np.sqrt(along[1] * along[1] + along[2] * along[2])

@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import turn_of
+from automos.kernels import kernel
 from automos.scan import Points, Scan, Sequence
 
 Array = npt.NDArray[np.float64]
@@ -207,7 +207,7 @@ def _start_of_beams(points: Points, turn: int) -> float:
     return float(around + turn * np.percentile(off - np.round(off), 10))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
     """Return the mean azimuth in turns of every `block` points, NaN where none is valid, and how much they agree."""
     n_blocks = (len(points) + block - 1) // block
@@ -227,7 +227,7 @@ def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
     return azimuth, agreement
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
     """Return (N,) float32 the turns since azimuth `start` of a file sorted by beam; each beam begins anew."""
     out = np.zeros(len(points), np.float32)

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, transform
+from automos.kernels import kernel
 from automos.paper.erasor_bins import Rules, Volume, compare_bins
 from automos.paper.submaps import cut_submaps
 from automos.scan import Frames
@@ -124,7 +124,7 @@ def _for_kernel(settings: ErasorSettings, published: Published) -> tuple[Volume,
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _voxels_near(mean, origin, max_range):  # type: ignore[no-untyped-def]
     near = np.empty(len(mean), np.int64)
     n = 0

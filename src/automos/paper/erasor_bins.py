@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from automos.kernels import kernel
 from automos.paper.region_ground import fit_region_ground
 
 _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
@@ -33,7 +33,7 @@ class Rules(NamedTuple):
     plane: tuple[float, int, int, int, float]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def polar_bins(points, volume):  # type: ignore[no-untyped-def]
     """Return (N,) int32 bin = ring * sectors + sector of `points` (N, 3, body frame), -1 outside the `Volume`."""
     bins = np.full(len(points), -1, np.int32)
@@ -52,7 +52,7 @@ def polar_bins(points, volume):  # type: ignore[no-untyped-def]
     return bins
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def compare_bins(near, map_points, is_alive, was_scanned, stamp, scan_points, scan_ids, volume, rules):  # type: ignore[no-untyped-def]
     """Compare one scan with the map, bin by bin; edit `is_alive` (V,) in place, return (M,) the scan's own dynamics."""
     n_bins = volume.rings * volume.sectors
@@ -74,7 +74,7 @@ def compare_bins(near, map_points, is_alive, was_scanned, stamp, scan_points, sc
     return rejected
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _heights_of_map(near, points, bins, is_alive, n_bins):  # type: ignore[no-untyped-def]
     """Return lowest and highest point (B,) of what is left of the map in each bin, and how many voxels that is."""
     low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
@@ -87,7 +87,7 @@ def _heights_of_map(near, points, bins, is_alive, n_bins):  # type: ignore[no-un
     return low, high, count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _heights_of_scan(points, bins, ids, was_scanned, stamp, n_bins):  # type: ignore[no-untyped-def]
     """Return the same of a scan, counted in voxels as the map is; mark these as scanned at `stamp`."""
     low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
@@ -102,7 +102,7 @@ def _heights_of_scan(points, bins, ids, was_scanned, stamp, n_bins):  # type: ig
     return low, high, count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _decide(of_map, of_scan, rules):  # type: ignore[no-untyped-def]
     """Return (B,) int8, what became of each bin: by the ratio of the shorter span of heights to the longer."""
     map_low, map_high, map_count = of_map
@@ -127,7 +127,7 @@ def _decide(of_map, of_scan, rules):  # type: ignore[no-untyped-def]
     return decision
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _remove_above_ground(near, map_points, map_bins, decision, is_alive, was_scanned, stamp, plane):  # type: ignore[no-untyped-def]
     """Take the voxels above the ground plane of every bin decided _MAP_HIGHER out of the map.
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.cluster.hierarchy import linkage as single_linkage
+
+from automos.kernels import kernel
 
 
 def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: int) -> npt.NDArray[np.int32]:
@@ -50,7 +51,7 @@ def _mutual_reachability_linkage(points: npt.NDArray[np.float64], min_samples: i
     return fit.single_linkage_tree_.to_numpy()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _cut(n, linkage, epsilons):  # type: ignore[no-untyped-def]
     """Cut `linkage` (n - 1, 4; SciPy's format: row i merges two nodes into node n + i) at `epsilons`, decreasing."""
     labels = np.empty((len(epsilons), n), np.int32)
@@ -129,7 +130,7 @@ def choose_segments(
     return ids, np.concatenate(scores)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _summarise(level, weight, score, points):  # type: ignore[no-untyped-def]
     """Return mass, weighted mean score and longest ground extent (S,) of each segment of one level."""
     count = level.max() + 1

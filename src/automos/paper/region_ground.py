@@ -5,11 +5,12 @@ A bin is a few metres wide, so a plane will do for its ground where one for the 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from automos.kernels import kernel
 
-@numba.njit(cache=True, nogil=True)
+
+@kernel
 def fit_region_ground(points, seed_height, n_skipped, n_lowest, n_iterations, distance):  # type: ignore[no-untyped-def]
     """Return (N,) bool: which of one bin's `points` (N, 3, z up) are ground, by region-wise plane fit (R-GPF).
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path
@@ -173,7 +173,7 @@ def _jittered_grid(low: Array, high: Array, spacing: float, rng: np.random.Gener
     return grid + rng.uniform(-0.3, 0.3, grid.shape) * spacing
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _union_distance(xy, points, starts, owner, circles, half, corner, out):  # type: ignore[no-untyped-def]
     """Distance to the union of thick polylines; where two come near each other their edge is rounded by `corner`."""
     squared = np.empty(len(half))

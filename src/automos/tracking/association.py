@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
@@ -11,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from automos.detections import Detections
+from automos.kernels import kernel
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 from automos.tracking import filter as kalman
 from automos.upright_boxes import Boxes, iou_3d
@@ -94,7 +94,7 @@ def motion_cost(
     return cost
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _near_pairs(a, reach_a, b, reach_b):  # type: ignore[no-untyped-def]
     """Return the rows of `a` and of `b` whose first two coordinates are within a box around the gate's ellipse."""
     pairs = [(0, 0) for _ in range(0)]

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import whole_below
+from automos.kernels import kernel
 from automos.settings import CompletionSettings
 from automos.tracking.tracks import Tracks
 
@@ -68,7 +68,7 @@ def tracks_of_points(
     return np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _extents(points, ids, stayed, boxes, segments):  # type: ignore[no-untyped-def]
     """Return the least (B, 2) and greatest (B, 3) coordinates of boxes, along and across them and up.
 
@@ -94,7 +94,7 @@ def _extents(points, ids, stayed, boxes, segments):  # type: ignore[no-untyped-d
     return low, high
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _rows_near(points, boxes, reaches):  # type: ignore[no-untyped-def]
     """Return the rows of the points that may be within the (B,) reach of a box, and some others.
 
@@ -115,7 +115,7 @@ def _rows_near(points, boxes, reaches):  # type: ignore[no-untyped-def]
     return rows[:n]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, margin, track_of):  # type: ignore[no-untyped-def]
     lows, highs = _extents(points, ids, stayed, boxes, segments)
     reaches = np.empty(len(boxes))
@@ -166,7 +166,7 @@ def _fill(points, ids, stayed, is_ground, may_move, boxes, segments, tracks, mar
             track_of[i] = tracks[b]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _solve(A, b):  # type: ignore[no-untyped-def]
     """Return x of A x = b for a positive definite (3, 3) `A`, both spoilt; LAPACK's takes seconds to compile."""
     for k in range(2):
@@ -180,7 +180,7 @@ def _solve(A, b):  # type: ignore[no-untyped-def]
     return (b[0] - A[0, 1] * y - A[0, 2] * z) / A[0, 0], y, z
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def _turned(point, center, c, s):  # type: ignore[no-untyped-def]
     """Ground coordinates of a point along and across a box."""
     dx, dy = point[0] - center[0], point[1] - center[1]

@@ -5,32 +5,34 @@ Medians of a few values are kept by inserting them in order: numba's own takes a
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from automos.kernels import kernel
 
 _ENDS, _AROUND = 5, 3
 """Observations at each end of a track whose median is where it began or ended; on either side, of its path there."""
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def distance_gone(faces, a, b, face):  # type: ignore[no-untyped-def]
     """Return how far a face goes in rows `a` to `b`: one observation of something else at an end is no way."""
     n = max(1, min(_ENDS, (b - a) // 3))
     return _median(faces, b - n, b, face) - _median(faces, a, a + n, face)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _median(faces, a, b, face):  # type: ignore[no-untyped-def]
-    values, m = np.empty(b - a), 0
+    values, m = np.empty(b - a), np.int64(0)  # a bare 0 is a type of its own, compiled for apart
     for i in range(a, b):
         m = _put_in(values, m, faces[i, face])
     return 0.5 * (values[m // 2] + values[(m - 1) // 2])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def scatter(faces, a, b, face):  # type: ignore[no-untyped-def]
     """Return the mean square of a face's path, rows `a` to `b`, about its running median."""
-    window, m, total = np.empty(2 * _AROUND + 1), 0, 0.0  # sorted: one value comes and one goes, which takes a tenth
+    window = np.empty(2 * _AROUND + 1)  # sorted: one value comes and one goes, which takes a tenth
+    m, total = np.int64(0), 0.0
     for i in range(a, min(a + _AROUND, b)):
         m = _put_in(window, m, faces[i, face])
     for i in range(a, b):
@@ -42,7 +44,7 @@ def scatter(faces, a, b, face):  # type: ignore[no-untyped-def]
     return total / (b - a)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _put_in(values, m, value):  # type: ignore[no-untyped-def]
     """Put `value` in its place among `m` sorted `values`; return how many there are then."""
     at = m
@@ -53,7 +55,7 @@ def _put_in(values, m, value):  # type: ignore[no-untyped-def]
     return m + 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _take_out(values, m, value):  # type: ignore[no-untyped-def]
     """Take `value` out of `m` sorted `values`; return how many there are then."""
     at = 0

@@ -31,11 +31,11 @@ import math
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
+from automos.kernels import kernel
 from automos.settings import JudgeSettings
 from automos.tracking.face_paths import distance_gone, scatter
 from automos.tracking.tracks import Tracks
@@ -199,7 +199,7 @@ def _segments(tracks: Tracks, seen: npt.NDArray[np.int64], per_scan: Sequence[Si
     return begins[tracks.scan[seen]] + tracks.segment[seen]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _weigh_counts(counts, evidence):  # type: ignore[no-untyped-def]
     for i in range(len(counts)):
         ratio = _log_dirichlet(counts[i], MOVED) - _log_dirichlet(counts[i], STAYED)
@@ -209,7 +209,7 @@ def _weigh_counts(counts, evidence):  # type: ignore[no-untyped-def]
         evidence[i] = math.log(UNDER_WAY * math.exp(min(ratio, 50.0)) + 1.0 - UNDER_WAY)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _add_up(first, faces, evidence, terms):  # type: ignore[no-untyped-def]
     """Write the first three terms of each track. Reductions of arrays would triple what this takes to compile."""
     scatters = np.empty(6)
@@ -231,7 +231,7 @@ def _add_up(first, faces, evidence, terms):  # type: ignore[no-untyped-def]
         terms[k, 2] = math.log(1.0 + math.sqrt(unsteady) / NOISE)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _log_dirichlet(counts, prior):  # type: ignore[no-untyped-def]
     """Return the log-likelihood of `counts` (3,) whose shares have the Dirichlet distribution `prior`.
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.cells import whole_below
+from automos.kernels import kernel
 from automos.upright_boxes import Boxes
 
 SIDE = 0.3
@@ -113,12 +113,12 @@ def _added(
     return found, total
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _packed(x, y, z):  # type: ignore[no-untyped-def]
     return (((x + _OFFSET) & _MASK) << (2 * _BITS)) | (((y + _OFFSET) & _MASK) << _BITS) | ((z + _OFFSET) & _MASK)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _fill_columns(low, high, columns):  # type: ignore[no-untyped-def]
     """Write all columns between the corners `low` and `high` (M, 2), those of the corners included."""
     n = 0
@@ -129,7 +129,7 @@ def _fill_columns(low, high, columns):  # type: ignore[no-untyped-def]
                 n += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _keys(points):  # type: ignore[no-untyped-def]
     """Return (M,) int64 the place of each point, never negative."""
     keys = np.empty(len(points), np.int64)
@@ -139,7 +139,7 @@ def _keys(points):  # type: ignore[no-untyped-def]
     return keys
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _keys_inside(points, columns):  # type: ignore[no-untyped-def]
     """Return (M,) int64 the place of each point in `columns`, sorted; -1 outside. Neighbours share a column mostly."""
     keys, side = _keys(points), _COLUMN * SIDE

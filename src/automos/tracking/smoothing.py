@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
+from automos.kernels import kernel
 from automos.tracking.tracks import Tracks
 
 NOISE = 0.15
@@ -47,7 +47,7 @@ def smooth_tracks(
     return replace(tracks, center=center, velocity=velocity)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # times may be so near that their difference is lost
+@kernel(error_model="numpy")  # times may be so near that their difference is lost
 def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     """Return position and velocity (T,) at times `t` (T,) that `z` (T,) suggests: NaN where nothing was measured.
 

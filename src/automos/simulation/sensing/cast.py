@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse
+from automos.kernels import kernel
 from automos.simulation.rigs import Rig, placed, rigs
 from automos.simulation.sensing.scene import EGO, Hits, Scene
 from automos.simulation.sensing.sensors import SECTORS, Pattern
@@ -136,7 +136,7 @@ class Caster:
         return self._scenes[key]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _carry(direction, column_of, poses, origins, turned):  # type: ignore[no-untyped-def]
     for i in range(len(direction)):
         T = poses[column_of[i]]
@@ -171,7 +171,7 @@ def _near_rows(beams: Beams, body: _Body, distance: Array32) -> npt.NDArray[np.i
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _near_in_sectors(by_sector, starts, first, n_sectors, origins, directions, distance, center, radius):  # type: ignore[no-untyped-def]
     n_all = len(starts) - 1
     rows = np.empty(len(origins), np.int64)
@@ -190,7 +190,7 @@ def _near_in_sectors(by_sector, starts, first, n_sectors, origins, directions, d
     return rows[:n].copy()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _into_body(origins, directions, phase, rows, start, end, local_origins, local_directions):  # type: ignore[no-untyped-def]
     for j in range(len(rows)):
         i = rows[j]

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from automos.kernels import kernel
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.paths import STEP, Path
 from automos.simulation.traffic.sight import disc, gap_ahead, is_somebody_coming, n_discs, place, red_ahead, sidestep
@@ -143,7 +143,7 @@ def drive_unharmed(agents: list[Agent], signals: list[Signal], duration: float) 
         agents = [agent for agent, is_harmed in zip(agents, harmed, strict=True) if not is_harmed]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _mark_touching(lines, starts, crew, states, harmed):  # type: ignore[no-untyped-def]
     """Set `harmed` for the later of any two outlines that overlap at a step of `states`, unless both are on foot."""
     for t in range(len(states)):
@@ -168,7 +168,7 @@ def _mark_touching(lines, starts, crew, states, harmed):  # type: ignore[no-unty
                             harmed[b] = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _drive(lines, starts, crew, lights, states):  # type: ignore[no-untyped-def]
     n_steps, n_agents = states.shape
     follows = np.full(n_agents, -1)
@@ -201,7 +201,7 @@ def _drive(lines, starts, crew, lights, states):  # type: ignore[no-untyped-def]
                 has_left[a] = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _advance(a, time, lines, starts, crew, lights, now, follows):  # type: ignore[no-untyped-def]
     """Return agent a's new speed and its new distance from the line of its path."""
     one, was = crew[a], now[a]

@@ -7,16 +7,16 @@ of `crew` and `its` the row of `now`.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from automos.kernels import kernel
 from automos.simulation.traffic.paths import STEP
 
 SIDE_GAP = 0.25
 """Metres between two outlines from which on they are in each other's way."""
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def place(lines, starts, p, s, offset):  # type: ignore[no-untyped-def]
     """Return x, y and heading at `s` on path `p`, `offset` to its left."""
     last = starts[p + 1] - starts[p] - 1
@@ -30,13 +30,13 @@ def place(lines, starts, p, s, offset):  # type: ignore[no-untyped-def]
     return x - offset * np.sin(h), y + offset * np.cos(h), h
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def n_discs(one):  # type: ignore[no-untyped-def]
     """Return how many discs make the outline of a road user."""
     return max(1, int((one.front + one.rear) / 1.5))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def disc(d, lines, starts, one, its):  # type: ignore[no-untyped-def]
     """Return x, y and heading of disc `d` of a road user's outline; its radius is half the width."""
     n, half = n_discs(one), 0.5 * one.width
@@ -45,7 +45,7 @@ def disc(d, lines, starts, one, its):  # type: ignore[no-untyped-def]
     return place(lines, starts, one.path, its.s - back, its.side)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def gap_ahead(a, lines, starts, crew, now, from_, horizon, follows):  # type: ignore[no-untyped-def]
     """Return metres to the nearest outline on a's path ahead of its origin + `from_`, its speed along it, and whose."""
     one, p, side = crew[a], crew[a].path, now[a].side
@@ -76,7 +76,7 @@ def gap_ahead(a, lines, starts, crew, now, from_, horizon, follows):  # type: ig
     return best, speed, who
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def red_ahead(time, one, lights, its):  # type: ignore[no-untyped-def]
     """Return metres from a road user's front to the nearest red light it can still stop at."""
     nose, nearest = its.s + one.front, np.inf
@@ -90,7 +90,7 @@ def red_ahead(time, one, lights, its):  # type: ignore[no-untyped-def]
     return nearest
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def is_somebody_coming(a, lines, starts, crew, now):  # type: ignore[no-untyped-def]
     """Whether a vehicle comes from behind or beside, so that a must not pull out."""
     x, y, h = place(lines, starts, crew[a].path, now[a].s, now[a].side)
@@ -107,7 +107,7 @@ def is_somebody_coming(a, lines, starts, crew, now):  # type: ignore[no-untyped-
     return False
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def sidestep(a, lines, starts, crew, now):  # type: ignore[no-untyped-def]
     """Return to which side (-1 to 1, positive is left) a walker steps, and whether somebody stands in its way."""
     x, y, h = place(lines, starts, crew[a].path, now[a].s, now[a].side)
