@@ -1,5 +1,6 @@
 """The first run compiles in several processes; later ones find everything there."""
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import pytest
 
 from automos import compiling
 from automos.compiling import LINE, SHARES, compiling_beside
+from automos.tracking import completion
 
 AFTER = """
 from automos import compiling
@@ -46,3 +48,28 @@ def test_other_processes_are_started_only_where_they_help(monkeypatch, is_cold, 
     with compiling_beside(said.append, ("candidates", "objects")):
         assert [command[-1] for command in started] == (["candidates", "objects"] if starts else [])
     assert said == ([LINE] if is_cold else [])
+
+
+def test_a_run_is_cold_as_long_as_numba_finds_nothing_of_this_source(monkeypatch, tmp_path):
+    source = tmp_path / "small.py"
+    source.write_text("import numba\n\n\n@numba.njit(cache=True)\ndef one_more(x):\n    return x + 1\n")
+
+    def is_cold():  # in a process that starts now
+        spec = importlib.util.spec_from_file_location("small", source)
+        spec.loader.exec_module(module := importlib.util.module_from_spec(spec))
+        monkeypatch.setattr(completion, "_fill", module.one_more)
+        return compiling.is_cold()
+
+    assert is_cold()
+    assert completion._fill(1) == 2
+    assert not is_cold()
+    for kept in tmp_path.rglob("*.nb[ic]"):  # copied from elsewhere, with the times of then
+        os.utime(kept, (0, 0))
+    assert not is_cold()
+    source.write_text(source.read_text().replace("x + 1", "x + 1 + 0"))
+    assert is_cold()
+
+
+def test_where_numba_does_not_compile_nothing_is_cold(monkeypatch):
+    monkeypatch.setattr(completion, "_fill", lambda: None)
+    assert not compiling.is_cold()

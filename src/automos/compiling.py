@@ -13,7 +13,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -65,14 +64,18 @@ def _started(share: str) -> subprocess.Popen:
 
 
 def is_cold() -> bool:
-    """Return whether the kernel that a run needs last was not compiled since this copy was installed."""
+    """Return whether numba would compile the kernel that a run needs last, instead of finding it on disk.
+
+    Numba is asked, which knows of what source, by which version and for which processor each file on disk is.
+    """
     from automos.tracking import completion
 
-    kept = getattr(completion._fill, "stats", None)
-    if kept is None or kept.cache_path is None:  # numba was told not to compile, or has no place for what it compiles
+    kernel = completion._fill
+    index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+    if index is None:  # numba was told not to compile, or has no place for what it compiles
         return False
-    source = Path(completion.__file__).stat().st_mtime
-    return not any(file.stat().st_mtime >= source for file in Path(kept.cache_path).glob("completion._fill-*.nbi"))
+    processor = kernel.targetctx.codegen().magic_tuple()
+    return not any(made_for == processor for _, made_for, _ in index._load_index())
 
 
 def compile_all() -> None:
@@ -130,7 +133,7 @@ def _box_center(time: float | np.ndarray) -> np.ndarray:
 
 def made_up_sweep(stamp: float) -> np.ndarray:
     """Return (N, 3) points: in a walled square, a box as large as a car overtakes the sensor."""
-    turn, elevation = np.meshgrid(np.arange(0.1, 360.0, 0.8) / 360.0, np.linspace(-0.38, 0.07, 32), indexing="ij")
+    turn, elevation = np.meshgrid(np.arange(0.1, 360.0, 1.4) / 360.0, np.linspace(-0.38, 0.07, 32), indexing="ij")
     azimuth, time = 2.0 * np.pi * turn.ravel() - np.pi, stamp + 0.1 * turn.ravel() - 0.05
     rays = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation.ravel())])
     sensor = _SPEED * time[:, None] * np.array([1.0, 0.0, 0.0]) + _SENSOR
