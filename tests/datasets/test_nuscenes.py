@@ -141,6 +141,14 @@ def test_damaged_tables_are_told(root, table):
         open_sequence(root)
 
 
+@pytest.mark.parametrize("rows", ["{}", '["a"]', "3"])
+def test_a_table_that_is_no_list_of_rows_is_told(root, rows):
+    (root / "v1.0-mini" / "sample.json").write_text(rows)
+    nuscenes._read.cache_clear()
+    with pytest.raises(InputError, match=r"sample.json is damaged \(it is no list of rows\)"):
+        open_sequence(root)
+
+
 def test_a_pose_that_is_not_in_the_table_is_told(root):
     path = root / "v1.0-mini" / "ego_pose.json"
     path.write_text(json.dumps(json.loads(path.read_text())[1:]))
@@ -149,14 +157,14 @@ def test_a_pose_that_is_not_in_the_table_is_told(root):
         open_sequence(root)
 
 
-@pytest.mark.parametrize("rotation", [[0, 0, 0, 0], [2, 0, 0, 0], [float("nan")] * 4])
+@pytest.mark.parametrize("rotation", [[0, 0, 0, 0], [2, 0, 0, 0], [float("nan")] * 4, ["a"] * 4, None])
 def test_a_pose_that_is_no_rotation_is_told_with_its_table(root, rotation):
     path = root / "v1.0-mini" / "ego_pose.json"
     rows = json.loads(path.read_text())
     rows[1]["rotation"] = rotation
     path.write_text(json.dumps(rows))
     nuscenes._read.cache_clear()
-    with pytest.raises(InputError, match=r"ego_pose.json holds a pose that is none"):
+    with pytest.raises(InputError, match=r"ego_pose.json (holds a pose that is none|is damaged)"):
         open_sequence(root)
 
 

@@ -22,7 +22,7 @@ from automos.datasets.listed import ListedSequence
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
 from automos.labels import Label
-from automos.reading import is_there, read_json
+from automos.reading import damage_told, is_there, read_json
 from automos.scan import Pose, Scan
 
 _CHANNEL = "LIDAR_TOP"
@@ -109,6 +109,8 @@ def _read(tables: Path, name: str) -> list[Row]:
     path = tables / f"{name}.json"
     try:
         rows = read_json(path)
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise ValueError("it is no list of rows")
     except FileNotFoundError:
         raise InputError(f"{path} is missing; unpack the metadata of nuScenes again") from None
     except (OSError, ValueError) as error:
@@ -152,8 +154,9 @@ def _poses_of(tables: Path, sweeps: list[Row]) -> Pose:
 
 def _transforms(rows: list[Row], path: Path) -> Pose:
     """Return (N, 4, 4) of rows of the table at `path` with a translation and a rotation, scalar first."""
-    quaternions = np.roll([row["rotation"] for row in rows], -1, axis=1)
-    return from_quaternions([row["translation"] for row in rows], quaternions, path)
+    with damage_told(path):
+        quaternions = np.roll([row["rotation"] for row in rows], -1, axis=1)
+        return from_quaternions([row["translation"] for row in rows], quaternions, path)
 
 
 def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
