@@ -165,6 +165,14 @@ def test_columns_that_are_gone_or_of_another_kind_are_told_with_the_file(tmp_pat
     assert file in str(told.value)
 
 
+def test_a_column_that_is_there_twice_is_told(tmp_path):
+    folder = write_log(tmp_path / "7fab", street_log())
+    table = feather.read_table(folder / "annotations.feather")
+    feather.write_feather(table.append_column("tx_m", table["ty_m"]), folder / "annotations.feather")
+    with pytest.raises(InputError, match=r"annotations.feather has two columns of one name"):
+        open_sequence(folder).truth(0)
+
+
 def test_a_log_without_the_extra_names_the_command_to_install_it(folder, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.feather", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[arrow\]'"):

@@ -220,6 +220,8 @@ def _read(path: Path) -> Table:
         raise
     except (OSError, UnicodeError, arrow.ArrowException) as error:
         raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
+    if len(set(names)) < len(names):
+        raise InputError(f"{path} has two columns of one name; download it again")
     empty = [name for name in names if table[name].null_count]
     if empty:
         raise InputError(f"{path} has rows without {', '.join(empty)}; download it again")
