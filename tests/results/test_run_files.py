@@ -116,6 +116,7 @@ def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog)
         (["tracks", 0, "boxes", 0, "center", 1], float("nan"), "finite number"),
         (["tracks", 0, "boxes", 0, "size", 0], -1.0, "greater than or equal to 0"),
         (["tracks", 0, "boxes", 0, "scan"], 3, "boxes of more than 3 scans"),
+        (["tracks", 1, "boxes", 0, "scan"], 1, "a track has two boxes in a scan"),
         (["tracks", 0, "boxes", 0, "scan"], 1.5, "scan"),
     ],
 )

@@ -81,8 +81,11 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
         ids = [track["id"] for track in document["tracks"]]
         if len(set(ids)) < len(ids):
             raise ValueError("two tracks have one id")
-        if any(box["scan"] >= n_scans for track in document["tracks"] for box in track["boxes"]):
+        scans = [[box["scan"] for box in track["boxes"]] for track in document["tracks"]]
+        if any(max(of_track) >= n_scans for of_track in scans):
             raise ValueError(f"it has boxes of more than {n_scans} scans")
+        if any(len(set(of_track)) < len(of_track) for of_track in scans):
+            raise ValueError("a track has two boxes in a scan")
     except FileNotFoundError:
         raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
     except (OSError, ValueError) as error:
