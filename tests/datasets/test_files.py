@@ -99,3 +99,9 @@ def test_a_folder_of_a_scans_number_is_told_not_left_out(tmp_path):
         list_scans(tmp_path)
     (tmp_path / "1.bin").rename(tmp_path / "maps.ply")
     assert list_scans(tmp_path)[0] == ["0.bin", "2.bin"]
+
+
+def test_a_link_to_itself_is_told_by_its_name(tmp_path):
+    (touch(tmp_path, "0.bin") / "1.bin").symlink_to("1.bin")
+    with pytest.raises(InputError, match=r"1\.bin cannot be read"):
+        list_scans(tmp_path)

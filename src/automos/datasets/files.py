@@ -180,7 +180,7 @@ def _point_files(folder: Path) -> list[str]:
         with os.scandir(folder) as entries:
             return [entry.name for entry in entries if _is_point_file(entry)]
     except OSError as error:
-        raise InputError(f"{folder} cannot be read: {error.strerror}") from None
+        raise InputError(f"{error.filename or folder} cannot be read: {error.strerror}") from None
 
 
 def _is_point_file(entry: os.DirEntry[str]) -> bool:
