@@ -15,8 +15,9 @@ from worlds import World, iou_of_moving, lane, write_bins
 
 from automos import __version__, labeling
 from automos.cli import main
+from automos.cli.consoles import output
 from automos.labels import Label, to_mos
-from automos.pose_files import write_kitti
+from automos.pose_files import write_kitti, write_tum
 from automos.settings import load_settings
 
 
@@ -391,6 +392,21 @@ def test_options_reach_the_settings_that_are_used(automos, log, poses, tmp_path)
     assert ended.code == 0
     used = load_settings("default", tmp_path / "out" / "settings.yaml")
     assert (used.tracking.max_misses, used.instances.max_range) == (2, 50.0)
+
+
+def test_what_the_library_warns_of_is_told_once(automos, world, log, tmp_path):
+    (tmp_path / "log" / "times.txt").write_text("".join(f"{0.1 * i:.1f}\n" for i in range(8)))
+    write_tum(tmp_path / "poses.tum", world.poses, 1000.0 + 0.1 * np.arange(8))
+    for _ in range(2):  # each command tells it
+        ended = automos("label", log, "--out", tmp_path / "out", "--poses", tmp_path / "poses.tum", "--workers", 1)
+        assert ended.code == 0
+        assert ended.err.count("poses.tum runs on another clock than the scans") == 1
+        assert f"warning: {tmp_path / 'poses.tum'} runs on another clock" in ended.err
+
+
+def test_names_of_files_that_are_printed_give_the_terminal_no_orders(capsys):
+    output.print(Path("\x1b[2Jrun"))
+    assert capsys.readouterr().out == "\N{REPLACEMENT CHARACTER}[2Jrun\n"
 
 
 def test_settings_are_printed_as_a_settings_file(automos):

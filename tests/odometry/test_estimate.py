@@ -1,5 +1,3 @@
-import logging
-
 import numpy as np
 import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
@@ -71,14 +69,12 @@ def test_short_recordings_have_trajectories(scans, n, refine):
     assert np.isfinite(trajectory.sweep_motion).all()
 
 
-def test_empty_scans_are_bridged_and_said(scans, caplog):
+def test_empty_scans_are_bridged_and_said(scans):
     holed = [EMPTY if i in (8, 9) else scan for i, scan in enumerate(scans)]
-    with caplog.at_level(logging.WARNING):
-        trajectory = estimate_trajectory(sequence_of(holed), REFINED)
+    trajectory = estimate_trajectory(sequence_of(holed), REFINED)
     assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.08
     (warning,) = trajectory.diagnostics["warnings"]
     assert "scans with too few points to register: 2 (first: 000008)" in warning
-    assert warning in caplog.text
 
 
 def test_a_recording_without_any_point_stands_still_and_says_why():

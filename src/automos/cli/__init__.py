@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 from typing import Annotated, NoReturn
@@ -11,7 +10,7 @@ import typer
 from rich.text import Text
 
 from automos.cli.compare import compare_app
-from automos.cli.consoles import console, output
+from automos.cli.consoles import console, output, set_up_logging
 from automos.cli.formats import formats_app
 from automos.cli.label import label_app
 from automos.cli.live import live_app
@@ -48,7 +47,7 @@ def _options(
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")
     ] = False,
 ) -> None:
-    logging.basicConfig(level=logging.DEBUG if debug else logging.ERROR, format="%(name)s: %(message)s")
+    set_up_logging(debug)
     _Debug.on = debug
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,7 +60,7 @@ def live(
     chosen = load_settings("default", settings, read_overrides(set_))
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
-    with ExitStack() as stack, _told_warnings():
+    with ExitStack() as stack:
         stack.callback(feed.stop)
         if out is not None:
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
@@ -107,22 +105,6 @@ def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack:
     shown = LiveView(viewer, name, points)
     stack.callback(shown.close)  # before the viewer itself
     return shown.show
-
-
-@contextmanager
-def _told_warnings() -> Iterator[None]:
-    """Print the library's warnings as sentences as they come."""
-    handler = logging.Handler(logging.WARNING)
-    handler.emit = lambda record: console.print(f"warning: {record.getMessage()}", markup=False, soft_wrap=True)  # type: ignore[method-assign]
-    log = logging.getLogger("automos")
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-        log.removeHandler(handler)
 
 
 class _Line:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -26,8 +25,6 @@ from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
-
-_log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
 
@@ -80,8 +77,6 @@ def estimate_trajectory(
             warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")
         if settings.loop_closure:
             poses, figures["loops_closed"] = close_loops(sequence, poses, T_level_world, timing, clock, settings)
-    for warning in warnings:
-        _log.warning("%s: %s", sequence.name, warning)
     motion = timing.share * step_twists(poses, clock.gaps)
     return Trajectory(poses, clock.stamps, motion, timing, T_level_world, {"warnings": warnings, **figures})
 
