@@ -130,6 +130,15 @@ def test_messages_out_of_the_order_of_time_are_put_in_order(tmp_path):
     assert "scan 000003 is 0.10 s before the one that comes ahead of it, 000002" in warning
 
 
+def test_messages_that_were_lost_are_told(tmp_path):
+    path = write_bag(tmp_path / "log", {"/p": number(4)})
+    assert open_sequence(path).warnings == []
+    text = (path / "metadata.yaml").read_text()
+    (path / "metadata.yaml").write_text(text.replace("message_count: 4", "message_count: 5"))
+    (warning,) = open_sequence(path).warnings
+    assert "holds 4 of the 5 messages that its bag counts; it was cut or damaged" in warning
+
+
 def test_messages_recorded_twice_are_recognised(tmp_path):
     messages = number(4, stamps=[1.0, 1.1, 1.1, 1.2])
     messages[2] = (messages[2][0], 1.1, messages[1][2])

@@ -91,8 +91,10 @@ class RosbagSequence(Sequence):
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong with the order of the messages and the times of their points."""
-        return [*self._warnings, *self._point_times.warnings]
+        """What is wrong with the number and the order of the messages and the times of their points."""
+        counted = sum(connection.msgcount for connection in self._connections())
+        lost = f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts; it was cut or damaged"
+        return [*([lost] if counted > len(self) else []), *self._warnings, *self._point_times.warnings]
 
     @property
     def repeats(self) -> Mask:
