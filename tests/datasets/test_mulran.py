@@ -52,6 +52,15 @@ def test_an_incomplete_cloud_has_neither_beam_nor_time(folder):
     assert (len(scan), scan.ring, scan.time) == (100, None, None)
 
 
+def test_a_drive_whose_poses_are_a_link_to_nothing_is_no_plain_folder(folder):
+    (folder / "global_pose.csv").unlink()
+    (folder / "global_pose.csv").symlink_to("elsewhere.csv")
+    sequence = open_sequence(folder)
+    assert (sequence.name, sequence[0].time is not None) == ("DCC01", True)
+    with pytest.raises(InputError, match=r"global_pose\.csv is missing"):
+        _ = sequence.reference_poses
+
+
 def test_what_is_cut_short_or_missing_is_told(folder):
     first = min((folder / "Ouster").iterdir())
     first.write_bytes(first.read_bytes()[:-3])

@@ -16,6 +16,7 @@ from automos.datasets.formats import Format, recordings_at
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
+from automos.reading import is_there
 from automos.scan import Pose
 
 _SCANS, _POSES = "pcds", Path("poses") / "gt_poses.txt"
@@ -27,7 +28,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _is_recording(path: Path) -> bool:
-    return (path / _SCANS).is_dir() and (path / _POSES).exists()
+    return (path / _SCANS).is_dir() and is_there(path / _POSES)
 
 
 class ApolloSequence(FolderSequence):

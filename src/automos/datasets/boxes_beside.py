@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import motion_with_boxes
+from automos.datasets.box_truth import checked_boxes, motion_with_boxes
+from automos.datasets.stamped_poses import rigid_transforms
 from automos.errors import InputError
 from automos.geometry import transform
 from automos.labels import Label
-from automos.reading import read_json
+from automos.reading import is_there, read_json
 from automos.scan import Pose, Scan
 from automos.upright_boxes import Boxes
 
@@ -27,11 +28,11 @@ def motion_beside(
     ------
     InputError : a file of boxes that is damaged.
     """
-    if truth is None or not (source / FOLDER / f"{names[index]}.json").exists():
+    if truth is None or not is_there(source / FOLDER / f"{names[index]}.json"):
         return None
     ids, boxes, T_level_sensor = _read(source / FOLDER / f"{names[index]}.json")
     later = (np.zeros(0, np.int64), Boxes.empty())
-    if index + 1 < len(names) and (source / FOLDER / f"{names[index + 1]}.json").exists():
+    if index + 1 < len(names) and is_there(source / FOLDER / f"{names[index + 1]}.json"):
         later = _read(source / FOLDER / f"{names[index + 1]}.json")[:2]
     points = transform(T_level_sensor, scan.points)
     instance = (truth >> 16).astype(np.int64)
@@ -46,7 +47,8 @@ def _read(path: Path) -> tuple[npt.NDArray[np.int64], Boxes, Pose]:
         rows = document["boxes"]
         columns = [np.array([row[key] for row in rows], np.float64) for key in ("center", "size", "yaw")]
         ids = np.array([row["id"] for row in rows], np.int64)
-        boxes = Boxes(columns[0].reshape(-1, 3), columns[1].reshape(-1, 3), columns[2], np.ones(len(ids)))
-        return ids, boxes, np.array(document["T_level_sensor"], np.float64).reshape(4, 4)
+        center, size, yaw = columns[0].reshape(-1, 3), columns[1].reshape(-1, 3), columns[2].reshape(len(ids))
+        T_level_sensor = np.array(document["T_level_sensor"], np.float64).reshape(4, 4)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is no file of boxes ({error!r}); simulate the recording again") from None
+    return ids, checked_boxes(center, size, yaw, path), rigid_transforms(T_level_sensor[None], path)[0]

@@ -25,7 +25,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _has_splits(folder: Path) -> bool:
-    return any((folder / name).exists() for name in _SPLITS)
+    return any(is_there(folder / name) for name in _SPLITS)
 
 
 class HelimosSequence(KittiSequence):

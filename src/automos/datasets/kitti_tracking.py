@@ -38,12 +38,12 @@ _WORDS = (17, 18)
 
 def find(path: Path) -> list[Path]:
     """Return the sequences at `path`: itself, or those of a split or of the root, by name."""
-    if path.is_dir() and path.parent.name == "velodyne" and _calib_of(path).exists():
+    if path.is_dir() and path.parent.name == "velodyne" and is_there(_calib_of(path)):
         return [path]
     root = path / "training" if (path / "training" / "velodyne").is_dir() else path
     if not (root / "velodyne").is_dir():
         return []
-    return sorted(p for p in (root / "velodyne").iterdir() if p.is_dir() and _calib_of(p).exists())
+    return sorted(p for p in (root / "velodyne").iterdir() if p.is_dir() and is_there(_calib_of(p)))
 
 
 def _calib_of(path: Path) -> Path:

@@ -17,6 +17,7 @@ from automos.datasets.listed import ListedSequence, stamped_files
 from automos.datasets.records import read_records, read_table
 from automos.datasets.stamped_poses import poses_at, rigid_transforms, sensor_poses
 from automos.geometry import make_transform
+from automos.reading import is_there
 from automos.scan import Pose, Scan
 
 _SCANS, _POSES = "Ouster", "global_pose.csv"
@@ -31,7 +32,7 @@ def find(path: Path) -> list[Path]:
 
 def _is_recording(path: Path) -> bool:
     # HeLiPR has a folder of the same name, but below LiDAR/ and with poses elsewhere.
-    return (path / _SCANS).is_dir() and (path / _POSES).exists()
+    return (path / _SCANS).is_dir() and is_there(path / _POSES)
 
 
 class MulranSequence(ListedSequence):

@@ -46,7 +46,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _is_tables(path: Path) -> bool:
-    return all((path / f"{name}.json").exists() for name in ("scene", "sample", "sample_data"))
+    return all(is_there(path / f"{name}.json") for name in ("scene", "sample", "sample_data"))
 
 
 class NuscenesSequence(ListedSequence):

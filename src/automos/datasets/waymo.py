@@ -42,7 +42,7 @@ _BOX = "[LiDARBoxComponent].box"
 def find(path: Path) -> list[Path]:
     """Return the segments at `path`: itself, those of its split, or those of all splits in it, by name."""
     if _is_split(path.parent) and not path.exists():
-        return [path] if _table(path, "lidar").exists() else []
+        return [path] if is_there(_table(path, "lidar")) else []
     if _is_split(path):
         return [path / table.stem for table in sorted((path / "lidar").glob("*.parquet"))]
     if not path.is_dir():
