@@ -83,3 +83,13 @@ def test_opensceneflow_finds_all_that_its_loader_asks_for(run, tmp_path):
         moved = first["lidar"][:, :3] @ ego[:3, :3].T + ego[:3, 3] - first["lidar"][:, :3]
         assert first["flow"][:][still] == pytest.approx(moved[still], abs=1e-4)
         assert first["flow_is_valid"][:].tolist() == scan_flow(run, 0).is_known.tolist()
+
+
+def test_opensceneflow_finds_the_last_scan_although_it_compares_times_as_text(run, tmp_path, monkeypatch):
+    h5py = pytest.importorskip("h5py", reason="reading needs h5py: pip install '.[flow]'")
+    monkeypatch.setattr("automos.export.opensceneflow.timestamps", lambda run: ["0", "900000000", "1000000000"])
+    out = export(run, "opensceneflow", tmp_path / "h5")
+    times = [stamp for _, stamp in pickle.loads((out / "index_total.pkl").read_bytes())]
+    assert times == sorted(times) == ["0000000000", "0900000000", "1000000000"]
+    with h5py.File(out / "street.h5") as file:
+        assert list(file) == times

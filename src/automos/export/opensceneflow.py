@@ -23,6 +23,9 @@ def write(run: RunFiles, out: Path) -> None:
     h5py = import_extra("h5py", "flow")
     out.mkdir(parents=True, exist_ok=True)
     name, stamps = run.sequence.name, timestamps(run)
+    # its loader finds a recording's last scan by comparing these as text: 1 s comes after 0.9 s
+    width = max(map(len, stamps))
+    stamps = [stamp.zfill(width) for stamp in stamps]
     with atomic_path(out / f"{name}.h5") as temporary, h5py.File(temporary, "w") as file:
         for index in run.each("writing flow"):
             for key, values in _group(run, index).items():
