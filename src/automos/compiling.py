@@ -8,7 +8,9 @@ one: when it gets there, those kernels are there. Shares have no kernel in commo
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -43,7 +45,7 @@ def compiling_beside(tell: Callable[[str], object], shares: tuple[str, ...]) -> 
         yield
         return
     tell(LINE)
-    beside = [_started(share) for share in shares] if available_cores() > 1 else []
+    beside = _started(shares) if available_cores() > 1 else []
     try:
         yield
     finally:
@@ -53,14 +55,19 @@ def compiling_beside(tell: Callable[[str], object], shares: tuple[str, ...]) -> 
                 process.wait()
 
 
-def _started(share: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "automos.compiling", share],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, **SAFE_PATH},
-    )
+def _started(shares: tuple[str, ...]) -> list[subprocess.Popen]:
+    """Start processes that compile `shares`: where one can part later, one, which reads the libraries for all."""
+    together = [shares] if sys.platform == "linux" else [(share,) for share in shares]
+    return [
+        subprocess.Popen(
+            [sys.executable, "-m", "automos.compiling", *some],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **SAFE_PATH},
+        )
+        for some in together
+    ]
 
 
 def is_cold() -> bool:
@@ -81,6 +88,17 @@ def is_cold() -> bool:
 def compile_all() -> None:
     """Label a small recording, so that all that labelling needs is compiled."""
     _small_run().labels()
+
+
+def compile_shares(shares: list[str]) -> None:
+    """Compile the kernels of several shares, each in a process that parts from this one and ends when this is ended."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends daemons first
+    context = multiprocessing.get_context("fork")
+    parts = [context.Process(target=compile_share, args=(share,), daemon=True) for share in shares]
+    for part in parts:
+        part.start()
+    for part in parts:
+        part.join()
 
 
 def compile_share(share: str) -> None:
@@ -145,7 +163,9 @@ def made_up_sweep(stamp: float) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:]:
+    if len(sys.argv) > 2:
+        compile_shares(sys.argv[1:])
+    elif len(sys.argv) == 2:
         compile_share(sys.argv[1])
     else:
         compile_all()

@@ -107,7 +107,10 @@ def parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
 def cells_within(points, row_of_sine, reach, cell):  # type: ignore[no-untyped-def]
     """Write the cell (row times columns plus column) of each point nearer than its cell's reach."""
     h, w = reach.shape
-    farthest = reach.max()
+    farthest = np.float32(0.0)
+    for v in range(h):  # `reach.max()` takes most of a second to compile
+        for u in range(w):
+            farthest = max(farthest, reach[v, u])
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         if x * x + y * y + z * z < farthest * farthest:

@@ -196,7 +196,10 @@ def _summarise(ids, points, has_moved, has_stayed):  # type: ignore[no-untyped-d
         for a in range(2):
             low[s, a] = min(low[s, a], points[i, a])
             high[s, a] = max(high[s, a], points[i, a])
-    return count, moved, stayed, np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])
+    extent = np.empty(n)
+    for s in range(n):
+        extent[s] = max(high[s, 0] - low[s, 0], high[s, 1] - low[s, 1])
+    return count, moved, stayed, extent
 
 
 @kernel

@@ -75,7 +75,10 @@ def _extents(points, ids, stayed, boxes, segments):  # type: ignore[no-untyped-d
     The own extent of a segment is surer than its filtered box; what was not seen has the box.
     """
     low, high = np.full((len(boxes), 2), np.inf), np.full((len(boxes), 3), -np.inf)
-    box_of = np.full(max(segments.max(), 0) + 1, -1)
+    n_segments = 1
+    for b in range(len(boxes)):  # `segments.max()` takes a second to compile
+        n_segments = max(n_segments, segments[b] + 1)
+    box_of = np.full(n_segments, -1)
     for b in range(len(boxes)):
         if segments[b] >= 0:
             box_of[segments[b]] = b
