@@ -13,7 +13,7 @@ import pytest
 import yaml
 from worlds import World, iou_of_moving, lane, write_bins
 
-from automos import __version__, labeling
+from automos import __version__, cli, labeling
 from automos.cli import main
 from automos.cli.consoles import output
 from automos.labels import Label, to_mos
@@ -249,11 +249,12 @@ def test_labels_of_the_wrong_length_cannot_be_scored(automos, log, tmp_path):
     assert ended.out == ""
 
 
-def test_ctrl_c_says_that_the_same_command_goes_on(automos, log, monkeypatch):
+@pytest.mark.parametrize("place", [(labeling, "label"), (cli, "app")], ids=["at work", "before the command"])
+def test_ctrl_c_says_that_the_same_command_goes_on(automos, log, monkeypatch, place):
     def interrupt(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(labeling, "label", interrupt)
+    monkeypatch.setattr(*place, interrupt)
     ended = automos("label", log)
     assert ended.code == 130
     assert "the same command goes on from here" in ended.err

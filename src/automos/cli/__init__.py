@@ -117,7 +117,8 @@ def main() -> None:
         if _Debug.on:
             raise
         _tell(_refused(error))
-    except SystemExit as leaving:
-        if leaving.code == 130:  # what typer makes of Ctrl-C
+    except (KeyboardInterrupt, SystemExit) as leaving:
+        code = 130 if isinstance(leaving, KeyboardInterrupt) else leaving.code  # what typer makes of it, once it runs
+        if code == 130:
             console.print("interrupted; the same command goes on from here", soft_wrap=True)
-        raise
+        sys.exit(code)
