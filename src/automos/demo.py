@@ -21,7 +21,7 @@ from automos.simulation import SimulatedSequence, simulate
 from automos.tracking.verdict import Verdict
 from automos.visualization.topdown import View, draw_views
 
-SCENARIO, SENSOR, SCANS, SEED = "city", "HDL-64E", 40, 3
+SCENARIO, SENSOR, SCANS, SEED = "city", "HDL-64E", 30, 3
 RADIUS = 45.0
 """Metres around the sensor that the picture shows."""
 
@@ -60,11 +60,14 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
 
 
 def _record(world: SimulatedSequence, progress: Callable[[str, int, int], None]) -> tuple[list[Scan], list[np.ndarray]]:
+    from threadpoolctl import threadpool_limits
+
     scans, truth = [], []
-    for i in range(len(world)):
-        scans.append(world[i])
-        truth.append(to_mos(world.truth(i)))
-        progress("simulation", i + 1, len(world))
+    with threadpool_limits(1, "blas"):  # small products, at which more threads only wait: the other cores compile
+        for i in range(len(world)):
+            scans.append(world[i])
+            truth.append(to_mos(world.truth(i)))
+            progress("simulation", i + 1, len(world))
     return scans, truth
 
 
