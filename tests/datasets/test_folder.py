@@ -170,6 +170,14 @@ def test_six_columns_are_never_guessed_because_three_fit_as_well(tmp_path):
     assert [len(scan) for scan in open_sequence(folder, "bin6")] == [7, 11, 13]
 
 
+def test_a_bin_file_cut_to_what_three_columns_fit_is_told_among_those_of_four(tmp_path):
+    folder = write_bins(tmp_path / "scans", 4, [12, 12, 12])
+    (folder / "1.bin").write_bytes((folder / "1.bin").read_bytes()[:-12])
+    with pytest.raises(InputError, match=r"1\.bin has 180 bytes, no multiple of a point \(4 float32"):
+        open_sequence(folder)
+    assert [len(scan) for scan in open_sequence(folder, "bin3")] == [16, 15, 16]
+
+
 def test_a_bin_file_cut_short_is_told_by_name_and_size(kitti):
     path = kitti / "velodyne" / "000001.bin"
     path.write_bytes(path.read_bytes()[:-8])

@@ -50,8 +50,8 @@ def guess_codec(paths: Sequence[Path]) -> str:
             f"{paths[odd]} has {sizes[odd]} bytes, which fits 3 and 6 float32 columns but not 4; "
             "say which with --format bin3 or --format bin6"
         )
-    elif _all_multiples(sizes, 12):
-        codec = "bin3"
+    elif _all_multiples(sizes, 12) and sum(size % 16 == 0 for size in sizes) < 0.5 * len(sizes):
+        codec = "bin3"  # of which a quarter fit 16 bytes; where most do, the odd one is cut, and 12 fit by chance
     else:
         raise InputError(_bad_size(paths[odd], sizes[odd], 4))
     logger.warning("%s: file sizes fit %d float32 columns, not 4; read so", paths[0].parent, WIDTHS[codec])
