@@ -1,6 +1,9 @@
 """Scene flow as other programs read it."""
 
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +96,21 @@ def test_opensceneflow_finds_the_last_scan_although_it_compares_times_as_text(ru
     assert times == sorted(times) == ["0000000000", "0900000000", "1000000000"]
     with h5py.File(out / "street.h5") as file:
         assert list(file) == times
+
+
+def test_a_full_disk_is_a_sentence_for_opensceneflow_too(run, tmp_path):
+    pytest.importorskip("h5py", reason="writing needs h5py: pip install '.[flow]'")
+    pytest.importorskip("resource", reason="Windows limits no file")
+    script = (
+        "import resource, sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])\n"
+        "from made_run import export, make_run; from automos.errors import InputError\n"
+        "run = make_run(Path(sys.argv[2]) / 'run')\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))\n"
+        "try: export(run, 'opensceneflow', Path(sys.argv[2]) / 'flow')\n"
+        "except InputError as error: print(error)\n"
+    )
+    words = [sys.executable, "-c", script, str(Path(__file__).parent.parent), str(tmp_path / "limited")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "street.h5 could not be written" in done.stdout
+    assert not list((tmp_path / "limited" / "flow").iterdir())

@@ -26,7 +26,8 @@ def write(run: RunFiles, out: Path) -> None:
     # its loader finds a recording's last scan by comparing these as text: 1 s comes after 0.9 s
     width = max(map(len, stamps))
     stamps = [stamp.zfill(width) for stamp in stamps]
-    with atomic_path(out / f"{name}.h5") as temporary, h5py.File(temporary, "w") as file:
+    # Through Python's file: where the disk is full, HDF5's own ends the process.
+    with atomic_path(out / f"{name}.h5") as temporary, temporary.open("w+b") as raw, h5py.File(raw, "w") as file:
         for index in run.each("writing flow"):
             for key, values in _group(run, index).items():
                 file.create_dataset(f"{stamps[index]}/{key}", data=values)
