@@ -26,7 +26,7 @@ from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.online.intake import Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan, objects_of
-from automos.online.odometry import Moved
+from automos.online.sighting import Sighting
 from automos.online.stream import Stream
 from automos.parallel import available_cores, checked_workers, one_ahead
 from automos.scan import Scan
@@ -39,11 +39,11 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """A scan that has come, what it is to the stream, and how the sensor moved, if that was asked ahead."""
+    """A scan that has come, what it is to the stream, and what it tells, if that was asked ahead."""
 
     scan: Scan
     about: Taken
-    moved: Moved | None = None
+    sighted: Sighting | None = None
 
 
 class Labeler:
@@ -111,7 +111,7 @@ class Labeler:
         return self._label(_Arrived(scan, self._intake.take(scan)))
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
-        """Yield what `push` returns of each of `scans`; how the sensor moves next is found out meanwhile.
+        """Yield what `push` returns of each of `scans`; what the next one sees, and from where, is found out meanwhile.
 
         On two cores that is more scans a second than by `push`, of which each waits for the one before. The next scan
         is taken from `scans` in a thread; one that was taken when the caller stops is left.
@@ -142,7 +142,7 @@ class Labeler:
         scan = as_scan(one)
         about = self._intake.take(scan)
         is_next = about.kind is Kind.NEXT
-        return _Arrived(scan, about, self._begin_stream().locate(_stamped(scan, about)) if is_next else None)
+        return _Arrived(scan, about, self._begin_stream().sight(_stamped(scan, about)) if is_next else None)
 
     def _label(self, arrived: _Arrived) -> list[LabelledScan]:
         """Return the scans whose lag is over with this one, in their order."""
@@ -154,7 +154,7 @@ class Labeler:
             self._end_stream()
         self._pending.append((index, about.kind, about.stamp, len(scan)))
         if about.kind in (Kind.NEXT, Kind.RESTART):
-            self._keep(self._begin_stream().push(index, _stamped(scan, about), arrived.moved))
+            self._keep(self._begin_stream().push(index, _stamped(scan, about), arrived.sighted))
         return self._in_order()
 
     def _begin_stream(self) -> Stream:

@@ -14,21 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Seen, look, ray_steps
+from automos.candidates.free_space_view import Seen, ray_steps
 from automos.detections import Detections
-from automos.geometry import inverse, make_transform
 from automos.instances.detect import recount
 from automos.labels import Label
-from automos.odometry.level import level_frame
-from automos.odometry.motion import usable_points
-from automos.odometry.trajectory import frame_of
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import FEW, Asked, Followed, Following
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
-from automos.online.lidars import LidarLearner
-from automos.online.odometry import CausalOdometry, Moved
-from automos.online.path import Posed
 from automos.online.renewal import Renewal
+from automos.online.sighting import Sighting, Sightings
 from automos.scan import Frame, Pose, Scan
 from automos.settings import Settings
 from automos.stages.candidates import candidates_of
@@ -79,11 +73,7 @@ class Stream:
         """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
-        self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
-        self._T_level_world: Pose = np.eye(4) if T_world_first is None else T_world_first
-        self._T_level_sensor = self._T_level_world
-        self._is_level = False
-        self._learner = LidarLearner(settings.candidates)
+        self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
         self._window = EvidenceWindow(settings.candidates.free_space)
         self._renewal = Renewal(settings.candidates.ground, pool)
         self._following = Following(settings.tracking, first_track)
@@ -91,6 +81,7 @@ class Stream:
         self._growing: deque[_Held] = deque()
         self._doubted: deque[_Held] = deque()
         self._start = np.inf
+        self._steps: npt.NDArray[np.float64] = np.zeros(2)
 
     @property
     def next_track(self) -> int:
@@ -100,49 +91,45 @@ class Stream:
     @property
     def T_world_sensor(self) -> Pose:
         """(4, 4) the latest scan's pose."""
-        return self._T_level_sensor
+        return self._sightings.T_level_sensor
 
-    def locate(self, scan: Scan) -> Moved:
-        """Return how the sensor moved up to `scan`: all that a scan tells before earlier ones are labelled."""
-        return self._odometry.step(scan)
+    def sight(self, scan: Scan) -> Sighting:
+        """Return what `scan`, which has points and a stamp, tells before earlier ones are labelled."""
+        return self._sightings.step(scan)
 
-    def push(self, number: int, scan: Scan, moved: Moved | None = None) -> Iterator[LabelledScan]:
-        """Yield the scans whose lag is over with this one, which is `number` and has points and a stamp.
+    def push(self, number: int, scan: Scan, sighted: Sighting | None = None) -> Iterator[LabelledScan]:
+        """Yield the scans whose lag is over with this one, which is `number`.
 
         Parameters
         ----------
-        moved : what `locate` has returned of it, if it was asked ahead.
+        sighted : what `sight` has returned of it, if it was asked ahead.
         """
         grown = self._grow(scan.stamp)
-        moved = moved or self.locate(scan)
-        self._start = min(self._start, moved.stamp)
-        self._renew(moved)
+        sighted = sighted or self.sight(scan)
+        self._start = min(self._start, sighted.stamp)
+        self._renew(sighted)
         grown += self._doubt()
-        if not self._is_level:
-            self._find_level(scan, moved.posed)
-        self._T_level_sensor = self._T_level_world @ moved.posed.T_world_sensor
-        held = _Held(number, moved.stamp, _make_frame(scan, moved.posed, self._T_level_sensor, moved.stamp))
+        held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
-        self._look(held)
+        if held.seen is not None:
+            self._steps = ray_steps(sighted.lidars)
+            self._window.add(held.stamp, held.seen)
         self._find_segments(held)
         for done in grown:
             self._following.renew(*done.result())
         yield from self._give_back(held.stamp)
 
-    def _renew(self, moved: Moved) -> None:
+    def _renew(self, sighted: Sighting) -> None:
         """Make anew what earlier scans saw, while another path catches up; take all of it over once it has."""
-        for came, posed in moved.again:
-            held = next((h for h in (*self._held, *self._growing) if h.stamp == came.stamp), None)
-            frame = _make_frame(came.scan, posed, self._T_level_world @ posed.T_world_sensor, came.stamp)
-            self._renewal.add(frame, self._learner.lidars, held is not None)
-        if moved.T_before_now is None:
+        for frame in sighted.again:
+            is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
+            self._renewal.add(frame, sighted.lidars_before, is_held)
+        if sighted.T_after_before is None:
             return
-        T_level_before, self._T_level_world = self._T_level_world, self._T_level_world @ moved.T_before_now
-        frames = self._renewal.take_over(self._T_level_world @ inverse(T_level_before), self._window)
+        frames = self._renewal.take_over(sighted.T_after_before, self._window)
         for held in (*self._held, *self._growing):
             if held.stamp in frames:
                 held.frame, held.seen = frames[held.stamp]
-        self._learner.forget_poses()
         self._doubted = deque(self._growing)
 
     def _grow(self, now: float | None) -> list[_Recounted]:
@@ -183,34 +170,13 @@ class Stream:
         if self._held:
             yield from self._give_back(np.inf)
 
-    def _find_level(self, scan: Scan, posed: Posed) -> None:
-        """Turn the world upright at the first scan that shows the ground."""
-        points, _ = usable_points(scan, posed.timing, posed.sweep_motion, self._settings.odometry)
-        T, found = level_frame([points], np.eye(4)[None], self._settings.odometry)
-        if found:
-            before = self._T_level_world @ posed.T_world_sensor
-            turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])
-            c, s = np.cos(turn), np.sin(turn)
-            T_level_sensor = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T
-            T_level_sensor[:2, 3] = before[:2, 3]
-            self._T_level_world = T_level_sensor @ inverse(posed.T_world_sensor)
-            self._is_level = True
-
-    def _look(self, held: _Held) -> None:
-        """Note what the scan saw, once it is known how the sensor's beams lie."""
-        self._learner.add(held.frame)
-        if self._learner.lidars:
-            held.seen = look(held.frame, self._learner.lidars, self._settings.candidates.ground)
-            self._window.add(held.stamp, held.seen)
-
     def _find_segments(self, held: _Held) -> None:
         """Make the scan's evidence and segments from all scans that are remembered."""
         if held.seen is None:
             return
         held.n_asked = len(self._window) - 1
         evidence = self._window.question(held.stamp, held.seen)(self._pool)
-        steps = ray_steps(self._learner.lidars)
-        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
+        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, self._steps)
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give_back(self, now: float) -> Iterator[LabelledScan]:
@@ -246,11 +212,6 @@ class Stream:
         confidence = painted["confidence"].astype(np.float32) / np.float32(255.0)
         objects = _objects(followed, np.unique(track[track >= 0]))
         return LabelledScan(held.number, held.stamp, frame.T_level_sensor, labels, track_ids, confidence, objects)
-
-
-def _make_frame(scan: Scan, posed: Posed, T_level_sensor: Pose, stamp: float) -> Frame:
-    """Return the valid points of `scan`, compensated for the motion during its sweep."""
-    return frame_of(scan, posed.timing, posed.sweep_motion, T_level_sensor, stamp)
 
 
 def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:

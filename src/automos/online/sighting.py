@@ -1,0 +1,99 @@
+"""Where each scan was taken from, and what it saw: all that it tells before earlier ones are labelled.
+
+So the next scan may be sighted while the last one is labelled.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from automos.candidates.free_space_view import Lidar, Seen, look
+from automos.geometry import inverse, make_transform
+from automos.odometry.level import level_frame
+from automos.odometry.motion import usable_points
+from automos.odometry.trajectory import frame_of
+from automos.online.lidars import LidarLearner
+from automos.online.odometry import CausalOdometry
+from automos.online.path import Posed
+from automos.scan import Frame, Pose, Scan
+from automos.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """What a scan tells.
+
+    Attributes
+    ----------
+    stamp : seconds.
+    frame : its points, compensated, level frame.
+    seen : what it saw; None while nothing is known of the sensor's beams.
+    lidars : the sensors as they are known with this scan.
+    again : earlier scans on another path that will be taken over, in the level frame as it was before.
+    lidars_before : the sensors as they were known before.
+    T_after_before : (4, 4) from the level frame before to that of the path which was taken over, in which the last scan
+        stays where it was; None where no other path was.
+    """
+
+    stamp: float
+    frame: Frame
+    seen: Seen | None
+    lidars: list[Lidar]
+    again: tuple[Frame, ...]
+    lidars_before: list[Lidar]
+    T_after_before: Pose | None
+
+
+class Sightings:
+    """The sightings of a stream, one after the other."""
+
+    def __init__(
+        self, settings: Settings, pool: ThreadPoolExecutor, is_compensated: bool | None, T_world_first: Pose | None
+    ):
+        """Take threads, and where an earlier stream has ended, which this one goes on from."""
+        self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
+        self._settings = settings
+        self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
+        self._learner = LidarLearner(settings.candidates)
+        self._T_level_world = self.T_level_sensor
+        self._is_level = False
+
+    def step(self, scan: Scan) -> Sighting:
+        """Return the sighting of the next scan."""
+        moved = self._odometry.step(scan)
+        again = tuple(self._frame(came.scan, posed, came.stamp) for came, posed in moved.again)
+        T_after_before = None
+        if moved.T_before_now is not None:
+            T_before, self._T_level_world = self._T_level_world, self._T_level_world @ moved.T_before_now
+            T_after_before = self._T_level_world @ inverse(T_before)
+            self._learner.forget_poses()
+        if not self._is_level:
+            self._find_level(scan, moved.posed)
+        frame = self._frame(scan, moved.posed, moved.stamp)
+        self.T_level_sensor = frame.T_level_sensor
+        before = self._learner.lidars
+        self._learner.add(frame)
+        lidars = self._learner.lidars
+        seen = look(frame, lidars, self._settings.candidates.ground) if lidars else None
+        return Sighting(moved.stamp, frame, seen, lidars, again, before, T_after_before)
+
+    def _frame(self, scan: Scan, posed: Posed, stamp: float) -> Frame:
+        """Return the valid points of `scan`, compensated for the motion during its sweep."""
+        T_level_sensor = self._T_level_world @ posed.T_world_sensor
+        return frame_of(scan, posed.timing, posed.sweep_motion, T_level_sensor, stamp)
+
+    def _find_level(self, scan: Scan, posed: Posed) -> None:
+        """Turn the world upright at the first scan that shows the ground."""
+        points, _ = usable_points(scan, posed.timing, posed.sweep_motion, self._settings.odometry)
+        T, found = level_frame([points], np.eye(4)[None], self._settings.odometry)
+        if found:
+            before = self._T_level_world @ posed.T_world_sensor
+            turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])
+            c, s = np.cos(turn), np.sin(turn)
+            T_level_sensor = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T
+            T_level_sensor[:2, 3] = before[:2, 3]
+            self._T_level_world = T_level_sensor @ inverse(posed.T_world_sensor)
+            self._is_level = True
