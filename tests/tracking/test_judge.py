@@ -7,6 +7,7 @@ from scipy.special import gammaln
 from automos.detections import Detections
 from automos.settings import JudgeSettings
 from automos.tracking.judge import (
+    LEAST_SOLID,
     LOOKS,
     MISJUDGED,
     MOVED,
@@ -162,10 +163,11 @@ def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
 def test_what_lets_through_the_rays_that_meet_it_is_porous():
     table, seen = one_track(STRAIGHT, n_points=100)
     share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
-    for solidity, porosity in ((1.0, 0.0), (share_of_a_face, 0.0), (0.5 * share_of_a_face, 0.5), (0.0, 1.0)):
+    cases = (1.0, 0.0), (share_of_a_face, 0.0), (0.5 * share_of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)
+    for solidity, through in cases:
         for one in seen:
             one.solidity[:] = solidity
-        assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(porosity)
+        assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(through, abs=1e-9)
 
 
 def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew():

@@ -51,7 +51,7 @@ class GateSettings(Group):
 class JudgeSettings(Group):
     """When a track counts as moving."""
 
-    min_probability: float = Field(0.8, gt=0, lt=1, description="of having moved, from which on it is labelled moving")
+    min_probability: float = Field(0.82, gt=0, lt=1, description="of having moved, from which on it is labelled moving")
 
 
 class CompletionSettings(Group):
