@@ -101,6 +101,19 @@ def test_the_room_for_scans_holds_one():
     assert latest.is_over
 
 
+def test_who_waits_to_put_a_scan_in_when_it_closes_leaves_none_out():
+    latest, one = Latest(), Scan(np.ones((1, 3), np.float32))
+    latest.put(one)
+    waiting = threading.Thread(target=latest.put, args=(one, True))
+    waiting.start()
+    time.sleep(0.05)
+    latest.close()
+    waiting.join(5.0)
+    assert (latest.offered, latest.left_out) == (1, 0)
+    assert latest.take(0.0) is one
+    assert latest.is_over
+
+
 def test_ctrl_c_gives_back_what_was_pushed_and_tells():
     class Interrupted(Slow):
         def push(self, scan):

@@ -23,10 +23,12 @@ class Latest:
         self.left_out, self.offered = 0, 0
 
     def put(self, scan: Scan, wait: bool = False) -> None:
-        """Put a scan in; where one is left, it is left out, or `wait`ed for."""
+        """Put a scan in; where one is left, it is left out, or `wait`ed for. After `close` it is not taken any more."""
         with self._changed:
             while wait and self._scan is not None and not self._is_closed:
                 self._changed.wait()
+            if self._is_closed:
+                return
             self.offered += 1
             self.left_out += self._scan is not None
             self._scan = scan
