@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """A scan that has come, what it is to the stream, and what it tells, if that was asked ahead."""
+    """A scan that has come, with its stamp, what it is to the stream, and what it tells, if that was asked ahead."""
 
     scan: Scan
     about: Taken
@@ -108,7 +108,7 @@ class Labeler:
         if math.isinf(self.lag):
             self._scans.append(scan)
             return []
-        return self._label(_Arrived(scan, self._intake.take(scan)))
+        return self._label(self._receive(scan))
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
         """Yield what `push` returns of each of `scans`; what the next one sees, and from where, is found out meanwhile.
@@ -139,10 +139,13 @@ class Labeler:
 
     def _arrive(self, one: Scan | npt.ArrayLike) -> _Arrived:
         """Return a scan with what can be found out before earlier ones are labelled."""
-        scan = as_scan(one)
+        arrived = self._receive(as_scan(one))
+        is_next = arrived.about.kind is Kind.NEXT
+        return replace(arrived, sighted=self._begin_stream().sight(arrived.scan)) if is_next else arrived
+
+    def _receive(self, scan: Scan) -> _Arrived:
         about = self._intake.take(scan)
-        is_next = about.kind is Kind.NEXT
-        return _Arrived(scan, about, self._begin_stream().sight(_stamped(scan, about)) if is_next else None)
+        return _Arrived(replace(scan, stamp=about.stamp), about)
 
     def _label(self, arrived: _Arrived) -> list[LabelledScan]:
         """Return the scans whose lag is over with this one, in their order."""
@@ -154,7 +157,7 @@ class Labeler:
             self._end_stream()
         self._pending.append((index, about.kind, about.stamp, len(scan)))
         if about.kind in (Kind.NEXT, Kind.RESTART):
-            self._keep(self._begin_stream().push(index, _stamped(scan, about), arrived.sighted))
+            self._keep(self._begin_stream().push(index, scan, arrived.sighted))
         return self._in_order()
 
     def _begin_stream(self) -> Stream:
@@ -228,10 +231,6 @@ def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
         return scan if stamp is None else replace(scan, stamp=float(stamp))
     except (TypeError, ValueError):
         raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
-
-
-def _stamped(scan: Scan, about: Taken) -> Scan:
-    return replace(scan, stamp=about.stamp)
 
 
 def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: LabelledScan | None) -> LabelledScan:

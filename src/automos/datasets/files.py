@@ -91,10 +91,14 @@ def find_copies(paths: Sequence[Path]) -> npt.NDArray[np.int64]:
     return copy_of
 
 
+def are_repeats(copy_of: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which scans hold what the one before them holds; see `find_copies`."""
+    return np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
+
+
 def copies_told(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
     """Return what to say where a scan holds what an earlier one holds, others between them; see `find_copies`."""
-    is_next = np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
-    copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~is_next)
+    copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~are_repeats(copy_of))
     if not len(copies):
         return []
     copy, first = names[copies[0]], names[copy_of[copies[0]]]

@@ -16,7 +16,7 @@ from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
-from automos.datasets.files import copies_told, find_copies, folders_told, holds_point_files, list_scans
+from automos.datasets.files import are_repeats, copies_told, find_copies, folders_told, holds_point_files, list_scans
 from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
@@ -113,7 +113,7 @@ class FolderSequence(Sequence):
     @cached_property
     def repeats(self) -> Mask:
         """(len,) bool: files that hold what the one before them holds."""
-        return np.concatenate([[False], self._copy_of[1:] == self._copy_of[:-1]])
+        return are_repeats(self._copy_of)
 
     @cached_property
     def T_camera_sensor(self) -> Pose | None:

@@ -43,6 +43,12 @@ class Tally:
     moving: int = 0
     milliseconds: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
+    def add(self, given: LabelledScan) -> None:
+        """Count one more labelled scan."""
+        self.labelled += 1
+        self.points += len(given.labels)
+        self.moving += int(np.count_nonzero(given.labels == Label.MOVING))
+
     def sentence(self, name: str) -> str:
         """Return it as a sentence for a terminal."""
         share = 100.0 * self.moving / max(self.points, 1)
@@ -93,9 +99,7 @@ def run_live(
     def give(done: Iterable[LabelledScan]) -> None:
         for given in done:
             scan = waiting.popleft()
-            tally.labelled += 1
-            tally.points += len(given.labels)
-            tally.moving += int(np.count_nonzero(given.labels == Label.MOVING))
+            tally.add(given)
             for sink in sinks:
                 sink(scan, given)
 

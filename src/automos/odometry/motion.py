@@ -146,9 +146,10 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     twist = np.asarray(twist, np.float64)
     if not np.any(twist):
         return points
+    # Contiguous, whatever they are a part of: the kernel is compiled once.
+    points, times = np.ascontiguousarray(points), np.ascontiguousarray(times)
     out = np.empty_like(points)
-    # contiguous, whatever they are a part of: the kernel is compiled once
-    _compensate(np.ascontiguousarray(points), np.ascontiguousarray(times), twist[:3], twist[3:], out)
+    _compensate(points, times, twist[:3], twist[3:], out)
     return out
 
 

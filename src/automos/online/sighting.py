@@ -33,7 +33,6 @@ class Sighting:
     seen : what it saw; None while nothing is known of the sensor's beams.
     lidars : the sensors as they are known with this scan.
     again : earlier scans on another path that will be taken over, in the level frame as it was before.
-    lidars_before : the sensors as they were known before.
     T_after_before : (4, 4) from the level frame before to that of the path which was taken over, in which the last scan
         stays where it was; None where no other path was.
     """
@@ -43,7 +42,6 @@ class Sighting:
     seen: Seen | None
     lidars: list[Lidar]
     again: tuple[Frame, ...]
-    lidars_before: list[Lidar]
     T_after_before: Pose | None
 
 
@@ -74,11 +72,10 @@ class Sightings:
             self._find_level(scan, moved.posed)
         frame = self._frame(scan, moved.posed, moved.stamp)
         self.T_level_sensor = frame.T_level_sensor
-        before = self._learner.lidars
         self._learner.add(frame)
         lidars = self._learner.lidars
         seen = look(frame, lidars, self._settings.candidates.ground) if lidars else None
-        return Sighting(moved.stamp, frame, seen, lidars, again, before, T_after_before)
+        return Sighting(moved.stamp, frame, seen, lidars, again, T_after_before)
 
     def _frame(self, scan: Scan, posed: Posed, stamp: float) -> Frame:
         """Return the valid points of `scan`, compensated for the motion during its sweep."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_view import Seen, ray_steps
+from automos.candidates.free_space_view import Lidar, Seen, ray_steps
 from automos.detections import Detections
 from automos.instances.detect import recount
 from automos.labels import Label
@@ -81,7 +81,7 @@ class Stream:
         self._growing: deque[_Held] = deque()
         self._doubted: deque[_Held] = deque()
         self._start = np.inf
-        self._steps: npt.NDArray[np.float64] = np.zeros(2)
+        self._lidars: list[Lidar] = []
 
     @property
     def next_track(self) -> int:
@@ -111,8 +111,8 @@ class Stream:
         grown += self._doubt()
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
+        self._lidars = sighted.lidars
         if held.seen is not None:
-            self._steps = ray_steps(sighted.lidars)
             self._window.add(held.stamp, held.seen)
         self._find_segments(held)
         for done in grown:
@@ -123,7 +123,7 @@ class Stream:
         """Make anew what earlier scans saw, while another path catches up; take all of it over once it has."""
         for frame in sighted.again:
             is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
-            self._renewal.add(frame, sighted.lidars_before, is_held)
+            self._renewal.add(frame, self._lidars, is_held)
         if sighted.T_after_before is None:
             return
         frames = self._renewal.take_over(sighted.T_after_before, self._window)
@@ -176,7 +176,8 @@ class Stream:
             return
         held.n_asked = len(self._window) - 1
         evidence = self._window.question(held.stamp, held.seen)(self._pool)
-        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, self._steps)
+        steps = ray_steps(self._lidars)
+        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give_back(self, now: float) -> Iterator[LabelledScan]:
