@@ -25,8 +25,8 @@ import numpy.typing as npt
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.online.intake import Intake, Kind, Taken
-from automos.online.labelled_scan import LabelledScan, objects_of
-from automos.online.sighting import Sighting
+from automos.online.labelled_scan import LabelledScan, labelled_scans
+from automos.online.segmenting import Segmented
 from automos.online.stream import Stream
 from automos.parallel import available_cores, checked_workers, one_ahead
 from automos.scan import Scan
@@ -39,11 +39,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """A scan that has come, with its stamp, what it is to the stream, and what it tells, if that was asked ahead."""
+    """Scan number `index`, with its stamp, what it is to the stream, and what it tells before others are followed."""
 
+    index: int
     scan: Scan
     about: Taken
-    sighted: Sighting | None = None
+    segmented: Segmented | None = None
 
 
 class Labeler:
@@ -87,6 +88,7 @@ class Labeler:
         self._intake = Intake()
         self._n = 0
         self._scans: list[Scan] = []
+        self._arrived: deque[_Arrived] = deque()
         self._ready: dict[int, LabelledScan] = {}
         self._pending: deque[tuple[int, Kind, float, int]] = deque()  # index, what it is, stamp, points
         self._stream: Stream | None = None
@@ -108,13 +110,15 @@ class Labeler:
         if math.isinf(self.lag):
             self._scans.append(scan)
             return []
-        return self._label(self._receive(scan))
+        self._arrive(scan)
+        self._label()
+        return self._in_order()
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
-        """Yield what `push` returns of each of `scans`; what the next one sees, and from where, is found out meanwhile.
+        """Yield what `push` returns of each of `scans`; where the next one is and what it sees is found out meanwhile.
 
         On two cores that is more scans a second than by `push`, of which each waits for the one before. The next scan
-        is taken from `scans` in a thread; one that was taken when the caller stops is left.
+        is taken from `scans` in a thread; one that was taken when the caller stops is given back later, as by `push`.
 
         Raises
         ------
@@ -123,9 +127,14 @@ class Labeler:
         if math.isinf(self.lag):
             yield from map(self.push, scans)
             return
-        # A stream that begins anew does so where the one before has ended, which labelling tells.
-        for arrived in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
-            yield self._label(arrived)
+        try:
+            # A stream that begins anew does so where the one before has ended, which labelling tells.
+            for _ in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
+                self._label()
+                yield self._in_order()
+        finally:
+            while self._arrived:
+                self._label()
 
     def finish(self) -> list[LabelledScan]:
         """Return the scans that were not given back yet; afterwards a new recording may begin."""
@@ -138,27 +147,27 @@ class Labeler:
         return rest
 
     def _arrive(self, one: Scan | npt.ArrayLike) -> _Arrived:
-        """Return a scan with what can be found out before earlier ones are labelled."""
-        arrived = self._receive(as_scan(one))
-        is_next = arrived.about.kind is Kind.NEXT
-        return replace(arrived, sighted=self._begin_stream().sight(arrived.scan)) if is_next else arrived
-
-    def _receive(self, scan: Scan) -> _Arrived:
+        """Take a scan in, with what can be found out before earlier ones are labelled."""
+        scan = as_scan(one)
         about = self._intake.take(scan)
-        return _Arrived(replace(scan, stamp=about.stamp), about)
-
-    def _label(self, arrived: _Arrived) -> list[LabelledScan]:
-        """Return the scans whose lag is over with this one, in their order."""
-        scan, about = arrived.scan, arrived.about
         index, self._n = self._n, self._n + 1
+        scan = replace(scan, stamp=about.stamp)
+        segmented = self._begin_stream().segment(index, scan) if about.kind is Kind.NEXT else None
+        self._arrived.append(_Arrived(index, scan, about, segmented))
+        return self._arrived[-1]
+
+    def _label(self) -> None:
+        """Label the scan that has arrived first."""
+        arrived = self._arrived.popleft()
+        index, scan, about, segmented = arrived.index, arrived.scan, arrived.about, arrived.segmented
         if about.warning:
             _log.warning("scan %d: %s", index, about.warning)
         if about.kind is Kind.RESTART:
             self._end_stream()
+            segmented = self._begin_stream().segment(index, scan)
         self._pending.append((index, about.kind, about.stamp, len(scan)))
-        if about.kind in (Kind.NEXT, Kind.RESTART):
-            self._keep(self._begin_stream().push(index, scan, arrived.sighted))
-        return self._in_order()
+        if segmented is not None:
+            self._keep(self._begin_stream().follow(segmented))
 
     def _begin_stream(self) -> Stream:
         if self._stream is None:
@@ -203,16 +212,7 @@ class Labeler:
         if not scans:
             return []
         recording = ArraySequence(scans, is_compensated=self._is_compensated)
-        result = label(recording, self.settings, workers=self._threads)
-        out = []
-        for i in range(len(scans)):
-            track = result.track_ids(i)
-            here = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
-            objects = objects_of(result.tracks[here])
-            pose = result.trajectory.T_level_sensor[i]
-            stamp = float(result.trajectory.stamps[i])
-            out.append(LabelledScan(i, stamp, pose, result.labels(i), track, result.confidence(i), objects))
-        return out
+        return labelled_scans(label(recording, self.settings, workers=self._threads))
 
 
 def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,9 @@ from automos.labels import Label
 from automos.scan import OBJECT, Pose
 from automos.tracking.tracks import Tracks
 from automos.workspace import Arrays
+
+if TYPE_CHECKING:
+    from automos.pipeline import Result
 
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
 
@@ -57,6 +61,17 @@ def objects_of(tracks: Tracks) -> npt.NDArray:
     out = np.zeros(len(tracks.track), OBJECT_FIELDS)
     for name in out.dtype.names or ():
         out[name] = getattr(tracks, name)
+    return out
+
+
+def labelled_scans(result: Result) -> list[LabelledScan]:
+    """Return all scans of a recording that was labelled as a whole."""
+    out = []
+    for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):
+        track = result.track_ids(i)
+        here = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
+        objects = objects_of(result.tracks[here])
+        out.append(LabelledScan(i, float(stamp), pose, result.labels(i), track, result.confidence(i), objects))
     return out
 
 

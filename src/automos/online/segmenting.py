@@ -1,0 +1,212 @@
+"""The part of the method that looks at one scan after the other: what others saw of its places, and its segments.
+
+A scan is looked at twice. When it arrives, the past alone says which of its points have moved; when later scans have
+seen its places, too, the evidence is made again. With no lag the first is all. None of it needs to know which objects
+there are: so the next scan may be segmented while those of the last one are followed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from automos.candidates.free_space_view import Lidar, Seen, ray_steps
+from automos.detections import Detections
+from automos.instances.detect import recount
+from automos.online.evidence import EvidenceWindow
+from automos.online.following import FEW, Asked
+from automos.online.renewal import Renewal
+from automos.online.sighting import Sighting, Sightings
+from automos.scan import Frame, Pose, Scan
+from automos.settings import Settings
+from automos.stages.candidates import candidates_of
+from automos.stages.instances import segment_frame
+from automos.workspace import Arrays
+
+Found = tuple[float, Detections, Asked]
+"""The segments of the scan at a time, in seconds, and who was asked about them."""
+GROWN = 1.0
+"""Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
+AGAIN = 3
+"""Scans that are asked about once more with every scan that comes, where the sensor's path turned out to be another."""
+SETTLED = 1.0
+"""Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedScan:
+    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None where it has none."""
+
+    number: int
+    stamp: float
+    frame: Frame
+    about: Arrays | None
+    segments: Arrays | None
+
+
+@dataclass(frozen=True, eq=False)
+class Segmented:
+    """What has become known with a scan.
+
+    Attributes
+    ----------
+    renewed : segments of scans that were given before, with other evidence.
+    settled : segments that will not change any more, scan by scan.
+    ahead : what is known today of the segments of the scans after those, with their times.
+    due : the scans whose lag is over.
+    """
+
+    renewed: list[Future[Found]]
+    settled: list[Found]
+    ahead: list[tuple[float, Detections]]
+    due: list[SegmentedScan]
+
+
+@dataclass(eq=False)
+class _Held:
+    """A scan that was not given yet, or whose evidence is not complete."""
+
+    number: int
+    stamp: float
+    frame: Frame
+    seen: Seen | None = None
+    about: Arrays | None = None
+    segments: Arrays | None = None
+    n_asked: int = 0
+    is_settled: bool = False
+
+    @property
+    def detections(self) -> Detections:
+        return Detections.from_arrays(self.segments or {})
+
+
+class Segmenting:
+    """The evidence and the segments of a stream of scans."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        lag: float,
+        pool: ThreadPoolExecutor,
+        is_compensated: bool | None,
+        T_world_first: Pose | None,
+    ):
+        """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
+        self._settings, self._lag, self._pool = settings, lag, pool
+        self._settle = min(lag, SETTLED)
+        self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
+        self._window = EvidenceWindow(settings.candidates.free_space)
+        self._renewal = Renewal(settings.candidates.ground, pool)
+        self._held: deque[_Held] = deque()
+        self._growing: deque[_Held] = deque()
+        self._doubted: deque[_Held] = deque()
+        self._start = np.inf
+        self._lidars: list[Lidar] = []
+
+    @property
+    def T_world_sensor(self) -> Pose:
+        """(4, 4) the latest scan's pose."""
+        return self._sightings.T_level_sensor
+
+    def step(self, number: int, scan: Scan) -> Segmented:
+        """Return what has become known with `scan`, which has points and a stamp and is `number`."""
+        renewed = self._grow(scan.stamp)
+        sighted = self._sightings.step(scan)
+        self._start = min(self._start, sighted.stamp)
+        self._renew(sighted)
+        renewed += self._doubt()
+        held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
+        self._held.append(held)
+        self._lidars = sighted.lidars
+        if held.seen is not None:
+            self._window.add(held.stamp, held.seen)
+        self._find_segments(held)
+        return self._give(held.stamp, renewed)
+
+    def finish(self) -> Segmented:
+        """Return the rest."""
+        return self._give(np.inf, []) if self._held else Segmented([], [], [], [])
+
+    def _renew(self, sighted: Sighting) -> None:
+        """Make anew what earlier scans saw, while another path catches up; take all of it over once it has."""
+        for frame in sighted.again:
+            is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
+            self._renewal.add(frame, self._lidars, is_held)
+        if sighted.T_after_before is None:
+            return
+        frames = self._renewal.take_over(sighted.T_after_before, self._window)
+        for held in (*self._held, *self._growing):
+            if held.stamp in frames:
+                held.frame, held.seen = frames[held.stamp]
+        self._doubted = deque(self._growing)
+
+    def _grow(self, now: float | None) -> list[Future[Found]]:
+        """Ask about scans some time ago once more, beside what else is done meanwhile."""
+        asked = []
+        while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
+            held = self._growing.popleft()
+            asked += self._ask_again(held, Asked(len(self._window), is_far=True, is_past=False))
+        return asked
+
+    def _doubt(self) -> list[Future[Found]]:
+        """Ask once more about the last scans, if few could be asked or they were thought to lie elsewhere."""
+        n, asked = len(self._window), []
+        few = [held for held in self._growing if held.n_asked < FEW <= n]
+        doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
+        for held in few or doubted:
+            held.n_asked = n
+            asked += self._ask_again(held, Asked(n, self._is_far(held), is_past=True))
+        return asked
+
+    def _ask_again(self, held: _Held, asked: Asked) -> list[Future[Found]]:
+        if held.seen is None or held.segments is None:
+            return []
+        question = self._window.question(held.stamp, held.seen)
+
+        def recounted(segments: Arrays = held.segments) -> Found:
+            ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
+            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None).net, about), asked
+
+        return [self._pool.submit(recounted)]
+
+    def _is_far(self, held: _Held) -> bool:
+        """Whether others from a second or more are asked about a scan."""
+        return self._settle > 0.0 or held.stamp - self._start >= GROWN
+
+    def _find_segments(self, held: _Held) -> None:
+        """Make the scan's evidence and segments from all scans that are remembered."""
+        if held.seen is None:
+            return
+        held.n_asked = len(self._window) - 1
+        evidence = self._window.question(held.stamp, held.seen)(self._pool)
+        steps = ray_steps(self._lidars)
+        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
+        held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
+
+    def _give(self, now: float, renewed: list[Future[Found]]) -> Segmented:
+        """Return what is settled and due at `now`, seconds, and forget what nobody will ask for."""
+        settled = [found for held in self._held if not held.is_settled for found in self._settled(held, now)]
+        ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
+        due = []
+        while self._held and self._held[0].stamp <= now - self._lag + 1e-6:
+            held = self._held.popleft()
+            due.append(SegmentedScan(held.number, held.stamp, held.frame, held.about, held.segments))
+        self._window.forget(min([now, *(held.stamp for held in (*self._held, *self._growing))]))
+        return Segmented(renewed, settled, ahead, due)
+
+    def _settled(self, held: _Held, now: float) -> list[Found]:
+        """Return the segments of a scan if they will not change any more, made again if later scans have come."""
+        if held.stamp > now - self._settle + 1e-6:
+            return []
+        held.is_settled = True
+        if self._settle > 0.0:
+            self._find_segments(held)
+        if held.segments is None:
+            return []
+        if self._settle < GROWN:
+            self._growing.append(held)
+        asked = Asked(held.n_asked, self._is_far(held), is_past=self._settle == 0.0)
+        return [(held.stamp, held.detections, asked)]
