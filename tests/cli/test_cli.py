@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -133,6 +134,28 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(automos, log, poses, tmp_p
     assert message in ended.err
     assert ended.out == ""
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "simulate s3://bucket/x",
+        "simulate file:///x --scans 2",
+        "demo --out gs://bucket/x",
+        "merge a b c --out file:///x",
+        "evaluate a b --json s3://bucket/scores.json",
+        "label a --work s3://bucket/x",
+        "live a --out s3://bucket/x",
+        "reproduce table2 --train s3://bucket/x",
+    ],
+)
+def test_an_address_where_a_path_is_needed_is_told_and_no_folder_of_its_name_is_made(automos, words):
+    ended = automos(*words.split())
+    address = next(word for word in words.split() if "://" in word)
+    assert ended.code == 2
+    assert is_one_sentence(ended.err)
+    assert re.search(address.replace("///", "//") + " is an address", ended.err)
+    assert list(Path.cwd().iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,15 @@ def test_what_is_there_already_is_not_done_again(fleet, label, labelled, tmp_pat
     assert "3 of 3 recordings labelled (3 had been before)" in closing_lines(outcome, "out")[0]
 
 
+def test_the_closing_lines_count_what_has_warnings_and_tell_where_to_read_them(fleet, label, tmp_path):
+    folder = shutil.copytree(fleet.folder, tmp_path / "logs")
+    for scan in sorted((folder / "log01").glob("*.bin"))[3:]:
+        scan.unlink()
+    first, again = label(folder=folder), label(folder=folder)
+    assert first.warned == again.warned == ["log01"]
+    assert closing_lines(first, "out")[1:] == ["1 of them with warnings; read them: automos status out"]
+
+
 def test_a_recording_that_changed_or_whose_marker_is_gone_is_done_again(fleet, label, labelled, tmp_path):
     folder = shutil.copytree(fleet.folder, tmp_path / "logs")
     os.utime(folder / "log01" / "000003.bin")

@@ -16,6 +16,7 @@ from automos.cli.label import label_app
 from automos.cli.live import live_app
 from automos.cli.look import look_app
 from automos.cli.network import network_app
+from automos.cli.options import on_this_machine
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.errors import AutomosError, plain
@@ -29,6 +30,8 @@ app = typer.Typer(
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
 for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
+    for command in group.registered_commands:
+        command.callback = command.callback and on_this_machine(command.callback)
     app.add_typer(group)
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from automos.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
@@ -17,3 +22,25 @@ Overrides = Annotated[
 Poses = Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")]
 Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")]
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
+
+
+def on_this_machine(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `command`, which refuses to take the address of a store for a path.
+
+    A path forgets the second stroke of s3://bucket/x: results would go into a folder of the name "s3:". What may be an
+    address is text.
+    """
+
+    @wraps(command)
+    def checked(**given: Any) -> Any:
+        values = [one for value in given.values() for one in (value if isinstance(value, list) else [value])]
+        for path in (value for value in values if isinstance(value, Path)):
+            address = re.match(r"([A-Za-z][A-Za-z0-9+.-]+:)[/\\]+(.*)", str(path), re.DOTALL)
+            if address:
+                raise InputError(
+                    f"{address[1]}//{address[2]} is an address, and a path on this machine is needed here; "
+                    "automos label takes addresses as RECORDING and --out"
+                )
+        return command(**given)
+
+    return checked

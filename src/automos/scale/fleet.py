@@ -29,11 +29,15 @@ _NEXT = {Kind.START: Kind.EVIDENCE, Kind.EVIDENCE: Kind.TRACKS, Kind.TRACKS: Kin
 
 @dataclass
 class Outcome:
-    """How a run ended: recordings labelled now, those that had been before, and why others are not (name: reason)."""
+    """How a run ended: recordings labelled now, those that had been before, and why others are not (name: reason).
+
+    warned : those of the labelled ones whose labels come with warnings.
+    """
 
     labelled: list[str] = field(default_factory=list)
     had_been: list[str] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
+    warned: list[str] = field(default_factory=list)
     scans: int = 0
 
     @property
@@ -160,6 +164,7 @@ class _Fleet:
     def _finish(self, work: _Work, report: Report) -> None:
         name = work.recording.name
         (self.outcome.labelled if report.is_fresh else self.outcome.had_been).append(name)
+        self.outcome.warned += [name] if report.warnings else []
         self.outcome.scans += report.scans
         self._ledger.labelled(work.recording, replace(report, scans=report.scans or work.scans))
         del self._work[name]

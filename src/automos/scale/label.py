@@ -118,6 +118,8 @@ def closing_lines(outcome: Outcome, target: str) -> list[str]:
     lines = [
         f"{n_done} of {outcome.n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {shown(target)}"
     ]
+    if outcome.warned:
+        lines.append(f"{len(outcome.warned)} of them with warnings; read them: automos status {shown(target)}")
     lines += [f"not labelled: {name}: {reason}" for name, reason in sorted(outcome.failed.items())]
     return lines
 
