@@ -153,3 +153,17 @@ def test_names_of_settings_are_unique_within_their_group_and_dumped_in_order():
             value = value[key]
         names.append(path)
     assert len(names) == len(set(names)) > 50
+
+
+@pytest.mark.parametrize("text", ["tracking: {max_misses: -1}", "tracking: {max_miss: 3}", "tracking: 3"])
+def test_a_value_in_a_file_that_is_not_possible_is_told_with_the_file(tmp_path, text):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(SettingsError, match=r"^settings file .*mine\.yaml: .*setting '?tracking") as error:
+        load_settings("paper", tmp_path / "mine.yaml")
+    assert "\n" not in str(error.value)
+
+
+def test_a_value_of_the_command_line_is_not_put_down_to_the_file(tmp_path):
+    (tmp_path / "mine.yaml").write_text("tracking: {max_misses: 3}")
+    with pytest.raises(SettingsError, match=r"^setting tracking\.max_misses = -1 is not possible"):
+        load_settings("paper", tmp_path / "mine.yaml", {"tracking.max_misses": -1})

@@ -53,18 +53,21 @@ def load_settings(
     if preset not in PRESETS:
         raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
     tree = _merged(Settings().model_dump(), PRESETS[preset])  # groups of one kind differ in their defaults by place
-    if file is not None:
-        tree = _merged(tree, _read_yaml(Path(file)))
+    of_file = {} if file is None else _read_yaml(Path(file))
+    said_later: dict[str, Any] = {}
+    tree = _merged(tree, of_file)
     for dotted, value in (overrides or {}).items():
         refuse_former_name(dotted)
         branch: Any = value
         for key in reversed(dotted.split(".")):
             branch = {key: branch}
-        tree = _merged(tree, branch)
+        tree, said_later = _merged(tree, branch), _merged(said_later, branch)
     try:
         return Settings.model_validate(tree)
     except ValidationError as error:
-        raise SettingsError(_sentence(error)) from None
+        path = [str(part) for part in error.errors()[0]["loc"]]
+        is_of_file = _holds(of_file, path) and not _holds(said_later, path)
+        raise SettingsError(f"settings file {file}: {_sentence(error)}" if is_of_file else _sentence(error)) from None
 
 
 def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
@@ -109,6 +112,15 @@ def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any
         is_group = isinstance(value, Mapping) and isinstance(out.get(key, {}), Mapping)
         out[key] = _merged(out.get(key, {}), value) if is_group else value
     return out
+
+
+def _holds(tree: Any, path: list[str]) -> bool:
+    """Return whether `tree` says something at `path`, or of the group there."""
+    for key in path:
+        if not isinstance(tree, Mapping) or key not in tree:
+            return False
+        tree = tree[key]
+    return True
 
 
 def _read_yaml(file: Path) -> dict[str, Any]:
