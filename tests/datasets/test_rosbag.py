@@ -167,6 +167,29 @@ def test_what_cannot_be_read_is_told_in_one_sentence(tmp_path):
         open_sequence(path)[0]
 
 
+@pytest.mark.parametrize(
+    ("field", "message"),
+    [
+        (("ring", 5, 4), "fields 'x' and 'ring' in the same bytes"),
+        (("time", 3, 7), "fields 'time' and 'x' in the same bytes"),
+        (("rgb", 26, 4), "fields 'intensity' and 'rgb' in the same bytes"),
+        (("x", 10, 7), "x, y or z twice"),
+    ],
+)
+def test_fields_in_the_same_bytes_and_coordinates_that_are_there_twice_are_told(tmp_path, field, message):
+    parts = cloud({name: np.zeros(8, "f4") for name in ("x", "y", "z", "intensity")})  # at bytes 3, 10, 17 and 24
+    parts.fields.append(field)
+    path = write_bag(tmp_path / "log.mcap", {"/p": [(0, 1.0, parts)]})
+    with pytest.raises(InputError, match=rf"log\.mcap/p, scan 0 has {message}"):
+        open_sequence(path)[0]
+
+
+def test_two_names_of_one_colour_may_share_its_bytes(tmp_path):
+    parts = cloud({name: np.ones(8, "f4") for name in ("x", "y", "z", "rgb")})
+    parts.fields.append(("rgba", parts.fields[3][1], 6))
+    assert len(open_sequence(write_bag(tmp_path / "log.mcap", {"/p": [(0, 1.0, parts)]}))[0]) == 8
+
+
 @pytest.mark.parametrize("name", ["log.bag", "log.db3", "log.mcap"])
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
 def test_bags_that_were_cut_short_are_told(tmp_path, name, share):

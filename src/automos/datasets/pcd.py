@@ -83,6 +83,8 @@ def _interpret(entries: dict[str, list[str]], start: int) -> Header:
     names = entries["FIELDS"] if "FIELDS" in entries else entries["COLUMNS"]
     if len(names) > MAX_FIELDS:
         raise ValueError(f"{len(names)} fields")
+    if max(names.count(axis) for axis in "xyz") > 1:
+        raise ValueError("x, y or z is there twice")
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
     fields = []
     for i, (name, kind, size, count) in enumerate(zip(names, entries["TYPE"], entries["SIZE"], counts, strict=True)):

@@ -6,6 +6,7 @@ points without a return (zero or NaN) included.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def read_columns(message: Any, where: str) -> Columns:
     Raises
     ------
     InputError
-        Fewer bytes than its points need, or fields that reach beyond a point.
+        Fewer bytes than its points need, fields that reach beyond a point, or two in the same place.
     """
     height, width = int(message.height), int(message.width)
     point_step, row_step = int(message.point_step), int(message.row_step)
@@ -42,8 +43,9 @@ def read_columns(message: Any, where: str) -> Columns:
         )
     order = ">" if message.is_bigendian else "<"
     columns: Columns = {}
+    spans: list[tuple[int, int, str]] = []
     for field in message.fields:
-        if field.count > 1 or field.name in columns:
+        if field.count > 1:
             continue
         if field.datatype not in _TYPES:
             raise InputError(f"{where} has a field {field.name!r} of unknown type {field.datatype}")
@@ -52,9 +54,24 @@ def read_columns(message: Any, where: str) -> Columns:
             raise InputError(
                 f"{where} has a field {field.name!r} at byte {field.offset} of points of {point_step} bytes"
             )
+        spans.append((field.offset, field.offset + dtype.itemsize, field.name))
         if height * width == 0:
             columns[field.name] = np.zeros(0, dtype)
             continue
         column = np.ndarray((height, width), dtype, data, field.offset, (row_step, point_step))
-        columns[field.name] = column.reshape(-1)
+        columns.setdefault(field.name, column.reshape(-1))
+    _require_apart(spans, where)
     return columns
+
+
+def _require_apart(spans: list[tuple[int, int, str]], where: str) -> None:
+    """Raise where x, y or z is there twice, or bytes belong to two fields: names of one colour may share theirs."""
+    names = [name for _, _, name in spans]
+    if max(names.count(axis) for axis in "xyz") > 1:
+        raise InputError(f"{where} has x, y or z twice; record or export it again")
+    for one, other in pairwise(sorted(spans)):
+        is_one_place = one[:2] == other[:2] and not {one[2], other[2]} & {"x", "y", "z"}
+        if other[0] < one[1] and not is_one_place:
+            raise InputError(
+                f"{where} has fields {one[2]!r} and {other[2]!r} in the same bytes; record or export it again"
+            )

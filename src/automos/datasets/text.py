@@ -29,10 +29,13 @@ def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> n
     Raises
     ------
     ValueError
-        If rows differ in length, or hold something that is no number.
+        If rows differ in length, or hold something that is no number; NUL bytes are no blanks: what a disk lost is full
+        of them.
     """
     characters = np.frombuffer(text, np.uint8)
     begin, end, rows, columns, ragged = _find_table(characters, n_skipped, len(text) if n_rows is None else n_rows)
+    if ragged >= 0 and text[ragged] < 32 and not text[ragged : ragged + 1].isspace():
+        raise ValueError(f"line {_line_number(text, ragged)} holds the byte {text[ragged]:#04x}, which is no text")
     if ragged >= 0:
         raise ValueError(f"line {_line_number(text, ragged)} has not {columns} numbers, as those before it have")
     table = np.empty((rows, columns))
@@ -74,7 +77,7 @@ def _line_number(text: bytes, position: int) -> int:
 
 @kernel
 def _find_table(text, n_skipped, n_rows):  # type: ignore[no-untyped-def]
-    """Return begin, end, rows and columns of the wanted lines, and the start of a line of another length or -1."""
+    """Return begin, end, rows and columns of the wanted lines, where no text or a line of another length is, or -1."""
     begin, end, rows, columns = 0, 0, 0, 0
     seen, words, line_start, in_word = 0, 0, 0, False
     for i in range(len(text) + 1):
@@ -85,6 +88,8 @@ def _find_table(text, n_skipped, n_rows):  # type: ignore[no-untyped-def]
             continue
         in_word = False
         if not is_end:
+            if text[i] < 9 or 13 < text[i] < 32:  # neither printed nor a blank
+                return begin, end, rows, columns, i
             continue
         if words > 0:
             seen += 1
