@@ -66,6 +66,17 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
         _ = open_sequence(folder).reference_poses
 
 
+@pytest.mark.skipif(not os.path.ismount("/proc"), reason="needs the kernel's own files")
+@pytest.mark.parametrize("name", ["times.txt", "poses.txt", "mounts.yaml", "000001.bin"])
+@pytest.mark.parametrize("file", ["/proc/self/environ", "/proc/uptime"])
+def test_a_link_to_a_file_of_the_kernel_is_not_read(tmp_path, name, file):
+    folder = write_scans(tmp_path / "log")
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(file)
+    with pytest.raises(InputError, match=f"{name} is a pipe, a device or the like; only plain files are read"):
+        _ = open_sequence(folder).reference_poses, open_sequence(folder)[1]
+
+
 @pytest.mark.parametrize("name", ["times.txt", "poses.txt", "mounts.yaml"])
 def test_a_link_to_nothing_is_not_passed_over(tmp_path, name):
     folder = write_scans(tmp_path / "log")

@@ -16,6 +16,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, TypeVar
@@ -59,17 +60,23 @@ def damage_told(path: Path | str, what: str = "is damaged, or not what its name 
 
 
 def require_regular(path: Path) -> None:
-    """Raise where `path` is a pipe, a device or the like, or a link to one.
+    """Raise where `path` is a pipe, a device or the like, one of the kernel's own files, or a link to one.
 
     Raises
     ------
     InputError
         It is; OSError where it is absent.
     """
-    mode = os.stat(path).st_mode
-    if not stat.S_ISREG(mode):
-        kind = "folder" if stat.S_ISDIR(mode) else "pipe, a device or the like"
+    found = os.stat(path)
+    if not stat.S_ISREG(found.st_mode) or found.st_dev in _kernels_own():
+        kind = "folder" if stat.S_ISDIR(found.st_mode) else "pipe, a device or the like"
         raise InputError(f"{path} is a {kind}; only plain files are read")
+
+
+@cache
+def _kernels_own() -> frozenset[int]:
+    """Return the devices of what looks like files and is none: some (/proc/kmsg) are waited for without end."""
+    return frozenset(os.stat(place).st_dev for place in ("/proc", "/sys") if os.path.ismount(place))
 
 
 def is_there(path: Path) -> bool:

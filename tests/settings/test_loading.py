@@ -155,10 +155,18 @@ def test_names_of_settings_are_unique_within_their_group_and_dumped_in_order():
     assert len(names) == len(set(names)) > 50
 
 
-@pytest.mark.parametrize("text", ["tracking: {max_misses: -1}", "tracking: {max_miss: 3}", "tracking: 3"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "tracking: {max_misses: -1}",
+        "tracking: {max_miss: 3}",
+        "tracking: 3",
+        "candidates: {free_space: {spans: [.inf]}}",
+    ],
+)
 def test_a_value_in_a_file_that_is_not_possible_is_told_with_the_file(tmp_path, text):
     (tmp_path / "mine.yaml").write_text(text)
-    with pytest.raises(SettingsError, match=r"^settings file .*mine\.yaml: .*setting '?tracking") as error:
+    with pytest.raises(SettingsError, match=r"^settings file .*mine\.yaml: .*setting '?(tracking|candidates)") as error:
         load_settings("paper", tmp_path / "mine.yaml")
     assert "\n" not in str(error.value)
 

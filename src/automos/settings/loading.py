@@ -115,9 +115,11 @@ def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any
 
 
 def _holds(tree: Any, path: list[str]) -> bool:
-    """Return whether `tree` says something at `path`, or of the group there."""
+    """Return whether `tree` says something at `path`, of the group there, or of the list that it is in."""
     for key in path:
-        if not isinstance(tree, Mapping) or key not in tree:
+        if not isinstance(tree, Mapping):
+            return True
+        if key not in tree:
             return False
         tree = tree[key]
     return True
