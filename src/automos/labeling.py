@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from automos.atomic import held
+from automos.errors import InputError
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
@@ -60,8 +61,10 @@ def label_recording(
 def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | None) -> Pose | None:
     """Return (N, 4, 4) T_world_sensor from a KITTI or TUM file, None without one.
 
-    The poses are the sensor's, or the camera's where `calib_file` is given.
+    The poses are the sensor's, or the camera's where `calib_file` is given; InputError where that is given alone.
     """
+    if pose_file is None and calib_file is not None:
+        raise InputError(f"--calib {calib_file} says whose the poses of a file are: give that with --poses, or neither")
     if pose_file is None:
         return None
     T_camera_sensor = None if calib_file is None else read_calib(calib_file)

@@ -172,6 +172,7 @@ def test_an_address_where_a_path_is_needed_is_told_and_no_folder_of_its_name_is_
         (["--format", "kiti"], "unknown format 'kiti'; did you mean 'kitti'?"),
         (["--format", "pcd"], "holds no scans for format 'pcd'"),
         (["--calib", "calib.txt", "--poses", "../poses.txt"], "calib.txt does not exist"),
+        (["--calib", "calib.txt"], "give that with --poses, or neither"),
     ],
 )
 def test_a_bad_option_is_one_sentence_and_leaves_nothing(automos, log, poses, tmp_path, options, message):

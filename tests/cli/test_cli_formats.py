@@ -1,5 +1,7 @@
 """The commands about formats, as a user types them."""
 
+import shutil
+
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
@@ -60,3 +62,32 @@ def test_an_unknown_format_is_told(labelled):
     done = run("export", *labelled, "--to", "excel")
     assert isinstance(done.exception, InputError)
     assert "unknown format 'excel'" in str(done.exception)
+
+
+@pytest.mark.parametrize("place", ["", "labels", "deep/labels"])
+@pytest.mark.parametrize(
+    "words",
+    ["export RUN LOG --to pcd", "export RUN LOG --to panoptic", "merge RUN LOG EDITS", "map LOG", "compare LOG"],
+)
+def test_nothing_that_came_with_a_recording_is_written_over(labelled, tmp_path, words, place):
+    folder = shutil.copytree(labelled[1], tmp_path / "lane")
+    (folder / place).mkdir(parents=True, exist_ok=True)
+    (folder / place / "000000.label").write_bytes(b"made by hand")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    places = {"RUN": labelled[0], "LOG": folder, "EDITS": labelled[0] / "predictions"}
+    done = run(*(places.get(word, word) for word in words.split()), "--out", folder / place)
+    assert isinstance(done.exception, InputError)
+    assert "is a folder of the recording lane: choose another --out" in str(done.exception)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_results_and_maps_may_lie_below_the_recording_and_be_written_again(labelled, tmp_path):
+    folder = shutil.copytree(labelled[1], tmp_path / "lane")
+    shutil.copytree(labelled[0], folder / "run")
+    for _ in range(2):
+        for words in (
+            ("export", folder / "run", folder, "--to", "panoptic"),
+            ("map", folder, "--method", "octomap", "--out", folder / "map", "--workers", 1),
+        ):
+            done = run(*words)
+            assert done.exit_code == 0, done.output

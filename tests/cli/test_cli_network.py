@@ -116,7 +116,9 @@ def test_a_recording_is_segmented_by_the_evidence_at_a_lag(automos, log):
     ("words", "message"),
     [
         (("--method", "magic"), "there is no method 'magic': choose evidence or lmnet"),
-        (("--method", "evidence", "--weights", "none.pt"), "--weights and --probabilities are the network's"),
+        (("--method", "evidence", "--weights", "none.pt"), "--engine, --device and --threads are the network's"),
+        (("--engine", "torch"), "--engine, --device and --threads are the network's"),
+        (("--device", "gpu"), "--engine, --device and --threads are the network's"),
         (("--method", "lmnet", "--lag", "1"), "the network labels every scan at once"),
         (("--lag=-1",), "lag must be 0 or more seconds"),
     ],

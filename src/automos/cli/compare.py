@@ -139,15 +139,14 @@ def _runs(
 ) -> Any:
     from automos.comparison.runs import MethodRuns
     from automos.datasets import open_sequence
-    from automos.pose_files import read_calib, read_poses
+    from automos.labeling import given_poses
+    from automos.results.claiming import refuse_folders_of
     from automos.settings import read_overrides
 
     sequence = open_sequence(recording, format)
-    given = None
-    if poses is not None:
-        T_camera_sensor = None if calib is None else read_calib(calib)
-        given = read_poses(poses, len(sequence), sequence.stamps, T_camera_sensor, sequence.names)
+    given = given_poses(sequence, poses, calib)
     folder = out / sequence.name if is_default else out
+    refuse_folders_of(sequence, folder)
     return MethodRuns(sequence, folder, read_overrides(overrides), given, workers, _say_when_started(), **more)
 
 

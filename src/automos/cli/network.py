@@ -105,8 +105,12 @@ def segment(
     if method not in ("auto", "evidence", "lmnet"):
         raise InputError(f"there is no method '{method}': choose evidence or lmnet")
     uses_network = method == "lmnet" or (method == "auto" and (weights is not None or probabilities))
-    if not uses_network and (weights is not None or probabilities):
-        raise InputError("--weights and --probabilities are the network's: add --method lmnet, or leave them out")
+    are_networks = weights is not None or probabilities or (engine, device, threads) != ("auto", "auto", 0)
+    if not uses_network and are_networks:
+        raise InputError(
+            "--weights, --probabilities, --engine, --device and --threads are the network's: add --method lmnet, or "
+            "leave them out"
+        )
     if uses_network and lag > 0.0:
         raise InputError("the network labels every scan at once: leave --lag out, or take --method evidence")
     chosen = _settings(settings, set_)

@@ -34,13 +34,22 @@ def refuse_foreign(folder: Path) -> None:
 
 
 def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
-    """Raise InputError where `folder` is the recording's own or came with it: our poses would be read as its truth."""
+    """Raise InputError where `folder` is the recording's own or came with it.
+
+    Our poses would be read as its truth, and points in another format would take the place of its scans.
+    """
     if sequence.source is None or not sequence.source.is_dir():
         return
     source, target = sequence.source.resolve(), folder.resolve()
-    came_with_it = target.parent == source and not _is_ours(folder) and target.is_dir() and any(target.iterdir())
+    below = [place for place in (target, *target.parents) if source in place.parents]
+    came_with_it = bool(below) and target.is_dir() and any(target.iterdir()) and not any(map(_is_any_of_ours, below))
     if target == source or came_with_it:
         raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out")
+
+
+def _is_any_of_ours(folder: Path) -> bool:
+    """Return whether a command of ours wrote into `folder`, or began to: label, segment, compare or map."""
+    return _is_ours(folder) or any((folder / name).exists() for name in ("compare.json", "map.json", "poses"))
 
 
 def _is_ours(folder: Path) -> bool:
