@@ -81,6 +81,14 @@ def test_nothing_that_came_with_a_recording_is_written_over(labelled, tmp_path, 
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+def test_exports_are_not_written_over_the_labels_of_a_run(labelled, tmp_path):
+    run_folder = shutil.copytree(labelled[0], tmp_path / "run")
+    before = {path: path.read_bytes() for path in run_folder.rglob("*.label")}
+    done = run("export", *labelled, "--to", "panoptic", "--out", run_folder / "predictions")
+    assert "predictions holds the results of a run: choose another --out" in str(done.exception)
+    assert {path: path.read_bytes() for path in run_folder.rglob("*.label")} == before
+
+
 def test_results_and_maps_may_lie_below_the_recording_and_be_written_again(labelled, tmp_path):
     folder = shutil.copytree(labelled[1], tmp_path / "lane")
     shutil.copytree(labelled[0], folder / "run")

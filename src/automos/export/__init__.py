@@ -61,7 +61,7 @@ def export_run(
     InputError
         Results that do not belong to the recordings, an unknown format, or a place that cannot be written.
     """
-    from automos.results.claiming import refuse_folders_of
+    from automos.results.claiming import refuse_folders_of, refuse_results
     from automos.results.run_files import RunFiles
 
     export, folder = load_export(format), Path(folder)
@@ -77,6 +77,7 @@ def export_run(
             kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
             raise InputError(f"{place} is {kind}: choose another --out")
         refuse_folders_of(sequence, place.parent if export.suffix else place)
+        refuse_results(place)
         export.write(run, place)
         if place not in written:
             written.append(place)

@@ -33,6 +33,12 @@ def refuse_foreign(folder: Path) -> None:
             raise InputError(f"{folder / name} was not written by automos label: choose another --out")
 
 
+def refuse_results(folder: Path) -> None:
+    """Raise InputError where `folder` is one that a run's labels lie in: corrections may be among them."""
+    if folder.name in {Path(pattern).parts[0] for pattern in PER_SCAN} | {"stages"} and _is_ours(folder.parent):
+        raise InputError(f"{folder} holds the results of a run: choose another --out")
+
+
 def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
     """Raise InputError where `folder` is the recording's own or came with it.
 
