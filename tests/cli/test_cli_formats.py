@@ -81,6 +81,17 @@ def test_nothing_that_came_with_a_recording_is_written_over(labelled, tmp_path, 
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize("words", ["label LOG", "segment LOG", "live LOG --speed 0", "merge RUN LOG EDITS"])
+@pytest.mark.parametrize("place", ["", "velodyne"])
+def test_no_results_are_written_into_another_recording(labelled, tmp_path, words, place):
+    other = write_bins(lane(2).sequence, tmp_path / "other" / place)
+    places = {"RUN": labelled[0], "LOG": labelled[1], "EDITS": labelled[0] / "predictions"}
+    done = run(*(places.get(word, word) for word in words.split()), "--out", tmp_path / "other")
+    assert "other holds the scans of a recording: choose another --out" in str(done.exception)
+    assert sorted(path.name for path in other.iterdir()) == ["000000.bin", "000001.bin"]
+    assert len(list((tmp_path / "other").iterdir())) == (1 if place else 2)
+
+
 def test_exports_are_not_written_over_the_labels_of_a_run(labelled, tmp_path):
     run_folder = shutil.copytree(labelled[0], tmp_path / "run")
     before = {path: path.read_bytes() for path in run_folder.rglob("*.label")}

@@ -19,7 +19,7 @@ from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
 from automos.reading import is_there
-from automos.results.claiming import refuse_folders_of, refuse_foreign
+from automos.results.claiming import refuse_folders_of, refuse_foreign, refuse_scans
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.workspace import RUN_FILE
@@ -71,6 +71,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     edits = {} if has_labels else read_edits(corrected, run)
     refuse_foreign(out)
     refuse_folders_of(run.sequence, out)
+    refuse_scans(out)
     with held(out):
         (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
         _copy_beside(run, out)

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from automos.atomic import held, remove_parts, told
+from automos.datasets.files import holds_scans
 from automos.errors import InputError
 from automos.scan import Sequence
 from automos.workspace import RESULT_FILES, RUN_FILE
@@ -31,6 +32,13 @@ def refuse_foreign(folder: Path) -> None:
     for name in RESULT_FILES:
         if not _is_ours(folder) and (folder / name).exists():
             raise InputError(f"{folder / name} was not written by automos label: choose another --out")
+
+
+def refuse_scans(folder: Path) -> None:
+    """Raise InputError where `folder` is some recording's, whose truth our poses would be taken for."""
+    places = (place for place in (folder, folder / "velodyne") if place.is_dir())
+    if not _is_any_of_ours(folder) and any(map(holds_scans, places)):
+        raise InputError(f"{folder} holds the scans of a recording: choose another --out")
 
 
 def refuse_results(folder: Path) -> None:
@@ -84,6 +92,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
         refuse_foreign(folder)
         if recording is not None:
             refuse_folders_of(recording, folder)
+        refuse_scans(folder)
         with told(folder):
             stages.mkdir(exist_ok=True)
             for name in (RUN_FILE, *RESULT_FILES):
