@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from automos import label_files, reading
 from automos.atomic import held
 from automos.cli import app
 from automos.datasets import find_recordings, open_sequence
@@ -53,6 +54,18 @@ def test_scans_that_differ_in_their_suffix_alone_are_refused(tmp_path):
     (folder / "000001.BIN").write_bytes((folder / "000001.bin").read_bytes())
     with pytest.raises(InputError, match=r"holds 000001\.\w+ and 000001\.\w+, whose labels would have one name"):
         open_sequence(folder)
+
+
+@linux
+def test_a_file_of_more_bytes_than_any_memory_is_told_by_name_and_a_label_file_is_not_read(tmp_path, monkeypatch):
+    for name in ("000000.label", "times.txt"):
+        (tmp_path / name).touch()
+        os.truncate(tmp_path / name, 1 << 43)
+    with pytest.raises(InputError, match=r"times\.txt has 8796093022208 bytes, more than there is memory for"):
+        reading.read_bytes(tmp_path / "times.txt")
+    monkeypatch.setattr(label_files, "read_bytes", None)
+    with pytest.raises(InputError, match=r"000000\.label holds 2199023255552 labels, but its scan has 7 points"):
+        label_files.read_labels(tmp_path / "000000.label", 7)
 
 
 @linux

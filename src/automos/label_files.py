@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.labels import find_unknown
-from automos.reading import read_bytes
+from automos.reading import read_bytes, require_regular
 
 
 def read_labels(path: Path, n_points: int) -> npt.NDArray[np.uint32]:
@@ -21,19 +21,20 @@ def read_labels(path: Path, n_points: int) -> npt.NDArray[np.uint32]:
         A file that is absent, of another number of points, or with a class that there is not.
     """
     try:
-        raw = read_bytes(path)
+        require_regular(path)
+        size = path.stat().st_size  # before anything is read: a damaged file system gives files any
+        if size % 4:
+            raise InputError(f"{path} has {size} bytes, no multiple of a label (uint32, 4 bytes); copy it again")
+        if size != 4 * n_points:
+            raise InputError(
+                f"{path} holds {size // 4} labels, but its scan has {n_points} points; it belongs to another scan or "
+                "was cut short"
+            )
+        labels = np.frombuffer(read_bytes(path), np.uint32)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; each scan needs a label file of its name") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    if len(raw) % 4:
-        raise InputError(f"{path} has {len(raw)} bytes, no multiple of a label (uint32, 4 bytes); copy it again")
-    labels = np.frombuffer(raw, np.uint32)
-    if len(labels) != n_points:
-        raise InputError(
-            f"{path} holds {len(labels)} labels, but its scan has {n_points} points; it belongs to another scan or was "
-            "cut short"
-        )
     if (unknown := find_unknown(labels)) is not None:
         raise InputError(f"{path} has a point of class {unknown}, which SemanticKITTI has not; copy it again")
     return labels

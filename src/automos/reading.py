@@ -95,7 +95,10 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     require_regular(path)
     if most is not None and os.path.getsize(path) > most:
         raise InputError(f"{path} has {os.path.getsize(path)} bytes, more than anything of its kind; check what it is")
-    return Path(path).read_bytes()
+    try:
+        return Path(path).read_bytes()
+    except MemoryError:
+        raise InputError(f"{path} has {os.path.getsize(path)} bytes, more than there is memory for; check it") from None
 
 
 def read_text(path: Path) -> str:

@@ -92,6 +92,17 @@ def test_no_results_are_written_into_another_recording(labelled, tmp_path, words
     assert len(list((tmp_path / "other").iterdir())) == (1 if place else 2)
 
 
+@pytest.mark.parametrize(
+    "words", ["export RUN LOG --to openlabel", "export RUN LOG --to pcd", "merge RUN LOG EDITS", "label LOG", "map LOG"]
+)
+def test_a_link_to_itself_as_the_place_for_results_is_told(labelled, tmp_path, words):
+    (tmp_path / "loop").symlink_to("loop")
+    places = {"RUN": labelled[0], "LOG": labelled[1], "EDITS": labelled[0] / "predictions"}
+    done = run(*(places.get(word, word) for word in words.split()), "--out", tmp_path / "loop")
+    assert isinstance(done.exception, (InputError, OSError))
+    assert "loop" in str(done.exception)
+
+
 def test_exports_are_not_written_over_the_labels_of_a_run(labelled, tmp_path):
     run_folder = shutil.copytree(labelled[0], tmp_path / "run")
     before = {path: path.read_bytes() for path in run_folder.rglob("*.label")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections import Counter
 from dataclasses import dataclass, field
@@ -63,7 +64,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     InputError
         Corrections that do not belong to the recording, or `out` is the run's own folder.
     """
-    if out.resolve() == run.folder.resolve():
+    if os.path.realpath(out) == os.path.realpath(run.folder):
         raise InputError(f"{out} holds the results that are to be corrected: choose another --out")
     has_labels = corrected.is_dir() and any(corrected.glob("[!.]*.label"))
     if has_labels:

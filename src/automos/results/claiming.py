@@ -5,6 +5,7 @@ What a run of ours left half way is known by its folder `stages`, which is there
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -54,7 +55,7 @@ def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
     """
     if sequence.source is None or not sequence.source.is_dir():
         return
-    source, target = sequence.source.resolve(), folder.resolve()
+    source, target = (Path(os.path.realpath(place)) for place in (sequence.source, folder))  # links in circles included
     below = [place for place in (target, *target.parents) if source in place.parents]
     came_with_it = bool(below) and target.is_dir() and any(target.iterdir()) and not any(map(_is_any_of_ours, below))
     if target == source or came_with_it:
