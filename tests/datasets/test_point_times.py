@@ -47,3 +47,17 @@ def test_a_zero_among_absolute_times_is_no_time():
     times[[0, 50]] = 0.0
     np.testing.assert_allclose(sweep_bounds(times, 1.0), [times[1], times[-1]], atol=1e-6)
     np.testing.assert_allclose(to_scan(scan(times), WHERE).time[[1, 50, 199]], [0.0, SWEEP[50], 0.1], atol=1e-3)
+
+
+def test_a_time_beyond_any_clock_is_none_and_takes_that_of_the_points_beside_it():
+    times = SWEEP.copy()
+    times[50] = 1e300
+    assert judge_times([scan(times)], WHERE).warnings == ()
+    np.testing.assert_allclose(to_scan(scan(times), WHERE).time, SWEEP, atol=1e-6)
+
+
+def test_times_that_last_longer_than_any_sweep_are_told_where_the_gap_is_not_known():
+    times = SWEEP.copy()
+    times[50] = 1e12
+    (warning,) = judge_times([scan(times)], WHERE).warnings
+    assert "span 1e+03 s in any unit, which no sweep lasts; they are not used" in warning

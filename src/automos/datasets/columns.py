@@ -27,6 +27,9 @@ MAX_COLUMNS = 100
 MAX_FIELDS = 1 << 12
 """Names that a header may give to the numbers of a point; the largest have hundreds."""
 
+_LAST_TIME = 2.0**64
+"""Nanoseconds, the smallest unit: no clock counts further."""
+
 MAX_SWEEP = 2.0
 """Seconds. No sensor takes longer for one sweep: times that span more are counted in a smaller unit."""
 
@@ -151,8 +154,11 @@ def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
 
 
 def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:
-    """Return (N,) bool: which points have a time: no NaN, and no 0 where the clock began long before the sweep."""
-    is_finite = np.isfinite(times)
+    """Return (N,) bool: which points have a time.
+
+    NaN is none, nor is what 64 bits of nanoseconds do not reach, nor 0 where the clock began long before the sweep.
+    """
+    is_finite = (times > -_LAST_TIME) & (times < _LAST_TIME)
     is_later = is_finite & (times > 0)
     later = times[is_later]
     has_zeros = 2 < len(later) < is_finite.sum()

@@ -13,7 +13,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.columns import Columns, find_time_unit, has_time_column, is_measured, ring_column, time_column
+from automos.datasets.columns import (
+    MAX_SWEEP,
+    Columns,
+    find_time_unit,
+    has_time_column,
+    is_measured,
+    ring_column,
+    time_column,
+)
 
 _LONGEST, _SHORTEST = 1.7, 0.01
 """Times the usual gap between scans that a sweep may last: more, or less, is of an unknown unit."""
@@ -56,6 +64,8 @@ def judge_times(scans: Sequence[Columns], where: Path, gap: float | None = None)
     why = None
     if gap is not None and not _SHORTEST * gap <= end - start <= _LONGEST * gap:
         why = f"span {end - start:.3g} s, but a scan comes every {gap:.3g} s"
+    elif not end - start <= MAX_SWEEP:
+        why = f"span {end - start:.3g} s in any unit, which no sweep lasts"
     elif _share_backwards(scans[0]) > _BACKWARDS:
         why = "run backwards within a beam"
     if why is not None:
