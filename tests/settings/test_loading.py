@@ -100,6 +100,7 @@ def test_an_unknown_group_names_the_nearest_group():
         ("tracking.max_misses", 2.5, "integer"),
         ("tracking.max_misses", "many", "integer"),
         ("tracking.max_misses", None, "integer"),
+        ("instances.components.min_points", 10**400, "between 1e-06 and 1e\\+09"),
         ("tracking.association.max_distance", 0, "greater than 0"),
         ("tracking.association.max_distance", float("nan"), ""),
         ("tracking.verdict.trajectory", "gross", "'net' or 'accumulated'"),

@@ -29,7 +29,7 @@ class Group(BaseModel):
     @classmethod
     def _is_within_reach(cls, value: Any) -> Any:
         for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and number and not LEAST <= abs(number) <= MOST:
+            if isinstance(number, (int, float)) and number and not LEAST <= abs(number) <= MOST:
                 raise ValueError(f"numbers are 0, or between {LEAST:g} and {MOST:g} in size")
         return value
 
