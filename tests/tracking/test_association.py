@@ -63,16 +63,23 @@ def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
 
 
 # --------------------------------------------------------------------------------------------- cost of the default
-def cost_of_seeing(before: Boxes, now: Boxes) -> float:
-    """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later."""
+def cost_of_seeing(
+    before: Boxes, now: Boxes, share: float = 0.5, n_moving: float = 0.0, is_lost: bool = False
+) -> float:
+    """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later.
+
+    share : what the evidence said of it.   n_moving : of the 100 points seen now, that have moved.
+    """
     noise = FilterSettings()
     belief = kalman.start(before, noise)
     for _ in range(10):
         belief = kalman.update(kalman.predict(belief, 0.1, noise), before, noise)
     hundred, nothing = np.full(1, 100.0), np.zeros(1)
-    found = Detections.of_objects(now, hundred, nothing, nothing)
+    known = nothing if share == 0.5 else hundred
+    found = Detections.of_objects(now, hundred, nothing + n_moving, known - n_moving)
     belief = kalman.predict(belief, 0.1, noise)
-    return float(motion_cost(belief, found.moving_share, hundred, found, noise, GateSettings())[0, 0])
+    lost = np.full(1, is_lost)
+    return float(motion_cost(belief, np.full(1, share), hundred, found, noise, GateSettings(), lost)[0, 0])
 
 
 @pytest.mark.parametrize(
@@ -87,6 +94,15 @@ def cost_of_seeing(before: Boxes, now: Boxes) -> float:
 )
 def test_what_is_where_an_object_must_be_is_that_object_if_it_is_of_its_size(before, now, is_possible):
     assert np.isfinite(cost_of_seeing(before, now)) == is_possible
+
+
+@pytest.mark.parametrize(
+    ("share", "n_moving", "is_lost", "is_possible"),
+    [(1.0, 0, True, False), (1.0, 0, False, True), (1.0, 60, True, True), (0.4, 0, True, True), (0.0, 100, True, True)],
+    ids=["it has stayed", "in sight it may halt", "doubtful", "it had halted", "it starts"],
+)
+def test_a_mover_that_was_lost_is_not_what_has_been_standing_there(share, n_moving, is_lost, is_possible):
+    assert np.isfinite(cost_of_seeing(box(), box(0.1), share, n_moving, is_lost)) == is_possible
 
 
 def test_the_nearer_of_two_that_overlap_is_the_cheaper():

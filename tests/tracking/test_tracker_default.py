@@ -138,6 +138,14 @@ def test_who_is_lost_beside_a_pole_that_comes_into_sight_again_does_not_go_on_as
     assert max(of_walker) == 26
 
 
+@pytest.mark.parametrize("n_hidden", [1, 5])
+def test_who_is_lost_does_not_go_on_as_a_pole_that_comes_into_sight_where_he_must_be(n_hidden):
+    pole, n = (8.0 + 0.1 * (16 + n_hidden), 0.0, POLE, STAYED), 20
+    walker = [seen((8.0 + 0.1 * i, 0.0, PERSON, MOVED)) for i in range(17)]
+    scans = [*walker, *[seen()] * n_hidden, *[seen(pole)] * n]
+    assert [len(way) for way in ways(scans, track(scans))] == [17, n]
+
+
 def test_who_steps_out_where_something_stood_is_somebody_else():
     scans = [*[seen((0.0, 0.0, PERSON, STAYED))] * 10, *[seen()] * 5]
     scans += [seen((0.8 + 0.1 * i, 0.0, PERSON, MOVED)) for i in range(10)]

@@ -30,6 +30,8 @@ COUNT_WEIGHT = 1.0
 """Cost of e times as many points."""
 EVIDENCE_WEIGHT = 2.0
 """Cost of going from all moving to all static."""
+OTHER_EVIDENCE = 0.75
+"""Of the evidence, by which what has stayed is no mover that went out of sight: others saw it there before."""
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> npt.NDArray[np.float64]:
@@ -51,18 +53,21 @@ def motion_cost(
     seen: Detections,
     noise: FilterSettings,
     settings: GateSettings,
+    is_lost: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.float64]:
     """Return the (K, M) cost of taking detection j for object i, inf where a gate forbids it (`default`).
 
     The paper's gates are metres per scan: an object faster than 2 m a scan never gets a second observation, and one
     that shows another side changes its volume. Here the gate is the filter's own uncertainty; size, height, number of
-    points and evidence choose among those that are near.
+    points and evidence choose among those that are near. While it is in sight, what moves may come to a halt, and in
+    time its evidence is that of what stays; but out of sight nothing becomes what has been standing there before.
 
     Parameters
     ----------
     alive : (K) predicted objects.
     share, count : (K,) what the evidence said of them so far, and how many points they last had.
     noise : of measured boxes.
+    is_lost : (K,) which of them the scan before did not show.
     """
     reach = settings.gate * np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
     spread = kalman.measurement_noise(seen.boxes, noise)[:, :2, :2]
@@ -78,17 +83,18 @@ def motion_cost(
     growth = (np.abs(size_before - size_now) / (1.0 + np.maximum(size_before, size_now))).max(axis=-1, initial=0.0)
     # A few points more or less say nothing of something that has a few points.
     thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
-    contrast = np.abs(share[k] - seen.moving_share[j])
+    settling = share[k] - seen.moving_share[j]
     is_possible = (
         (squared < settings.gate**2)
         & (climb < MAX_CLIMB)
         & (growth < MAX_SIZE_CHANGE)
         & (thinning < np.log(MAX_COUNT_RATIO))
+        & ~(is_lost[k] & (settling > OTHER_EVIDENCE))
     )
     cost = np.full((len(alive), len(seen)), np.inf)
     cost[k, j] = np.where(
         is_possible,
-        squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * contrast,
+        squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling),
         np.inf,
     )
     return cost

@@ -189,7 +189,8 @@ def _recognise(
 def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> npt.NDArray[np.float64]:
     if settings.method == "paper":
         return association_cost(alive.belief.boxes(), found.boxes, settings.association)
-    return motion_cost(alive.belief, alive.share, alive.count, found, settings.filter, settings.gates)
+    is_lost = alive.misses > 1  # this scan is counted
+    return motion_cost(alive.belief, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
 
 
 def _update(
