@@ -65,6 +65,12 @@ def test_an_empty_list_is_told(tmp_path, content, word):
         find_all(str(tmp_path / "fleet.txt"))
 
 
+def test_a_list_that_names_the_root_of_all_folders_is_told(tmp_path):
+    (tmp_path / "list.txt").write_text("/\n")
+    with pytest.raises(InputError, match="is all of this machine"):
+        find_all(str(tmp_path / "list.txt"))
+
+
 def test_the_same_recording_twice_in_a_list_is_labelled_once(tmp_path):
     write_log(tmp_path / "log")
     (tmp_path / "fleet.txt").write_text("log\nlog\n")

@@ -177,5 +177,7 @@ def _parts(source: str) -> tuple[str, ...]:
         parts = (address.netloc.rpartition("@")[2], *PurePosixPath(address.path.strip("/")).parts)
     else:
         parts = Path(source).resolve().parts[1:]
+    if not parts:
+        raise InputError(f"{source} is all of this machine, and no recording: name the folder of one")
     *folders, last = parts
     return (*folders, PurePosixPath(last).stem if PurePosixPath(last).suffix.lower() in _LOGS else last)
