@@ -113,7 +113,7 @@ def _json(path: Path, rng: random.Random) -> str:
     """Change, remove or nest one value of a JSON document."""
     try:
         document = json.loads(path.read_text())
-    except ValueError:  # damaged before
+    except (ValueError, RecursionError):  # damaged before
         return "as it was"
     path.write_text(json.dumps(change(document, rng)) if rng.random() < 0.95 else "[" * 100_000)
     return "value"
