@@ -12,7 +12,7 @@ from automos.errors import InputError
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.claiming import refuse_folders_of, refuse_foreign, refuse_scans
+from automos.results.claiming import require_room
 from automos.results.run_warnings import sentences_of
 from automos.results.writing import write_results
 from automos.review.apply import reapply
@@ -46,9 +46,7 @@ def label_recording(
     ------
     InputError : the recording, the poses or the folder cannot be used.
     """
-    refuse_foreign(folder)
-    refuse_folders_of(sequence, folder)
-    refuse_scans(folder)
+    require_room(folder, sequence)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)

@@ -20,7 +20,7 @@ from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
 from automos.reading import is_there
-from automos.results.claiming import refuse_folders_of, refuse_foreign, refuse_scans
+from automos.results.claiming import require_room
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.workspace import RUN_FILE
@@ -70,9 +70,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     if has_labels:
         require_known((path.stem for path in corrected.glob("[!.]*.label")), run, corrected)
     edits = {} if has_labels else read_edits(corrected, run)
-    refuse_foreign(out)
-    refuse_folders_of(run.sequence, out)
-    refuse_scans(out)
+    require_room(out, run.sequence)
     with held(out):
         (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
         _copy_beside(run, out)

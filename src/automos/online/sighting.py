@@ -1,7 +1,4 @@
-"""Where each scan was taken from, and what it saw: all that it tells before earlier ones are labelled.
-
-So the next scan may be sighted while the last one is labelled.
-"""
+"""Where each scan was taken from, and what it saw: all that it tells by itself, before others are asked about it."""
 
 from __future__ import annotations
 

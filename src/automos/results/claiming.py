@@ -20,6 +20,14 @@ PER_SCAN = ("predictions/*.label", "confidences/*.npy", "probabilities/*.npy")
 """What a results folder holds of every scan."""
 
 
+def require_room(folder: Path, recording: Sequence | None) -> None:
+    """Raise InputError where results must not go into `folder`: it is another program's, or holds a recording."""
+    refuse_foreign(folder)
+    if recording is not None:
+        refuse_folders_of(recording, folder)
+    refuse_scans(folder)
+
+
 def refuse_foreign(folder: Path) -> None:
     """Raise InputError where `folder` holds labels, poses or the like that no run of ours wrote and we would replace.
 
@@ -90,10 +98,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
     with held(folder):
         if any(stages.glob("*")) or (folder / "merge.json").exists():
             raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
-        refuse_foreign(folder)
-        if recording is not None:
-            refuse_folders_of(recording, folder)
-        refuse_scans(folder)
+        require_room(folder, recording)
         with told(folder):
             stages.mkdir(exist_ok=True)
             for name in (RUN_FILE, *RESULT_FILES):
