@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.candidates.free_space_image import PyramidShape, RangeImage
+from automos.candidates.free_space_pattern import BeamPattern
 from automos.candidates.free_space_view import Seen, View
 from automos.candidates.free_space_vote import look_through
 from automos.candidates.free_space_weigh import (
@@ -23,14 +25,17 @@ from automos.scan import Mask
 from automos.settings import FreeSpaceSettings
 
 Array = npt.NDArray[np.float64]
-_PARTS = 4
-"""Into which a scan's points are cut where threads share the work."""
+_PARTS, _PART = 4, 6000
+"""Into how many parts a scan's points are cut at most where threads share the work, and how many points one has at
+least: below that, asking takes less time than being asked."""
 SPAN_TOLERANCE = 0.25
 """Of a span, how far off the asked scan may be."""
 FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)
 """Seconds: asked first; what they agree to have hit has stayed."""
 SURE_HITS = 2
 """Hits without a see-through after which no more scans are asked."""
+Looked = tuple[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], BeamPattern, PyramidShape, RangeImage], ...]
+"""What the LiDARs of one scan saw, as `look_through` takes it after the points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +99,7 @@ def ask(
     net, through, hits = np.zeros(n, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
     for view in mine.views:
         heights = mine.height[view.rows][view.is_object]
-        told = _ask_about(view, heights, others, offsets, settings, pool)
+        told = _ask_about(view, heights, [_looked(view, other) for other in others], offsets, settings, pool)
         net[view.rows], through[view.rows], hits[view.rows] = (_scatter(part, view.is_object) for part in told)
     return Evidence(mine.kind, net, through, hits, mine.height, mine.solidity)
 
@@ -102,15 +107,16 @@ def ask(
 def _ask_about(
     mine: View,
     heights: npt.NDArray[np.float32],
-    others: list[Seen],
+    others: list[Looked],
     offsets: Array,
     settings: FreeSpaceSettings,
     pool: ThreadPoolExecutor | None,
 ) -> list[npt.NDArray]:
     """Return net, through and hits (K,) of a view's objects; what is said of one point does not depend on others."""
-    if pool is None:
+    n_parts = min(_PARTS, len(heights) // _PART)
+    if pool is None or n_parts < 2:
         return list(_ask_part(mine, heights, others, offsets, settings))
-    parts = np.array_split(np.arange(len(heights)), _PARTS)
+    parts = np.array_split(np.arange(len(heights)), n_parts)
     views = [
         replace(mine, objects=np.ascontiguousarray(mine.objects[:, rows]), is_supported=mine.is_supported[rows])
         for rows in parts
@@ -125,7 +131,7 @@ def _ask_about(
 def _ask_part(
     mine: View,
     heights: npt.NDArray[np.float32],
-    others: list[Seen],
+    others: list[Looked],
     offsets: Array,
     settings: FreeSpaceSettings,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
@@ -165,7 +171,7 @@ def _add_votes(
     ids: npt.NDArray[np.int64],
     own_ranges: npt.NDArray,
     heights: npt.NDArray,
-    other: Seen,
+    other: Looked,
     settings: FreeSpaceSettings,
     votes: npt.NDArray[np.int8],
 ) -> None:
@@ -175,15 +181,22 @@ def _add_votes(
     points = mine.objects if len(ids) == mine.objects.shape[1] else np.take(mine.objects, ids, axis=1)
     codes = np.empty(len(ids), np.uint8)
     ranges, misses = np.empty(len(ids), np.float32), np.empty(len(ids), np.float32)
-    for k, view in enumerate(other.views):
-        T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-        scan = (view.motion, view.pattern, view.pyramid, view.image)
-        look_through(points, T, *scan, tolerances, codes, ranges, misses)
+    for k, looked in enumerate(other):
+        look_through(points, *looked, tolerances, codes, ranges, misses)
         said = votes if k == 0 else np.zeros_like(votes)
-        pitch = np.float32(view.pattern.row_height)
+        pitch = np.float32(looked[2].row_height)
         weigh_looks(codes, ranges, misses, own_ranges, heights, pitch, s.near_miss, s.weak_weight, ids, said)
         if k > 0:
             join_votes(votes, said)
+
+
+def _looked(mine: View, other: Seen) -> Looked:
+    """Return what the LiDARs of another scan saw, for points in the frame of `mine`."""
+    T_other_mine = [(inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32) for view in other.views]
+    return tuple(
+        (T, view.motion, view.pattern, view.pyramid, view.image)
+        for T, view in zip(T_other_mine, other.views, strict=True)
+    )
 
 
 def _scatter(values: npt.NDArray, is_object: npt.NDArray[np.bool_]) -> npt.NDArray:
