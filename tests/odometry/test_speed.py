@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
-from worlds import record, van
+from worlds import Block, record, van
 
+from automos.odometry.consistency import speed_figures
 from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score_distances, stands
 from automos.odometry.links import Alignment, Window
-from automos.odometry.refine import refine_poses
-from automos.odometry.speed import OFFSETS, lengthen, rival_speed, search_speed
+from automos.odometry.refine import RollingRefinement, refine_poses
+from automos.odometry.speed import SpeedSearch, lengthen, search_speed
+from automos.odometry.speed_scores import Landmarks
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import surfels_of
 from automos.settings import OdometrySettings
@@ -79,25 +81,27 @@ def test_one_scan_misses_nothing(canyon):
     assert search_speed(window, SETTINGS).missing.shape == (0, 3)
 
 
-def test_what_is_higher_than_any_vehicle_is_told_from_the_rest():
+def test_what_cannot_be_traffic_is_told_from_the_rest():
     rng = np.random.default_rng(0)
     flat = np.array([0.0, 0.35, 0.35]) * rng.uniform(-1.0, 1.0, (400, 3))
-    low, high = np.array([10.2, 2.2, 0.6]), np.array([12.2, -3.4, 4.2])
-    before = surfels_of((np.concatenate([flat + low, flat + high])).astype(np.float32), None)
-    come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is high stays
-    after = surfels_of((np.concatenate([flat + low, flat + high - come])).astype(np.float32), None)
+    low, beside, high = np.array([[10.2, 2.2, 0.6], [10.2, -18.2, 0.6], [12.2, -3.4, 4.2]])
+    before = surfels_of((np.concatenate([flat + low, flat + beside, flat + high])).astype(np.float32), None)
+    come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is beside or high stays
+    after = np.concatenate([flat + low, flat + beside - come, flat + high - come])
+    after = surfels_of(after.astype(np.float32), None)
     submap = make_submap([before], np.eye(4)[None])
     scores = score_distances(submap, after, np.eye(4), np.eye(3)[0], np.array([0.0, 0.8, 1.6]), 0.0, SETTINGS.overhead)
-    low, high = scores
+    low, beside, high = scores
     assert low[0] > 0.0 == low[1] == low[2]
+    assert beside[2] > 0.0 == beside[0] == beside[1]
     assert high[2] > 0.0 == high[0] == high[1]
 
 
 def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():
-    assert stands(np.array([5.0, 30.0]), np.array([400.0, 40.0]))
-    assert not stands(np.array([200.0, 4.0]), np.array([400.0, 40.0]))  # low: traffic at the sensor's speed
-    assert stands(np.array([80.0, 0.0]), np.array([400.0, 1.0]))
-    assert not stands(np.array([8.0, 0.0]), np.array([400.0, 1.0]))
+    assert stands(np.array([5.0, 0.0, 30.0]), np.array([400.0, 9.0, 40.0]))
+    assert not stands(np.array([200.0, 0.0, 4.0]), np.array([400.0, 9.0, 40.0]))  # low: traffic at the sensor's speed
+    assert stands(np.array([70.0, 10.0, 0.0]), np.array([390.0, 10.0, 1.0]))
+    assert not stands(np.array([8.0, 0.0, 0.0]), np.array([400.0, 9.0, 1.0]))
 
 
 def test_from_nearly_the_same_place_more_is_found_again():
@@ -105,11 +109,51 @@ def test_from_nearly_the_same_place_more_is_found_again():
     np.testing.assert_allclose(share, NEAR_SHARE * np.array([1.0, np.exp(-1), np.exp(-1), 0.0]), atol=1e-9)
 
 
-def test_what_is_overhead_tells_whether_the_poses_follow_the_world():
-    stands_right, follows_traffic = np.zeros(len(OFFSETS)), np.zeros(len(OFFSETS))
-    stands_right[np.abs(OFFSETS) < 0.2] = 30.0
-    follows_traffic[np.abs(OFFSETS - 22.0) < 0.2] = 30.0
-    assert list(rival_speed(stands_right).values())[:2] == [30.0, 0.0]
-    here, there, faster = rival_speed(follows_traffic).values()
-    assert (here, there) == (0.0, 30.0)
-    assert faster == pytest.approx(22.0, abs=0.2)
+def landmarks(speed: float, refound: float, expected: float = 0.0) -> Landmarks:
+    return Landmarks(np.full(4, speed), np.full(4, refound / 4), np.full(4, expected / 4))
+
+
+def test_a_speed_is_ahead_by_what_is_found_again_where_another_finds_less():
+    assert landmarks(25.0, 4.0).explains_more_than(landmarks(0.0, 0.0))
+    assert not landmarks(25.0, 1.0).explains_more_than(landmarks(0.0, 0.0))  # one surfel is chance
+    assert not landmarks(25.0, 44.0).explains_more_than(landmarks(0.0, 40.0))
+    assert not landmarks(25.0, 40.0).explains_more_than(landmarks(24.5, 0.0))  # nearly the same speed
+    assert landmarks(25.0, 4.0).explains_more_than(landmarks(0.5, 4.0, expected=20.0))  # sixteen are missed there
+
+
+def test_poses_that_follow_traffic_are_doubted_and_others_not():
+    def search(here: Landmarks, there: Landmarks) -> SpeedSearch:
+        return SpeedSearch(np.zeros((3, 3)), np.zeros((3, 3)), here, there)
+
+    right = search(landmarks(10.0, 30.0), landmarks(10.0, 30.0))
+    assert not speed_figures([right])["is_speed_doubted"]
+    assert not speed_figures([])["is_speed_doubted"]
+    figures = speed_figures([right, search(landmarks(0.0, 0.0), landmarks(22.0, 30.0))])
+    assert figures["is_speed_doubted"]
+    assert (figures["landmarks_refound"], figures["refound_at_rival"]) == (30.0, 60.0)
+    assert figures["rival_faster_m_s"] == pytest.approx(11.0)
+    assert speed_figures([search(landmarks(1.0, 1.0, 9.0), landmarks(1.0, 1.0, 9.0))])["is_speed_doubted"]
+
+
+def test_where_nearly_all_that_is_seen_keeps_step_signs_overhead_tell_the_speed():
+    lanes = [
+        van(x, y, 0.0, SPEED) for y in (3.5, -3.5) for x in np.linspace(-30.0, 30.0, 6) + (2.0 if y > 0.0 else 0.0)
+    ]
+    signs = [Block((x, y, 3.6), (0.3, 2.4, 1.8)) for x in np.arange(-30.0, 70.0, 8.0) for y in (7.0, -7.0)]
+    ahead_and_behind = [van(9.0, 0.0, 0.0, SPEED), van(-9.0, 0.0, 0.0, SPEED)]
+    settings = OdometrySettings(overhead=0.9)
+    pose = curve(SPEED, 0.0)
+    truth = np.array([pose(0.1 * i) for i in range(N)])
+    world = record((*CANYON[:2], *lanes, *ahead_and_behind, *signs), truth, n_beams=32)
+    window = window_of(world, np.tile(np.eye(4), (N, 1, 1)))
+
+    search = search_speed(window, settings)
+    assert not search.missing.any()  # all together, the traffic wins
+    assert search.landmarks_at_rival.explains_more_than(search.landmarks)
+
+    refinement = RollingRefinement(0.1, 0.0, settings)
+    for surfels in window.surfels:
+        refinement.add(surfels, np.zeros(6), np.eye(4), 1.0)
+    poses, _, _ = refinement.finish()
+    assert worst_distance(poses, true_poses(pose, N)) < 0.02 * SPEED * 0.1 * N
+    assert not speed_figures(refinement.searches)["is_speed_doubted"]

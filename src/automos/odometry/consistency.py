@@ -9,7 +9,8 @@ import numpy as np
 from automos.odometry.clock import Clock
 from automos.odometry.links import Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.motion import SweepTiming, step_twists, usable_points
-from automos.odometry.speed import MIN_STEP
+from automos.odometry.speed import MIN_STEP, SpeedSearch
+from automos.odometry.speed_scores import CLEARLY_MORE, Landmarks
 from automos.odometry.surfels import surfels_of
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
@@ -18,8 +19,10 @@ SAMPLES = 3
 """Places of a recording where its poses are tried."""
 SAMPLE_SECONDS = 2.5
 """Length of each."""
-CLEARLY_MORE = 5.0
-"""Surfels overhead by which another speed must explain more to put the present one in doubt."""
+
+
+AHEAD = 0.1
+"""Of all landmarks found again at another speed, by which that must be ahead to put the present one in doubt."""
 
 
 def measure_consistency(
@@ -59,15 +62,37 @@ def summarize(links: Consistency) -> dict[str, float | None]:
     }
 
 
+def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
+    """Return how surely the speed is known: by how much of what cannot be traffic is found again.
+
+    landmarks_refound, landmarks_expected : how much is, and how much should be at least from nearly the same place.
+    refound_at_rival : how much would be at other speeds, on average `rival_faster_m_s`.
+    is_speed_doubted : whether too little is found again, or clearly more at the other speeds.
+    """
+    here = Landmarks.concatenate([search.landmarks for search in searches])
+    there = Landmarks.concatenate([search.landmarks_at_rival for search in searches])
+    refound, expected, at_rival = here.refound.sum(), here.expected.sum(), there.refound.sum()
+    is_rival_ahead = there.explains_more_than(here) and at_rival - refound > AHEAD * at_rival
+    is_too_little = expected - refound > CLEARLY_MORE * np.sqrt(expected)
+    return {
+        "landmarks_refound": float(refound),
+        "landmarks_expected": float(expected),
+        "refound_at_rival": float(at_rival),
+        "rival_faster_m_s": float(np.mean(there.speeds - here.speeds)) if len(here.speeds) else 0.0,
+        "is_speed_doubted": bool(is_rival_ahead or is_too_little),
+    }
+
+
 def doubts(figures: dict[str, Any], settings: OdometrySettings) -> list[str]:
     """Return warnings, in sentences, that the `figures` of a run call for."""
     found = []
-    if figures.get("refound_at_rival", 0.0) > figures.get("refound_overhead", 0.0) + CLEARLY_MORE:
-        faster = figures["rival_faster_m_s"]
+    if figures.get("is_speed_doubted", False):
+        faster, here, there = (figures[k] for k in ("rival_faster_m_s", "landmarks_refound", "refound_at_rival"))
         found.append(
-            "the speed is in doubt: what is higher than any vehicle is found again if the sensor is "
-            f"{abs(faster):.0f} m/s {'faster' if faster > 0.0 else 'slower'} than found. The poses may follow traffic "
-            "rather than the world, and labels are not to be trusted: give your own poses (--poses)."
+            "the speed is in doubt: of what cannot be traffic (higher than any vehicle, far beside the road) "
+            f"{here:.0f} pieces are found again as it is, {there:.0f} if the sensor is {abs(faster):.0f} m/s "
+            f"{'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world, and labels "
+            "are not to be trusted: give your own poses (--poses)."
         )
     thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
     if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):

@@ -12,13 +12,12 @@ import numpy as np
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry.clock import Clock, DistinctScans, find_missing, read_clock, with_repeats
-from automos.odometry.consistency import doubts, measure_consistency, summarize
+from automos.odometry.consistency import doubts, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
-from automos.odometry.speed import rival_speed
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
@@ -142,7 +141,7 @@ class _Estimate:
         self.figures.update(summarize(after))
         self.figures["before_refinement"] = summarize(before)
         self.figures["lengthened_m"] = first.refinement.lengthened
-        self.figures.update(rival_speed(first.refinement.refound))
+        self.figures.update(speed_figures(first.refinement.searches))
         return poses
 
     def _register(self, timing: SweepTiming) -> _FirstPoses:

@@ -23,6 +23,9 @@ NEAR_SHARE = 0.5
 NEAR_VIEW = 1.5
 """Metres over which this falls to a third."""
 
+BESIDE = 12.0
+"""Metres from the sensor's path, farther than lanes of its own direction reach: what is there keeps no pace with it."""
+
 BODY_RANGE = 6.0
 """Metres within which the vehicle's own body is looked for: a long one's ends."""
 BODY_VOXEL = 0.4
@@ -55,11 +58,11 @@ def score_distances(
 ) -> Array:
     """Return how much surface facing along the path `surfels` find again, had they come `distances` (D,) metres.
 
-    Returned as (2, D): of what vehicles may be, and of what is higher than any. The surfels' own compensation follows:
-    `per_sweep` is the share of the distance that is driven during a sweep. What is `overhead` metres over the sensor is
-    higher than any vehicle.
+    Returned as (3, D): of what may be vehicles that keep pace, of what is too far beside the path for these, and of
+    what is higher than any, `overhead` metres over the sensor. The surfels' own compensation follows: `per_sweep` is
+    the share of the distance that is driven during a sweep.
     """
-    scores = np.zeros((2, len(distances)))
+    scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
     sideways = T_submap_surfels[:3, 3] - present * direction
     R = np.ascontiguousarray(T_submap_surfels[:3, :3])
@@ -103,12 +106,12 @@ def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
 
 
 def stands(refound: Array, whole: Array) -> bool:
-    """Return whether as much is found again where it was, low and high (2,), of the `whole` (2,), as one at rest sees.
+    """Return whether as much is found again where it was, of the `whole` (3,), as one at rest sees.
 
-    What is high tells, if there is any; what is low may be traffic nearly all.
+    What is high tells, if there is any; what is lower may be traffic nearly all.
     """
-    if whole[1] > EVIDENCE:
-        return bool(refound[1] > STANDSTILL_SHARE * whole[1])
+    if whole[2] > EVIDENCE:
+        return bool(refound[2] > STANDSTILL_SHARE * whole[2])
     return bool(refound.sum() > STANDSTILL_SHARE_LOW * whole.sum())
 
 
@@ -158,7 +161,7 @@ def _score(  # type: ignore[no-untyped-def]
         x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
         y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
         z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
-        height = 1 if points[i, 2] > overhead else 0
+        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * py - a[1] * px) > BESIDE else 0)
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
@@ -173,4 +176,4 @@ def _score(  # type: ignore[no-untyped-def]
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < CLOSE:
-                scores[height, d] += says[row]
+                scores[where, d] += says[row]

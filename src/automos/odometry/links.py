@@ -45,6 +45,11 @@ class Window:
     def __len__(self) -> int:
         return len(self.surfels)
 
+    @property
+    def clock(self) -> Array:
+        """(N,) seconds since the first scan."""
+        return np.concatenate([[0.0], np.cumsum(self.gaps)]) * self.period
+
     def moved(self, T_world_sensor: Pose) -> Window:
         """Return the same scans at other poses, their surfels compensated for the motion these imply."""
         twists = self.share * step_twists(T_world_sensor, self.gaps)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.pose_graph import FIXED, NormalEquations
-from automos.odometry.speed import OFFSETS, lengthen, search_speed
+from automos.odometry.speed import SpeedSearch, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
@@ -139,8 +139,8 @@ class RollingRefinement:
         self._after: list[Consistency] = []
         self.lengthened = 0.0
         """Metres by which steps were too short, all together."""
-        self.refound = np.zeros(len(OFFSETS))
-        """How much of what faces along the path is found again at other speeds, see `SpeedSearch`."""
+        self.searches: list[SpeedSearch] = []
+        """What the speed's last search has found in each window."""
 
     def add(self, surfels: Surfels | Future[Surfels], twist: Array, T_last_this: Pose, gap: float) -> None:
         """Add a scan: its surfels, the twist they are compensated with, its pose in and its gap to the scan before."""
@@ -165,21 +165,42 @@ class RollingRefinement:
         gaps = np.array([s.gap for s in scans[1:]])
         window = Window(surfels, twists, poses, gaps, self._period, self._share)
         is_fixed = np.arange(len(scans)) < n_known // 2
-        for _ in range(SPEED_ROUNDS):
-            search = search_speed(window, self._settings, self._pool)
-            missing = search.missing
-            missing[: max(n_known - 1, 0)] = 0.0
-            if not missing.any():
-                break
-            self.lengthened += float(np.linalg.norm(missing, axis=1).sum())
-            window = window.moved(lengthen(window.T_world_sensor, missing))
-            window = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)[0]
-        self.refound += search.refound
+        window, search, longer = self._settle_speed(window, is_fixed)
+        if search.landmarks_at_rival.explains_more_than(search.landmarks):
+            other, found, more = self._follow_rival(window, search, is_fixed)
+            if found.landmarks.explains_more_than(search.landmarks):
+                window, search, longer = other, found, longer + more
+        self.lengthened += longer
+        self.searches.append(search)
         window, before, after = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
         self._before.append(before)
         self._after.append(after)
         refined = zip(window.surfels, window.twists, window.T_world_sensor, [0.0, *gaps], strict=True)
         self._scans = [_Scan(*scan) for scan in refined]
+
+    def _follow_rival(self, window: Window, search: SpeedSearch, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
+        """Return the window, its last search and the metres added, from where landmarks alone say that it is."""
+        other = window.moved(lengthen(window.T_world_sensor, self._free(search.rival)))
+        other = refine_poses(other, is_fixed, self._settings, Alignment(), self._pool)[0]
+        return self._settle_speed(other, is_fixed)
+
+    def _settle_speed(self, window: Window, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
+        """Return the window at the speed that is found from its poses, the last search, and the metres added."""
+        longer = 0.0
+        for _ in range(SPEED_ROUNDS):
+            search = search_speed(window, self._settings, self._pool)
+            missing = self._free(search.missing)
+            if not missing.any():
+                break
+            longer += float(np.linalg.norm(missing, axis=1).sum())
+            window = window.moved(lengthen(window.T_world_sensor, missing))
+            window = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)[0]
+        return window, search, longer
+
+    def _free(self, missing: Array) -> Array:
+        """Return (N - 1, 3) `missing` metres of those steps that were not refined before."""
+        missing[: max(self._n_known - 1, 0)] = 0.0
+        return missing
 
     def _keep_last(self, n: int) -> None:
         done = len(self._scans) - n

@@ -3,60 +3,44 @@
 In a street canyon whose traffic keeps pace with the sensor, façades and ground fit anywhere along the street, and the
 cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
 standing still. Only the few surfaces that face along the street (poles, recesses, corners) tell, and they do so sharply
-once only they are asked: how much of them finds a surface again, over two baselines at once, as a function of speed,
-has its peak where the world stands still. Traffic has no common peak. What is higher than any vehicle cannot be traffic
-and counts more. From nearly the same place nearly all is found again, so a speed near standing under which little is
-found counts for as much less. The path of speeds over time with the greatest sum and possible accelerations is followed
-(Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
+once only they are asked (`speed_scores`). The path of speeds over time with the greatest sum and possible accelerations
+is followed (Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
+
+Where most of what is seen is traffic, that wins. Its rival is the path of speeds under which landmarks alone are found
+again: what is higher than any vehicle, or farther beside the path than lanes of the same direction reach.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse
-from automos.odometry.facing import EVIDENCE, expected_share, score_distances, signed_distance, stands, without_body
+from automos.odometry.facing import stands, without_body
 from automos.odometry.links import Window
 from automos.odometry.motion import chain
-from automos.odometry.submap import make_submap
-from automos.odometry.surfels import Surfels
+from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
 
-OFFSETS = np.arange(-40.0, 40.01, 0.125)
-"""m/s by which the sensor might be faster than its poses say."""
-SAME_SPEED, OTHER_SPEED = 0.3, 1.5
-"""m/s up to which a speed is the present one, and from which it is another."""
-NEAR_STEPS = 2
-"""Steps of speed that are still the same speed."""
-LAGS = (0.3, 0.8)
-"""Seconds over which things come by: what moves has no common peak over both."""
-EVERY = 0.5
-"""Seconds between the places asked."""
-STEP = 0.125
-"""m/s between speeds tried: 10 cm over the longer baseline."""
-OVERHEAD_WEIGHT = 4.0
-"""Of what is higher than any vehicle: it cannot be traffic."""
 PRIOR = 0.2
 """Of a full score, that the registration's own speed has ahead."""
-REVERSE_COST = 0.3
-"""Of a full score, that going backwards has behind."""
 GAIN = 0.2
 """Share by which another speed must explain more."""
 ACCELERATION_COST = 0.3
 """Share that an acceleration of the usual size must explain."""
 MIN_RATIO = 0.8
 """Of true speed to first estimate, at least."""
-MIN_CLEAR_SPEED = 2.0
-"""m/s, slower first estimates may be a mistaken standstill."""
 MIN_STEP = 0.1
 """Metres, shorter steps have no direction."""
+KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
+"""Surfels found again that tell a speed; the seconds and places next to an end where nothing tells, of which the
+acceleration there is told; how much that is at most, m/s²."""
 MIN_STRAIGHTNESS = 0.8
 """How much steps agree on their direction in the sensor's frame, 0 to 1, to have one."""
 
@@ -69,45 +53,34 @@ class SpeedSearch:
     ----------
     missing : (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says; zero wherever no
         other speed explains clearly more than the present one.
-    refound : (K,) how much of them that is higher than any vehicle is found again, were the sensor faster all along by
-        `OFFSETS` m/s.
+    rival : (N - 1, 3) the same, were only landmarks asked: what cannot be traffic.
+    landmarks, landmarks_at_rival : how much of these is found again as the poses are, and with the rival's steps.
     """
 
     missing: Array
-    refound: Array
+    rival: Array
+    landmarks: Landmarks
+    landmarks_at_rival: Landmarks
 
 
 def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
     """Return by how much steps are too short, and how much each other speed would explain."""
     steps = inverse(window.T_world_sensor[:-1]) @ window.T_world_sensor[1:]
-    best, best_gain, refound = np.zeros((len(steps), 3)), 0.0, np.zeros(len(OFFSETS))
+    nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
-        return SpeedSearch(best, refound)
+        return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
     surfels = without_body(window.surfels)
     known = _direction(steps)
+    best, best_gain, found = nothing, 0.0, []
     # A registration that wrongly stands still has none: then either axis of the sensor, usually the vehicle's, may do.
     for forward in np.eye(3)[:2] if known is None else [known]:
-        scores = _score_speeds(forward, window, surfels, settings, pool)
-        refound += scores.refound_overhead()
-        growth, gain = _follow_speed(scores, window, settings, is_guess=known is None)
+        scores = score_speeds(forward, window, surfels, settings, pool)
+        growth, gain = _follow_speed(scores, window, settings, known is None)
         if gain > best_gain:
             best, best_gain = growth[:, None] * forward, gain
-    return SpeedSearch(best, refound)
-
-
-def rival_speed(refound: Array) -> dict[str, float]:
-    """Return how much is found again at the present speed, at the best other one, and by how much that is faster, m/s.
-
-    What is asked is higher than any vehicle, so it cannot be traffic: where another speed explains more of it, the
-    poses follow something else than the world.
-    """
-    is_other = np.abs(OFFSETS) >= OTHER_SPEED
-    best = int(np.argmax(np.where(is_other, refound, -1.0)))
-    return {
-        "refound_overhead": float(refound[np.abs(OFFSETS) <= SAME_SPEED].max()),
-        "refound_at_rival": float(refound[best]),
-        "rival_faster_m_s": float(OFFSETS[best]),
-    }
+        found.append(_follow_landmarks(scores, window, settings, forward))
+    rival = max(found, key=lambda search: search.landmarks_at_rival.lead_over(search.landmarks))
+    return replace(rival, missing=best)
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
@@ -117,83 +90,18 @@ def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
     return chain(T_world_sensor[0], steps)
 
 
-@dataclass(frozen=True, eq=False)
-class _Scores:
-    """How much is found again at each of M places under each of S speeds.
-
-    speeds : (S,) m/s.  times : (M,) seconds.  present : (M,) m/s, as the poses are.
-    believed : (M, S) share of what can be found, as far as it is to be believed.
-    refound : (M, 2, S) weights of the surfaces found again, low and overhead.  whole : (M, 2) of all there are.
-    """
-
-    speeds: Array
-    times: Array
-    present: Array
-    believed: Array
-    refound: Array
-    whole: Array
-
-    @property
-    def nearest(self) -> npt.NDArray[np.int64]:
-        """(M,) the speed tried that is nearest to the present one."""
-        at = np.round((self.present - self.speeds[0]) / STEP).astype(int)
-        return np.clip(at, 0, len(self.speeds) - 1)
-
-    def refound_overhead(self) -> Array:
-        """Return (K,) how much overhead is found again were the sensor faster by `OFFSETS`."""
-        places = zip(self.present, self.refound[:, 1], strict=True)
-        return sum((np.interp(now + OFFSETS, self.speeds, high, left=0.0, right=0.0) for now, high in places),
-                   np.zeros(len(OFFSETS)))  # fmt: skip
-
-
-def _score_speeds(
-    forward: Array, window: Window, surfels: list[Surfels], settings: OdometrySettings, pool: ThreadPoolExecutor | None
-) -> _Scores:
-    """Return how much is found again along `forward` (3,) at every speed."""
-    T, period = window.T_world_sensor, window.period
-    lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
-    starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
-    clock = np.concatenate([[0.0], np.cumsum(window.gaps)]) * period
-    speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
-    weights = np.array([1.0, OVERHEAD_WEIGHT])
-
-    def score(start: int) -> tuple[Array, Array, Array]:
-        submap = make_submap([surfels[start]], np.eye(4)[None])
-        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
-        refound, believed = np.zeros((2, len(speeds))), np.zeros(len(speeds))
-        for end in start + np.array(lags):
-            T_start_end = inverse(T[start]) @ T[end]
-            seconds = clock[end] - clock[start]
-            per_sweep = window.share * period / seconds
-            distances = speeds * seconds
-            found = score_distances(submap, surfels[end], T_start_end, forward, distances, per_sweep, settings.overhead)
-            weighed, expected = weights @ found, weights @ whole * expected_share(distances)
-            believed += weighed * np.minimum(weighed / np.maximum(expected, 1e-9), 1.0)
-            refound += found
-        return believed / ((weights @ refound).max() + EVIDENCE), refound / len(lags), whole
-
-    todo = starts.tolist()
-    believed, refound, whole = zip(*(map(score, todo) if pool is None else pool.map(score, todo)), strict=True)
-    ends = starts + max(lags)
-    present = signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
-    times = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
-    return _Scores(speeds, times, present, np.array(believed), np.array(refound), np.array(whole))
-
-
-def _follow_speed(scores: _Scores, window: Window, settings: OdometrySettings, is_guess: bool) -> tuple[Array, float]:
+def _follow_speed(
+    scores: SpeedScores, window: Window, settings: OdometrySettings, is_guess: bool
+) -> tuple[Array, float]:
     """Return the (N - 1,) metres by which steps are too short, and how much more these explain.
 
     A direction that `is_guess` must not be found by those who pass a vehicle that stands: little may be where it was.
     """
     present, speeds, nearest = scores.present, scores.speeds, scores.nearest
     rows, nothing = np.arange(len(present)), np.zeros(len(window) - 1)
-    if is_guess and stands(scores.refound[rows, :, nearest].mean(axis=0), scores.whole.mean(axis=0)):
+    if is_guess and stands(scores.refound[rows, :, nearest].sum(axis=0), scores.whole.sum(axis=0)):
         return nothing, 0.0
-    believed = scores.believed.copy()
-    # What pulls registrations off pulls them towards standing still, so a clear motion is never too fast by much.
-    is_slower = speeds * np.sign(present)[:, None] < MIN_RATIO * np.abs(present)[:, None]
-    believed[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)[:, None]] -= 1.0
-    believed[:, speeds < -STEP] -= REVERSE_COST
+    believed = scores.likely(scores.believed, MIN_RATIO)
     is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
     lead = 0.0 if is_guess else PRIOR  # a mistaken standstill has nothing ahead
     path = _best_path(believed + lead * is_present, speeds, scores.times, settings.usual_acceleration)
@@ -205,9 +113,37 @@ def _follow_speed(scores: _Scores, window: Window, settings: OdometrySettings, i
     change = np.where(is_better, speeds[path] - present, 0.0)
     is_known = is_better | is_right  # where nothing tells, the error is taken to be that of the places around
     change = np.interp(scores.times, scores.times[is_known], change[is_known])
-    clock = np.concatenate([[0.0], np.cumsum(window.gaps)]) * window.period
-    growth = np.interp(0.5 * (clock[1:] + clock[:-1]), scores.times, change) * np.diff(clock)
-    return growth, float(gain[is_better].sum())
+    return _growth(scores.times, change, window), float(gain[is_better].sum())
+
+
+def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array) -> SpeedSearch:
+    """Return what landmarks alone tell along `forward` (3,)."""
+    believed = scores.likely(scores.by_landmarks, 0.0)
+    path = _best_path(believed, scores.speeds, scores.times, settings.usual_acceleration)
+    here, there = scores.landmarks_along(scores.nearest), scores.landmarks_along(path)
+    speeds = _extended(scores.times, there.speeds, there.refound >= KNOWN)
+    growth = _growth(scores.times, speeds - scores.present, window)
+    return SpeedSearch(np.zeros((len(growth), 3)), growth[:, None] * forward, here, there)
+
+
+def _extended(times: Array, speeds: Array, is_known: npt.NDArray[np.bool_]) -> Array:
+    """Return `speeds` (M,), at the ends where none is known with the acceleration of what is known near them."""
+    known = np.flatnonzero(is_known)
+    if len(known) < 2:
+        return speeds
+    out = speeds.copy()
+    for end, outside in ((known[0], times < times[known[0]]), (known[-1], times > times[known[-1]])):
+        near = known[np.abs(times[known] - times[end]) <= KNOWN_SECONDS]
+        if len(near) >= KNOWN_PLACES:
+            slope = np.clip(np.polyfit(times[near] - times[end], speeds[near], 1)[0], -MAX_SLOPE, MAX_SLOPE)
+            out[outside] = speeds[end] + slope * (times[outside] - times[end])
+    return out
+
+
+def _growth(times: Array, change: Array, window: Window) -> Array:
+    """Return (N - 1,) metres by which steps grow, if the sensor is faster by `change` (M,) m/s at `times` (M,)."""
+    clock = window.clock
+    return np.interp(0.5 * (clock[1:] + clock[:-1]), times, change) * np.diff(clock)
 
 
 def _direction(steps: Pose) -> Array | None:
@@ -223,15 +159,12 @@ def _direction(steps: Pose) -> Array | None:
 
 def _best_path(scores: Array, speeds: Array, times: Array, usual_acceleration: float) -> npt.NDArray[np.int64]:
     """Return (M,) columns of `scores` (M, S) with the greatest sum, less the cost of the accelerations between them."""
-    best = scores[0].copy()
-    came_from = []
+    best, came_from, rows = scores[0].copy(), [], np.arange(len(speeds))
+    change = ACCELERATION_COST * ((speeds[:, None] - speeds[None, :]) / usual_acceleration) ** 2  # (to, from)
     for row in range(1, len(scores)):
-        seconds = times[row] - times[row - 1]
-        acceleration = (speeds[:, None] - speeds[None, :]) / seconds  # (to, from)
-        cost = ACCELERATION_COST * (acceleration / usual_acceleration) ** 2
-        total = best[None, :] - cost
+        total = best - change / (times[row] - times[row - 1]) ** 2
         came_from.append(np.argmax(total, axis=1))
-        best = total.max(axis=1) + scores[row]
+        best = total[rows, came_from[-1]] + scores[row]
     path = [int(np.argmax(best))]
     for source in reversed(came_from):
         path.append(int(source[path[-1]]))
