@@ -4,18 +4,22 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from worlds import World, lane, write_bins
 
+from automos.array_sequence import ArraySequence
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.labeling import label_recording, summary
+from automos.online.segment import segment_recording
+from automos.pipeline import label
 from automos.pose_files import write_kitti
 from automos.settings import load_settings
-from automos.workspace import RUN_FILE
+from automos.workspace import RUN_FILE, Workspace
 
 PAPER = load_settings("paper")
 
@@ -211,3 +215,15 @@ def test_results_are_not_written_into_the_recordings_own_folders(world, tmp_path
 def test_results_in_a_folder_of_their_own_within_the_recording_go_on(world, recording):
     done = run(recording, recording / "labelled")
     assert run(recording, recording / "labelled") == done
+
+
+def test_scans_whose_names_are_too_long_for_files_are_told_before_work_starts(world, tmp_path):
+    scans = [replace(scan, name="a" * 250 + scan.name) for scan in world.sequence]
+    for start in (
+        lambda: label(ArraySequence(scans), PAPER, workspace=Workspace(tmp_path / "out"), workers=1),
+        lambda: label_recording(ArraySequence(scans), tmp_path / "out", PAPER, workers=1),
+        lambda: segment_recording(ArraySequence(scans), tmp_path / "out", load_settings("default")),
+    ):
+        with pytest.raises(InputError, match=r"a scan is named 'aaa.* \(256 letters\), and results are files"):
+            start()
+    assert not (tmp_path / "out").exists()

@@ -52,6 +52,23 @@ def test_saving_again_replaces(workspace):
     assert_same(stage.load("a"), {"a": np.ones(2)})
 
 
+@pytest.mark.parametrize("name", ["a" * 231, "\N{SNOWMAN}" * 77, "a/b", "../a", ".", "", "a\0b", "\udcff"], ids=ascii)
+def test_a_name_that_no_file_can_have_is_told_before_anything_is_kept(tmp_path, name):
+    Workspace().require_names([name, "b"], 2)  # in memory any will do
+    with pytest.raises(InputError, match=r"a scan is named .* results are files of that name"):
+        Workspace(tmp_path / "run").require_names(["b", name], 2)
+    Workspace(tmp_path / "run").require_names(["a" * 230, "\N{SNOWMAN}" * 76, "..b", "a b"], 4)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [(["a", "a"], "two scans are named 'a'"), (["a"], "2 scans has 1 names"), ([1, 2], "a text of its own")],
+)
+def test_names_that_tell_no_scan_from_another_are_told(workspace, names, message):
+    with pytest.raises(InputError, match=message):
+        workspace.require_names(names, 2)
+
+
 def test_a_folder_is_made_only_when_a_stage_is_asked_for(tmp_path):
     workspace = Workspace(tmp_path / "run")
     assert workspace.read_run() == {}

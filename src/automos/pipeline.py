@@ -96,7 +96,9 @@ class Steps:
         """Take what `label` takes."""
         self.sequence, self.settings, self.poses = sequence, settings, poses
         self.workers = checked_workers(workers)
-        self.run = Run(workspace or Workspace(), stage_keys(sequence, settings, poses), sequence.names, progress)
+        workspace = workspace or Workspace()
+        workspace.require_names(sequence.names, len(sequence))
+        self.run = Run(workspace, stage_keys(sequence, settings, poses), sequence.names, progress)
 
     @cached_property
     def trajectory(self) -> Trajectory:

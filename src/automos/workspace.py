@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,6 +29,8 @@ PerScan = Iterable[tuple[int, Arrays]]
 RUN_FILE = "run.json"
 RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""
+LONGEST_NAME = 230
+"""Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a process's number, too."""
 
 
 class _Strict(BaseModel):
@@ -144,6 +147,13 @@ def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
         return {key: archive[key] for key in keys or archive.files}
 
 
+def _is_file_name(name: str) -> bool:
+    try:
+        return name == Path(name).name != "" and "\0" not in name and len(name.encode()) <= LONGEST_NAME
+    except UnicodeEncodeError:
+        return False
+
+
 class Workspace:
     """Where a run keeps its results: in `root`, or in memory where there is none."""
 
@@ -154,6 +164,20 @@ class Workspace:
 
     def __repr__(self) -> str:
         return f"<Workspace {'in memory' if self.root is None else self.root}>"
+
+    def require_names(self, names: list[str], n_scans: int) -> None:
+        """Raise InputError where results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
+        if len(names) != n_scans or not all(isinstance(name, str) for name in names):
+            raise InputError(f"a recording of {n_scans} scans has {len(names)} names: give each scan a text of its own")
+        twice = next((name for name, times in Counter(names).items() if times > 1), None)
+        if twice is not None:
+            raise InputError(f"two scans are named {twice!a:.80}: give each scan a name of its own")
+        unfit = None if self.root is None else next((name for name in names if not _is_file_name(name)), None)
+        if unfit is not None:
+            raise InputError(
+                f"a scan is named {unfit!a:.80} ({len(unfit)} letters), and results are files of that name: give scans "
+                f"names of at most {LONGEST_NAME} bytes and without strokes"
+            )
 
     def stage(self, name: str, key: str) -> Stage:
         """Return the stage `name` as made under fingerprint `key`."""

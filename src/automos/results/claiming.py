@@ -14,16 +14,20 @@ from automos.atomic import held, remove_parts, told
 from automos.datasets.files import holds_scans
 from automos.errors import InputError
 from automos.scan import Sequence
-from automos.workspace import RESULT_FILES, RUN_FILE
+from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
 
 PER_SCAN = ("predictions/*.label", "confidences/*.npy", "probabilities/*.npy")
 """What a results folder holds of every scan."""
 
 
 def require_room(folder: Path, recording: Sequence | None) -> None:
-    """Raise InputError where results must not go into `folder`: it is another program's, or holds a recording."""
+    """Raise InputError where results must not go into `folder`: it is another program's, or holds a recording.
+
+    Or where they cannot, since a scan has a name that no file can have.
+    """
     refuse_foreign(folder)
     if recording is not None:
+        Workspace(folder).require_names(recording.names, len(recording))
         refuse_folders_of(recording, folder)
     refuse_scans(folder)
 
