@@ -57,13 +57,20 @@ def label_recording(
         return Workspace(folder).read_run()
 
 
+def require_poses_of_one(pose_file: Path | None, calib_file: Path | None, n: int = 1, place: str = "") -> None:
+    """Raise InputError where poses are given for the `n` recordings at `place`, or a calibration without poses."""
+    if pose_file is None and calib_file is not None:
+        raise InputError(f"--calib {calib_file} says whose the poses of a file are: give that with --poses, or neither")
+    if pose_file is not None and n > 1:
+        raise InputError(f"{place} holds {n} recordings, but --poses is of one: give that one")
+
+
 def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | None) -> Pose | None:
     """Return (N, 4, 4) T_world_sensor from a KITTI or TUM file, None without one.
 
     The poses are the sensor's, or the camera's where `calib_file` is given; InputError where that is given alone.
     """
-    if pose_file is None and calib_file is not None:
-        raise InputError(f"--calib {calib_file} says whose the poses of a file are: give that with --poses, or neither")
+    require_poses_of_one(pose_file, calib_file)
     if pose_file is None:
         return None
     T_camera_sensor = None if calib_file is None else read_calib(calib_file)

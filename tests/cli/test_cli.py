@@ -376,12 +376,16 @@ def test_all_recordings_of_a_root_are_labelled_each_into_its_folder(automos, wor
     assert [len(labels_in(tmp_path / "out" / name)) for name in ("00", "01")] == [7, 7]
 
 
-def test_poses_of_one_recording_are_not_taken_for_several(automos, world, poses, tmp_path):
+def test_poses_of_one_recording_or_a_calibration_without_any_are_not_taken_for_several(automos, world, poses, tmp_path):
     for name in ("00", "01"):
         write_bins(world.sequence, tmp_path / "root" / "sequences" / name / "velodyne")
     ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--poses", poses)
     assert (ended.code, is_one_sentence(ended.err)) == (2, True)
     assert "root holds 2 recordings, but --poses is of one" in ended.err
+    for more in ((), ("--dry-run",), ("--shard", "0/2")):
+        ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--calib", poses, *more)
+        assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+        assert "give that with --poses, or neither" in ended.err
     assert not (tmp_path / "out").exists()
 
 

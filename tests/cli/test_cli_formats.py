@@ -81,6 +81,16 @@ def test_nothing_that_came_with_a_recording_is_written_over(labelled, tmp_path, 
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+def test_a_second_export_into_a_folder_within_the_recording_is_told_how_it_can_be(labelled, tmp_path):
+    folder = shutil.copytree(labelled[1], tmp_path / "lane")
+    words = ("export", labelled[0], folder, "--to", "instances", "--out", folder / "ids")
+    assert run(*words).exit_code == 0
+    told = str(run(*words).exception)
+    assert told.endswith("choose another --out, or remove what is in it, if that did not come with the recording")
+    shutil.rmtree(folder / "ids")
+    assert run(*words).exit_code == 0
+
+
 @pytest.mark.parametrize("words", ["label LOG", "segment LOG", "live LOG --speed 0", "merge RUN LOG EDITS"])
 @pytest.mark.parametrize("place", ["", "velodyne"])
 def test_no_results_are_written_into_another_recording(labelled, tmp_path, words, place):

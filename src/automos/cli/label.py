@@ -60,7 +60,7 @@ def label(
 
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
-    from automos.errors import InputError
+    from automos.labeling import require_poses_of_one
     from automos.scale.label import Resources, has_one_process_enough
     from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
     from automos.scale.storage import shown
@@ -74,8 +74,7 @@ def label(
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else Path(shown(recording)).stem}"
     resources = Resources(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
     mine = take_shard(found, part)
-    if poses is not None and len(found) > 1:
-        raise InputError(f"{shown(recording)} holds {len(found)} recordings, but --poses is of one: give that one")
+    require_poses_of_one(poses, calib, len(found), shown(recording))
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")

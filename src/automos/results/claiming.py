@@ -71,7 +71,8 @@ def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
     below = [place for place in (target, *target.parents) if source in place.parents]
     came_with_it = bool(below) and target.is_dir() and any(target.iterdir()) and not any(map(_is_any_of_ours, below))
     if target == source or came_with_it:
-        raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out")
+        or_else = ", or remove what is in it, if that did not come with the recording" if came_with_it else ""
+        raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out{or_else}")
 
 
 def _is_any_of_ours(folder: Path) -> bool:
