@@ -42,6 +42,9 @@ def test_rows_are_skipped_and_limited_whatever_the_others_hold():
     text = b"a header\n\n1 2\n3 4\n3 0 1 2\n"
     np.testing.assert_array_equal(parse_table(text, n_skipped=1, n_rows=2), [[1, 2], [3, 4]])
     np.testing.assert_array_equal(parse_table(text, n_skipped=2, n_rows=1), [[3, 4]])
+    for promised in (2**63, 2**64, 10**30):  # headers of PCD and PLY files count as far as they like
+        assert len(parse_table(b"1 2\n3 4\n", n_rows=promised)) == 2
+        assert len(parse_table(b"1 2\n3 4\n", n_skipped=promised)) == 0
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,9 @@ def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> n
         If rows differ in length, or hold something that is no number; NUL bytes are no blanks: what a disk lost is full
         of them.
     """
-    characters = np.frombuffer(text, np.uint8)
-    begin, end, rows, columns, ragged = _find_table(characters, n_skipped, len(text) if n_rows is None else n_rows)
+    characters, most = np.frombuffer(text, np.uint8), len(text)  # a header may promise more rows than an integer holds
+    n_skipped, n_rows = min(n_skipped, most), most if n_rows is None else min(n_rows, most)
+    begin, end, rows, columns, ragged = _find_table(characters, n_skipped, n_rows)
     if ragged >= 0 and text[ragged] < 32 and not text[ragged : ragged + 1].isspace():
         raise ValueError(f"line {_line_number(text, ragged)} holds the byte {text[ragged]:#04x}, which is no text")
     if ragged >= 0:
