@@ -123,6 +123,14 @@ def test_a_damaged_file_of_a_stage_is_told_with_what_to_delete(tmp_path, content
     assert "\n" not in str(error.value)
 
 
+def test_an_array_that_a_file_of_a_stage_does_not_hold_is_told(tmp_path):
+    stage = Workspace(tmp_path).stage("labels", "k")
+    stage.save("a", {"b": ARRAYS["b"]})
+    for load in (lambda: stage.load("a")["a"], lambda: stage.load("a", "a")):
+        with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run"):
+            load()
+
+
 def test_an_array_whose_header_is_no_text_is_told(tmp_path):
     # numpy's own parser of it ends with an error of Python's tokens
     stage = Workspace(tmp_path).stage("labels", "k")

@@ -137,14 +137,27 @@ class _FolderStage(Stage):
             require_regular(path)
             return parsed_again(lambda: _arrays_in(path, keys))
         except (OSError, ZlibError, *DAMAGE) as error:
-            raise InputError(
-                f"{path} is damaged ({error}): delete {self._folder} and run the same command again"
-            ) from error
+            raise _damage(path, error) from error
+
+
+class _Found(dict[str, npt.NDArray]):
+    """The arrays in a file, which is told where one of them is not there."""
+
+    path: Path
+
+    def __missing__(self, key: str) -> npt.NDArray:
+        raise _damage(self.path, f"it holds no {key}")
+
+
+def _damage(path: Path, why: object) -> InputError:
+    return InputError(f"{path} is damaged ({why}): delete {path.parent} and run the same command again")
 
 
 def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
     with np.load(path, allow_pickle=False) as archive:
-        return {key: archive[key] for key in keys or archive.files}
+        found = _Found({key: archive[key] for key in keys or archive.files})
+    found.path = path
+    return found
 
 
 def _is_file_name(name: str) -> bool:

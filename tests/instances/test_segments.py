@@ -48,6 +48,15 @@ def test_far_away_the_gap_between_rows_of_rays_holds_nothing_apart():
     assert dense.max() == 1
 
 
+@pytest.mark.parametrize("setting", ["gap", "gap_columns", "height_gap", "height_gap_rows"])
+@pytest.mark.parametrize("value", [1e3, 1e9])
+def test_gaps_wider_than_all_that_is_looked_at_are_no_problem(setting, value):
+    wide = S.model_copy(update={setting: value, "max_range": 30.0})
+    ids, _ = segments(cloud(6, 0), cloud(6, 0, low=3.0, high=4.0), cloud(-25, 3, low=4.0, high=9.0), settings=wide)
+    assert ids[0] == 0
+    assert ids.max() < 3
+
+
 def curtain(x, low, high, n=9):
     """Points between y = `low` and `high` that rays grazing an edge would return, one row of rays in a few."""
     return np.column_stack([np.full(n, x), np.linspace(low, high, n), np.linspace(0.2, 2.4, n)[::-1]]).astype(

@@ -159,10 +159,10 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
     n_stacks = 0
     for slot in range(n_cells):
         first[slot] = n_stacks
-        last = -1000
+        last = -1
         for b in range(64):
             if (masks[slot] >> np.uint64(b)) & np.uint64(1):
-                if b - last > allowed[slot]:
+                if last < 0 or b - last > allowed[slot]:
                     low[n_stacks] = b
                     n_stacks += 1
                 high[n_stacks - 1] = b
@@ -199,14 +199,12 @@ def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  
     for slot in range(len(cells)):
         c = cells[slot]
         u, v = c % n, c // n
-        k = int(radius[slot])
-        for dv in range(0, k + 1):
-            for du in range(-k if dv > 0 else 1, k + 1):
+        k = int(min(radius[slot], np.float32(n)))  # no further than the last cell
+        for dv in range(0, min(k, n - 1 - v) + 1):
+            for du in range(max(-k, -u) if dv > 0 else 1, min(k, n - 1 - u) + 1):
                 if du * du + dv * dv > radius[slot] * radius[slot]:
                     continue
                 a, b = u + du, v + dv
-                if not (0 <= a < n and b < n):
-                    continue
                 other = slot_of_cell[b * n + a]
                 if other < 0:
                     continue
