@@ -128,6 +128,7 @@ def test_arrays_and_stamps_are_scans_too():
     [
         ({"lag": -1.0}, "lag must be 0 or more"),
         ({"lag": float("nan")}, "lag must be 0 or more"),
+        ({"lag": "1"}, "lag must be 0 or more .* got '1'"),
         ({"threads": -1}, "threads are 0, one per core, or how many there are to be, not -1"),
         ({"threads": 1.5}, "threads are 0, one per core, or how many there are to be, not 1.5"),
         ({"settings": automos.load_settings("paper")}, r"candidates.method erasor needs the whole recording"),

@@ -62,7 +62,10 @@ def test_a_name_that_no_file_can_have_is_told_before_anything_is_kept(tmp_path, 
 
 @pytest.mark.parametrize(
     ("names", "message"),
-    [(["a", "a"], "two scans are named 'a'"), (["a"], "2 scans has 1 names"), ([1, 2], "a text of its own")],
+    [
+        (["a", "a"], "two scans are named 'a'"),
+        *((names, "a text for each scan") for names in (["a"], [1, 2], "ab", None)),
+    ],
 )
 def test_names_that_tell_no_scan_from_another_are_told(workspace, names, message):
     with pytest.raises(InputError, match=message):

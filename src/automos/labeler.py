@@ -76,8 +76,8 @@ class Labeler:
         InputError : the lag is no time, `threads` is no number of them, or the settings name a method that needs the
             whole recording.
         """
-        if not lag >= 0.0:
-            raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag}")
+        if not (isinstance(lag, int | float | np.integer | np.floating) and lag >= 0.0):
+            raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag!r:.80}")
         self.settings = settings or load_settings("default")
         self.lag = lag
         if math.isfinite(lag):

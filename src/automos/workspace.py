@@ -180,8 +180,9 @@ class Workspace:
 
     def require_names(self, names: list[str], n_scans: int) -> None:
         """Raise InputError where results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
-        if len(names) != n_scans or not all(isinstance(name, str) for name in names):
-            raise InputError(f"a recording of {n_scans} scans has {len(names)} names: give each scan a text of its own")
+        are_texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        if not are_texts or len(names) != n_scans:
+            raise InputError(f"the names of {n_scans} scans are {names!r:.80}: give a list with a text for each scan")
         twice = next((name for name, times in Counter(names).items() if times > 1), None)
         if twice is not None:
             raise InputError(f"two scans are named {twice!a:.80}: give each scan a name of its own")

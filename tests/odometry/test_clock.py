@@ -16,6 +16,15 @@ def clock_of(stamps):
     return read_clock(ArraySequence([POINT] * len(stamps), stamps=stamps))
 
 
+@pytest.mark.parametrize("given", [np.zeros((2, 1)), np.zeros(3), 0.5, "now", [None, 1.0]], ids=repr)
+def test_stamps_of_a_sequence_of_ones_own_that_are_not_one_for_each_scan_are_told(given):
+    class Own(ArraySequence):
+        stamps = given
+
+    with pytest.raises(InputError, match="stamps must be"):
+        read_clock(Own([POINT, POINT]))
+
+
 def test_a_clock_of_two_decimals_is_an_even_one():
     clock = clock_of([0.0, 0.10, 0.21, 0.31, 0.41, 0.52])
     np.testing.assert_array_equal(clock.gaps, np.ones(5))

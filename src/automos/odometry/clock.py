@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import as_array
 from automos.errors import InputError
 from automos.odometry.trajectory import Trajectory
 from automos.scan import Pose, Scan, Sequence
@@ -64,11 +65,11 @@ def read_clock(sequence: Sequence) -> Clock:
     Raises
     ------
     InputError
-        Its stamps do not increase, or are no seconds.
+        Its stamps are not one for each scan, do not increase, or are no seconds.
     """
-    stamps, has_stamps = sequence.stamps, sequence.stamps is not None
-    if stamps is None:
-        stamps = USUAL_PERIOD * np.arange(len(sequence), dtype=np.float64)
+    n, given = len(sequence), sequence.stamps
+    has_stamps = given is not None
+    stamps = USUAL_PERIOD * np.arange(n, dtype=np.float64) if given is None else as_array(given, "f8", (n,), "stamps")
     if not (np.abs(stamps) < LATEST).all():
         odd = stamps[int(np.argmin(np.abs(stamps) < LATEST))]
         raise InputError(f"{sequence.name} has a scan at {odd:g} s, which is no time: give seconds, or no times")
