@@ -359,6 +359,20 @@ def test_a_world_in_which_nothing_moves_is_a_success_without_a_moving_label(auto
     assert all((labels == Label.STATIC).all() for labels in labels_in(tmp_path / "out"))
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_what_cannot_be_told_is_still_a_mistake():
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run([sys.executable, "-m", "automos", "settings", "--preset", "x"], stderr=full, check=False)
+    assert ended.returncode == 2
+
+
+def test_a_command_that_is_started_without_streams_has_them(monkeypatch, automos):
+    for name in ("stdin", "stdout", "stderr"):
+        monkeypatch.setattr(sys, name, None)
+    assert automos("--version").code == 0
+    assert None not in (sys.stdin, sys.stdout, sys.stderr)
+
+
 # ------------------------------------------------------------------------------------------------------- good input
 def test_without_an_out_results_go_to_a_folder_of_the_recordings_name(automos, log, poses, tmp_path):
     ended = automos("label", log, "--poses", poses, "--preset", "paper", "--workers", 1)

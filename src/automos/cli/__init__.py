@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from typing import Annotated, NoReturn
 
 import typer
@@ -69,7 +70,8 @@ LONGEST_WORD = 500
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
     words = " ".join(_shortened(word, LONGEST_WORD) for word in sentence.replace("\n", " ").split(" "))
-    console.print(Text.assemble(("error: ", "red"), plain(_shortened(words, LONGEST))), soft_wrap=True)
+    with suppress(OSError):  # nobody can be told: standard error is full, too
+        console.print(Text.assemble(("error: ", "red"), plain(_shortened(words, LONGEST))), soft_wrap=True)
     sys.exit(2)
 
 
@@ -106,8 +108,16 @@ def _require_memory() -> None:
             )
 
 
+def _require_streams() -> None:
+    """Open to nowhere what we were started without: a file of results would get its number, and others' words."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+
+
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
+    _require_streams()
     _require_memory()
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
