@@ -370,7 +370,7 @@ def test_a_command_that_is_started_without_streams_has_them(monkeypatch, automos
     for name in ("stdin", "stdout", "stderr"):
         monkeypatch.setattr(sys, name, None)
     assert automos("--version").code == 0
-    assert None not in (sys.stdin, sys.stdout, sys.stderr)
+    assert all(os.get_inheritable(stream.fileno()) for stream in (sys.stdin, sys.stdout, sys.stderr))
 
 
 # ------------------------------------------------------------------------------------------------------- good input

@@ -112,7 +112,9 @@ def _require_streams() -> None:
     """Open to nowhere what we were started without: a file of results would get its number, and others' words."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            os.set_inheritable(nowhere, True)  # our worker processes need them, too
+            setattr(sys, name, os.fdopen(nowhere, mode))
 
 
 def main() -> None:
