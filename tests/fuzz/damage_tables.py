@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from automos.reading import DAMAGE
+
 WHOLE = (0, 1, -1, 2, 255, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1)
 
 
@@ -28,7 +30,7 @@ def change_array(path: Path, rng: random.Random) -> str:
     """Change the values, the shape or the type of an array."""
     try:
         array = np.load(path)
-    except (ValueError, OSError, EOFError, TypeError):  # damaged before
+    except (OSError, *DAMAGE):  # damaged before
         return write_noise(path, rng)
     changed, what = _changed(array, rng)
     with path.open("wb") as file:

@@ -1,12 +1,15 @@
 """A short part of the fuzzer: every kind of input, damaged a few times, is refused in a sentence or read whole."""
 
+import random
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("resource", reason="this system limits no process's memory")
+from damage_tables import change_array
 from run import Reader, fuzz
 
 
@@ -56,3 +59,14 @@ def test_what_is_damaged_is_read_whole_before(tmp_path):
         check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr[-2000:]
+
+
+def test_an_array_whose_header_was_damaged_before_is_damaged_further(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((5, 4), np.float32))
+    content = bytearray(path.read_bytes())
+    content[45:47] = b"\x01\x00"
+    path.write_bytes(content)
+    for seed in range(5):
+        change_array(path, random.Random(seed))
+    assert path.read_bytes() != content
