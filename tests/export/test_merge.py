@@ -13,6 +13,7 @@ from automos.cli import app
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.export import export_run
+from automos.export.edits import read_edits
 from automos.export.merge import merge
 from automos.labels import Label
 from automos.results.run_files import RunFiles
@@ -199,6 +200,18 @@ def test_a_box_that_was_added_makes_its_points_move(run, root, tmp_path):
     assert again.instances(4, len(scan))[ahead] == new
     assert again.tracks[new] == ("moving", 1.0)
     assert merged.points["static to moving"] == (again.instances(4, len(scan)) == new).sum()
+
+
+def test_objects_with_names_never_share_a_number_with_one_that_was_numbered_by_hand(run, root, tmp_path):
+    scene, taken = Scene("sustech", root, tmp_path), str(max(run.tracks) + 1)
+    at = dict.fromkeys("xyz", 9.0)
+    box = {"position": at, "scale": at, "rotation": dict.fromkeys("xyz", 0.0)}
+    for scan, name in ((2, "a van"), (3, taken), (4, "a van")):
+        scene.scans[scan].append({"psr": box, "obj_type": "static", "obj_id": name})
+    edits = read_edits(scene.save(), run)
+    (second,), (third,), (fourth,) = (edits[scan].keys() - run.tracks.keys() for scan in (2, 3, 4))
+    assert third == int(taken)
+    assert second == fourth != third
 
 
 def test_corrected_labels_replace_those_of_their_scans(run, tmp_path):

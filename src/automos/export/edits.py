@@ -76,28 +76,33 @@ def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
 def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
     files = {path.stem: path for path in folder.glob("[!.]*.json")}
     require_known(files, run, folder)
-    ids = _Ids(run)
-    edits: dict[int, EditedScan] = {}
-    for index, name in enumerate(run.names):
-        if name not in files:
-            continue
-        path = files[name]
-        try:
-            document = read_json(path)
-            boxes = document["objs"] if isinstance(document, dict) else document
-            scan: EditedScan = {}
-            for box in boxes:
-                track = ids.of(str(box.get("obj_id", "")))
-                if track in scan:
-                    raise InputError(f"{path} has two boxes with obj_id {box['obj_id']!r}; give each object its own")
-                position, scale, rotation = (_xyz(box["psr"][key]) for key in ("position", "scale", "rotation"))
-                scan[track] = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
-        except InputError:
-            raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-            raise InputError(f"{path} is no label file of SUSTechPOINTS ({error}); save the scene again") from None
-        edits[index] = scan
+    found = {index: _boxes_in(files[name]) for index, name in enumerate(run.names) if name in files}
+    ids = _Ids(run, [name for boxes in found.values() for name, _ in boxes])
+    edits: dict[int, EditedScan] = {index: {} for index in found}
+    for index, boxes in found.items():
+        for name, box in boxes:
+            track = ids.of(name)
+            if track in edits[index]:
+                path = files[run.names[index]]
+                raise InputError(f"{path} has two boxes with obj_id {name!r}; give each object its own")
+            edits[index][track] = box
     return edits
+
+
+def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
+    """Return the boxes in one label file, each with what its object is called."""
+    try:
+        document = read_json(path)
+        boxes = []
+        for box in document["objs"] if isinstance(document, dict) else document:
+            position, scale, rotation = (_xyz(box["psr"][key]) for key in ("position", "scale", "rotation"))
+            made = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
+            boxes.append((str(box.get("obj_id", "")), made))
+        return boxes
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise InputError(f"{path} is no label file of SUSTechPOINTS ({error}); save the scene again") from None
 
 
 def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
@@ -107,22 +112,27 @@ def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
 class _Ids:
     """Track ids of what a tool calls its objects: numbers are kept, other names and none get new ones."""
 
-    def __init__(self, run: RunFiles) -> None:
-        self._next = max(run.tracks, default=0) + 1
+    def __init__(self, run: RunFiles, names: list[str]) -> None:
+        numbers = [self._number(name) for name in names]
+        self._next = max([*run.tracks, *numbers], default=0) + 1
         self._of: dict[str, int] = {}
 
     def of(self, name: str) -> int:
-        if name.isascii() and name.isdecimal() and len(name) > _ID_DIGITS:
+        track = self._number(name) or self._of.get(name, self._next)
+        if track == self._next:
+            self._next += 1
+            if name:
+                self._of[name] = track
+        return track
+
+    @staticmethod
+    def _number(name: str) -> int:
+        """Return `name` as a number, 0 where it is none."""
+        if not (name.isascii() and name.isdecimal()):
+            return 0
+        if len(name) > _ID_DIGITS:
             raise InputError(f"there is a box with obj_id {name[:20]}...; ids have up to {_ID_DIGITS} digits")
-        if name.isascii() and name.isdecimal() and int(name) > 0:
-            self._next = max(self._next, int(name) + 1)
-            return int(name)
-        if name in self._of:
-            return self._of[name]
-        self._next += 1
-        if name:
-            self._of[name] = self._next - 1
-        return self._next - 1
+        return int(name)
 
 
 # ---------------------------------------------------------------------------------------------------------- CVAT
