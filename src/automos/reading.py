@@ -20,6 +20,7 @@ from functools import cache
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, TypeVar
+from urllib.parse import SplitResult, urlsplit
 
 import numpy as np
 import numpy.typing as npt
@@ -154,6 +155,14 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(" ".join(str(error).split())) from None  # its messages draw the place on lines of their own
+
+
+def parse_url(text: str) -> SplitResult:
+    """Return the parts of an address; InputError where it is none, without what may be secret in it."""
+    try:
+        return urlsplit(text)
+    except ValueError as error:
+        raise InputError(f"{text.rpartition('@')[2]} is no address ({error}): write scheme://host/path") from None
 
 
 def read_array(path: Path) -> npt.NDArray[Any]:

@@ -184,6 +184,21 @@ def test_a_bad_option_is_one_sentence_and_leaves_nothing(automos, log, poses, tm
     assert files_in(tmp_path / "here") == []
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "label LOG --out http://me:secret@[x",
+        "live udp://[::1 --sensor velodyne",
+        "live LOG --speed 0 --send udp://[::1",
+    ],
+)
+def test_an_address_that_is_none_is_told_without_what_may_be_secret_in_it(automos, log, words):
+    ended = automos(*words.replace("LOG", str(log)).split())
+    assert (ended.code, ended.err.count("error: ")) == (2, 1)
+    assert "is no address (Invalid IPv6 URL): write scheme://host/path" in ended.err
+    assert "secret" not in ended.err
+
+
 @pytest.mark.parametrize("name", ["[/bold]", "[red]", "a{b}c", "Straße 1", "100%"])
 def test_any_name_of_a_folder_is_told_as_it_is(automos, tmp_path, name):
     ended = automos("label", tmp_path / name)

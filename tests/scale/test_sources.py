@@ -71,7 +71,7 @@ def test_a_list_that_names_the_root_of_all_folders_is_told(tmp_path, monkeypatch
     monkeypatch.setattr("automos.scale.sources._in_folder", nothing)
     (tmp_path / "list.txt").write_text("/\n")
     with pytest.raises(InputError, match="is all of this machine"):
-        find_all(str(tmp_path / "list.txt"))
+        find_all(str(tmp_path / "list.txt"), "kitti")  # /bin may hold what looks like points, valgrind.bin
 
 
 def test_the_same_recording_twice_in_a_list_is_labelled_once(tmp_path):

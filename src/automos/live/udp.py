@@ -8,10 +8,10 @@ import socket
 import time
 from contextlib import suppress
 from typing import Protocol
-from urllib.parse import urlsplit
 
 from automos.errors import InputError
 from automos.live.feed import Feed
+from automos.reading import parse_url
 from automos.scan import Scan
 
 _log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ def parse_address(text: str) -> tuple[str, int]:
     ------
     InputError : it is no such address.
     """
-    parts = urlsplit(text)
+    parts = parse_url(text)
     try:
         port = parts.port
     except ValueError:

@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from urllib.parse import urlsplit
 
 from automos.datasets import NoRecordingError, find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
 from automos.errors import InputError
-from automos.reading import read_text
+from automos.reading import parse_url, read_text
 from automos.scale.orders import Recording
 from automos.scale.storage import Store, is_url, shown
 
@@ -173,7 +172,7 @@ def _named(found: Iterable[str], format: str | None) -> list[Recording]:
 
 def _parts(source: str) -> tuple[str, ...]:
     if is_url(source):
-        address = urlsplit(source)
+        address = parse_url(source)
         parts = (address.netloc.rpartition("@")[2], *PurePosixPath(address.path.strip("/")).parts)
     else:
         parts = Path(source).resolve().parts[1:]

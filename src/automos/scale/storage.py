@@ -15,10 +15,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
-from urllib.parse import urlsplit
 
 from automos.errors import AutomosError, InputError, MissingExtraError
 from automos.extras import pip_install
+from automos.reading import parse_url
 
 _log = logging.getLogger(__name__)
 Found = TypeVar("Found")
@@ -56,7 +56,7 @@ def shown(url: str) -> str:
     """Return `url` without what may be secret: user, password, query."""
     if not is_url(url):
         return url
-    parts = urlsplit(url)
+    parts = parse_url(url)
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
 
