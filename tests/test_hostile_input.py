@@ -2,6 +2,7 @@
 
 import math
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -182,6 +183,21 @@ def test_no_setting_takes_numbers_from_which_nothing_can_be_computed(value):
 
 
 # ------------------------------------------------------------------------------------------------------- results
+@linux
+@pytest.mark.parametrize("name", ["settings.yaml", "poses.tum"])
+@pytest.mark.parametrize("kind", ["pipe", "/dev/zero", "nothing"])
+def test_a_run_whose_files_are_none_is_neither_waited_for_nor_copied_without_end(lane_run, tmp_path, name, kind):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    (run / name).unlink()
+    os.mkfifo(run / name) if kind == "pipe" else (run / name).symlink_to(kind)
+    commands = [("merge", run, lane_run.parent / "lane", lane_run / "predictions", "--out", tmp_path / "out")]
+    commands += [("report", run)] * (name == "settings.yaml")
+    for words in commands:
+        told = CliRunner().invoke(app, [*map(str, words)])
+        assert isinstance(told.exception, InputError)
+        assert str(run / name) in str(told.exception)
+
+
 def test_a_run_that_did_not_end_is_no_result(tmp_path):
     recording, run = write_scans(tmp_path / "log", n=1), tmp_path / "run"
     (run / "predictions").mkdir(parents=True)

@@ -19,7 +19,7 @@ from automos.export.edits import EditedScan, read_edits, require_known
 from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
-from automos.reading import is_there
+from automos.reading import damage_told, is_there, require_regular
 from automos.results.claiming import require_room
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -77,8 +77,8 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         merged = _write_labels(run, corrected if has_labels else None, edits, out)
         write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
         write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
-        if (run.folder / RUN_FILE).exists():
-            shutil.copyfile(run.folder / RUN_FILE, out / RUN_FILE)
+        if is_there(run.folder / RUN_FILE):
+            _copy_file(run.folder / RUN_FILE, out / RUN_FILE)
     return merged
 
 
@@ -132,10 +132,17 @@ def _copy_beside(run: RunFiles, out: Path) -> None:
     """Copy what the results need to be read again: poses, what the run was, and how the sensor moved in each sweep."""
     (out / "stages").mkdir(exist_ok=True)  # by which what was left half way is known to be ours
     for name in ("poses.txt", "poses.tum", "settings.yaml"):
-        if (run.folder / name).exists():
-            shutil.copyfile(run.folder / name, out / name)
+        if is_there(run.folder / name):
+            _copy_file(run.folder / name, out / name)
     for stage in (run.folder / "stages").glob("odometry-*"):
-        shutil.copytree(stage, out / "stages" / stage.name, dirs_exist_ok=True)
+        shutil.copytree(stage, out / "stages" / stage.name, copy_function=_copy_file, dirs_exist_ok=True)
+
+
+def _copy_file(source: str | Path, target: str | Path) -> None:
+    """Copy a plain file; a device of its name would be copied without end."""
+    with damage_told(source):
+        require_regular(Path(source))
+    shutil.copyfile(source, target)
 
 
 def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:
