@@ -81,6 +81,15 @@ def fingerprint(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
+    """Raise InputError where scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
+    if n_points != len(kind):
+        raise InputError(
+            f"scan {name} has {n_points} points of use and had {len(kind)} when it was labelled: label the recording "
+            "again, or give the one that the results were made from"
+        )
+
+
 class Stage:
     """Results of one stage for one recording and one set of settings: named groups of arrays."""
 

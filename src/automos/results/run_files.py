@@ -27,7 +27,7 @@ from automos.pose_files import read_poses
 from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
-from automos.workspace import Workspace
+from automos.workspace import Workspace, require_same
 
 logger = logging.getLogger(__name__)
 
@@ -157,6 +157,7 @@ class RunFiles:
         key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
         if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():
             kind = Workspace(self.folder).stage("candidates", str(key)).load(self.names[index], "kind")["kind"]
+            require_same(self.names[index], int(scan.is_valid.sum()), kind)
             is_ground[scan.is_valid] = kind == GROUND
         return is_ground
 

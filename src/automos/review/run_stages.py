@@ -15,7 +15,7 @@ from automos.scan import Frame, Sequence
 from automos.settings import load_settings
 from automos.stages.tracking import Scans, TrackedObjects
 from automos.tracking.verdict import Verdict
-from automos.workspace import Stage, Workspace
+from automos.workspace import Stage, Workspace, require_same
 
 CACHED = 40
 """Frames kept in memory, 2 MB each, so that looking at neighbours of a track reads no scan twice."""
@@ -54,7 +54,7 @@ class RunStages:
             )
         self.objects = TrackedObjects.from_arrays(self.stage("tracking").load("all"))
         self.tracks, self.verdicts = self.objects.tracks, self.objects.verdicts
-        self.frames = _CachedFrames(sequence, self.trajectory)
+        self.frames = _CachedFrames(sequence, self.trajectory, self.stage("candidates"))
         self._validity = lru_cache(CACHED_BITS)(self._read_validity)
 
     @cached_property
@@ -115,11 +115,17 @@ class RunStages:
 
 
 class _CachedFrames(SequenceFrames):
-    """Frames of which the last ones looked at are kept."""
+    """Frames of which the last ones looked at are kept; InputError tells one of a scan that has changed."""
 
-    def __init__(self, sequence: Sequence, trajectory: Trajectory):
+    def __init__(self, sequence: Sequence, trajectory: Trajectory, candidates: Stage):
         super().__init__(sequence, trajectory)
-        self._make = lru_cache(CACHED)(super().__getitem__)
+        self._candidates, self._names = candidates, sequence.names
+        self._make = lru_cache(CACHED)(self._made)
+
+    def _made(self, index: int) -> Frame:
+        frame, name = super().__getitem__(index), self._names[index]
+        require_same(name, len(frame.points), self._candidates.load(name, "kind")["kind"])
+        return frame
 
     def __getitem__(self, index: int) -> Frame:
         return self._make(int(index))

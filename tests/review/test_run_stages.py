@@ -1,0 +1,25 @@
+"""What stages found is only shown on the points that it was found of."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from automos.datasets import open_sequence
+from automos.errors import InputError
+from automos.results.open_run import open_run
+from automos.results.run_files import RunFiles
+from automos.review.run_stages import RunStages
+
+
+@pytest.mark.parametrize("change", ["cut short", "other points of no use"])
+def test_a_scan_that_has_changed_since_it_was_labelled_is_told(lane_run, tmp_path, change):
+    recording = shutil.copytree(lane_run.parent / "lane", tmp_path / "lane")
+    scan = recording / "velodyne" / "000004.bin"
+    points = np.fromfile(scan, "<f4")
+    points[: len(points) // 8] = 0.0
+    (points if change != "cut short" else points[: len(points) // 8 * 4]).tofile(scan)
+    run, files = open_run(lane_run, recording), RunFiles(lane_run, open_sequence(recording))
+    for look in (lambda: RunStages(lane_run, run.sequence).frame(4), lambda: files.is_ground(files.scan(4), 4)):
+        with pytest.raises(InputError, match=r"scan 000004 has \d+ points of use and had \d+ when it was labelled"):
+            look()
