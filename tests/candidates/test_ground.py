@@ -42,6 +42,21 @@ def test_slopes_and_absolute_heights_do_not_matter(rise, height):
     assert not found[len(ground) :].any()
 
 
+@pytest.mark.parametrize("rise", [0.0, 0.12, 0.28])
+@pytest.mark.parametrize("towards_deg", [0.0, 70.0, 200.0])
+def test_with_few_beams_a_hill_is_ground_from_the_first_ring_on(rise, towards_deg):
+    cos, sin = np.cos(np.radians(towards_deg)), np.sin(np.radians(towards_deg))
+    ground = rings(lambda x, y: rise * (cos * x + sin * y), start=7.0)  # eight metres on it is a step of two
+    far = np.hypot(ground[:, 0], ground[:, 1])
+    ground = ground[np.isin(far.round(3), np.unique(far.round(3))[::7])]
+    cars = [
+        block(x, y, h + 0.25, h + 1.5, half=1.0) for x, y in ((6, 4), (-9, 3)) for h in [rise * (cos * x + sin * y)]
+    ]
+    found = segment_ground(np.concatenate([ground, *cars]), ORIGIN, S)
+    assert found[: len(ground)].mean() > 0.97
+    assert found[len(ground) :].mean() < 0.05
+
+
 def test_a_pavement_behind_a_kerb_is_ground():
     ground = rings(lambda x, y: np.where(y > 4.0, 0.12, 0.0))
     assert segment_ground(ground, ORIGIN, S).mean() > 0.97

@@ -28,6 +28,12 @@ MAX_STEP = 0.3
 """Metres: most that ground may differ from what is expected, however far on."""
 MAX_SLOPE = 0.35
 """Steepest ground, rise over run."""
+SLOPING = 0.05
+"""Rise over run of the ground around the sensor, below which the walk begins level."""
+PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
+"""Metres off the plane around the sensor beyond which cells count little, and rounds of fitting it."""
+PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
+"""Of these cells, how many must lie on it, and how many times as many as are level: in traffic there is none."""
 GHOST_DEPTH = 0.15
 """Metres: a sight this far under nearer ground is a mirror image."""
 MAX_DEPTH = 0.3
@@ -51,7 +57,7 @@ def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: G
     _walk_outwards(
         lowest,
         highest,
-        _start_height(lowest, settings),
+        *_start(lowest, settings),
         settings.cell,
         STEP,
         MAX_BEND,
@@ -99,11 +105,38 @@ def is_on_ground(
     return is_ground
 
 
-def _start_height(lowest: npt.NDArray, settings: GroundSettings) -> float:
-    """Return the height from which the walk begins: low among what each sector has near the sensor."""
-    near = lowest[:, : max(int(START_RANGE / settings.cell), 1)].min(axis=1)
-    near = near[np.isfinite(near)]
-    return float(np.percentile(near, 30)) if len(near) else 0.0
+def _start(lowest: npt.NDArray, settings: GroundSettings) -> tuple[float, npt.NDArray[np.float64]]:
+    """Return the height from which the walk begins, low among what each sector has near the sensor, and its slopes.
+
+    The slope in each sector (S,) is that of the plane around the sensor: a vehicle on a hill stands on such a plane.
+    """
+    near = lowest[:, : max(int(START_RANGE / settings.cell), 1)]
+    sectors, rings = np.nonzero(np.isfinite(near))
+    level = np.zeros(len(lowest))
+    if len(sectors) == 0:
+        return 0.0, level
+    directions = _directions(len(lowest))
+    ground = np.column_stack([directions[sectors] * (settings.cell * (rings[:, None] + 0.5)), np.ones(len(rings))])
+    heights, weights = near[sectors, rings].astype(np.float64), np.ones(len(sectors))
+    for _ in range(PLANE_ROUNDS):
+        weighted = ground * weights[:, None]
+        plane = np.linalg.lstsq(weighted.T @ ground, weighted.T @ heights, rcond=None)[0]
+        weights = (1.0 + ((heights - ground @ plane) / PLANE_SPREAD) ** 2) ** -2
+    lows = near.min(axis=1)
+    start = float(np.percentile(lows[np.isfinite(lows)], 30))
+    on_plane, on_level = (np.count_nonzero(np.abs(heights - z) < STEP) for z in (ground @ plane, start))
+    is_plane = on_plane > max(PLANE_SHARE * len(heights), PLANE_LEAD * on_level)
+    if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
+        return float(plane[2]), directions @ plane[:2]
+    return start, level
+
+
+def _directions(n_sectors: int) -> npt.NDArray[np.float64]:
+    """Return (S, 2) the unit vector through the middle of each sector, see `_sector_and_ring`."""
+    turn = (np.arange(n_sectors) + 0.5) / n_sectors
+    x = 1.0 - 4.0 * np.minimum(turn, 1.0 - turn)
+    y = np.where(turn < 0.5, 1.0, -1.0) * (1.0 - np.abs(x))
+    return np.column_stack([x, y]) / np.hypot(x, y)[:, None]
 
 
 @kernel
@@ -137,12 +170,12 @@ def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-unt
 
 @kernel
 def _walk_outwards(  # type: ignore[no-untyped-def]
-    lowest, highest, start, ring, step, max_bend, max_step, max_slope, ghost_depth, is_ground
+    lowest, highest, start, slopes, ring, step, max_bend, max_step, max_slope, ghost_depth, is_ground
 ):
     """Mark the cells that continue the ground walked so far."""
     n_sectors, n_rings = lowest.shape
     for j in range(n_sectors):
-        z, slope, r_last = start, 0.0, 0.0
+        z, slope, r_last = start, slopes[j], 0.0
         sight = -np.inf  # steepest sight line over ground walked so far: what lies under it is a mirror image
         run = 0  # cells in a row that follow each other but not the ground: a hidden rise, a step, a ramp
         z_run, r_run = 0.0, 0.0
@@ -168,7 +201,7 @@ def _walk_outwards(  # type: ignore[no-untyped-def]
             is_ground[j, k] = True
             new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -max_slope), max_slope)
             weight = min(ahead / 4.0, 0.5)
-            slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else 0.0
+            slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else slopes[j]
             z, r_last = low, r
             sight = max(sight, (low - ghost_depth) / r)
 
