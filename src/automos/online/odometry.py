@@ -30,8 +30,10 @@ OTHER_START = 0.3
 """Metres from scan to scan between two starts that are not the same."""
 REMADE = 40
 """Scans that are followed once more, at most."""
-AT_ONCE = 3
-"""Of them, with every scan that comes: beside the stream on the other core, in the time that one takes."""
+AT_ONCE = 8
+"""Of them, with every scan that comes: beside the stream on the other core, in about the time that one takes."""
+START_SCANS, START_PATIENCE = (3, 6, TRIAL_SCANS), 0.1
+"""Scans from which it is found out how fast the sensor was at first, soon and then more surely, and seconds to wait."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,8 @@ class CausalOdometry:
             timing = SweepTiming()
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated
         self._choice: Inquiry[SweepTiming] | None = None if timing is not None else Inquiry(2.0)
-        self._start: Inquiry[npt.NDArray[np.float64]] | None = Inquiry(1.0)
+        self._start: Inquiry[npt.NDArray[np.float64]] | None = Inquiry(START_PATIENCE)
+        self._trials = deque(START_SCANS)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._last = deque[tuple[Came, Pose]](maxlen=REMADE)
         self._path = Path(settings, timing or SweepTiming(), None, np.eye(4))
@@ -132,8 +135,8 @@ class CausalOdometry:
     def _ask(self) -> None:
         """Begin to find out what can be found out from the scans so far."""
         timing, settings = self._path.timing, self._settings
-        if self._start is not None and not self._start.is_asked and self._n == TRIAL_SCANS:
-            first = [came for came, _ in self._last]
+        if self._start is not None and not self._start.is_asked and self._n >= self._trials[0]:
+            first = [came for came, _ in self._last][: self._trials[0]]
             scans, gaps = [came.scan for came in first], np.array([came.gap for came in first[1:]])
             self._start.ask(lambda: find_start(scans, settings, timing, gaps), self._stamp)
         if self._choice is not None and not self._choice.is_asked and self._n >= TIMING_SCANS:
@@ -168,7 +171,9 @@ class CausalOdometry:
         timing = None if self._choice is None else self._choice.answer(self._stamp)
         if start is None and timing is None:
             return None
-        self._start = self._start if start is None else None
+        if start is not None:
+            self._trials.popleft()
+            self._start = Inquiry(START_PATIENCE) if self._trials else None
         self._choice = self._choice if timing is None else None
         twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
         is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
