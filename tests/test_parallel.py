@@ -1,4 +1,7 @@
+import ctypes
 import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -20,6 +23,35 @@ def refuse_seven(x: int) -> int:
     if x == 7:
         raise ValueError("seven")
     return x
+
+
+HEAPS_OF_THREADS = """
+import ctypes, threading
+from automos.parallel import share_heap
+{}
+libc = ctypes.CDLL(None)
+libc.malloc.restype = ctypes.c_void_p
+waiting = threading.Barrier(5)
+def take():
+    libc.malloc(ctypes.c_size_t(1000))
+    waiting.wait()
+threads = [threading.Thread(target=take) for _ in range(4)]
+for thread in threads:
+    thread.start()
+waiting.wait()
+libc.malloc_info(0, ctypes.c_void_p.in_dll(libc, "stdout"))
+libc.fflush(None)
+"""
+
+
+@pytest.mark.skipif(not (sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_info")), reason="no glibc")
+def test_threads_share_one_heap_where_they_are_asked_to():
+    def heaps(call: str) -> int:
+        script = HEAPS_OF_THREADS.format(call)
+        told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+        return told.stdout.count("<heap nr=")
+
+    assert heaps("share_heap()") == 1 < heaps("")
 
 
 def test_there_is_at_least_one_core():

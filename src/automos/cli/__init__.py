@@ -21,6 +21,7 @@ from automos.cli.options import on_this_machine
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.errors import AutomosError, plain
+from automos.parallel import share_heap
 from automos.working_folder import OURS, SAFE_PATH
 
 app = typer.Typer(
@@ -121,6 +122,7 @@ def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
     _require_streams()
     _require_memory()
+    share_heap()
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")
