@@ -21,9 +21,9 @@ from automos.geometry import transform
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
-from automos.odometry import facing, level, registration, submap, sweep_order
+from automos.odometry import drifting_seam, facing, level, registration, submap, sweep_order
 from automos.odometry import surfels as surfel_kernels
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, gap_edges, usable_points
+from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
@@ -145,7 +145,9 @@ def _odometry(points: np.ndarray) -> None:
         sweep_order._block_azimuths(points, block)
     for by in ("firing", "beam"):
         sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(by, 1, 1.0, 1.0))
-    gap_edges(points)
+    drifting_seam.gap_edges(points)
+    for turns in (0.9, 1.1):
+        drifting_seam.drifting_times(points, 1, turns)
     sweep_order._turns_by_beam(points, -1, float(points[0, 0]))
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)

@@ -5,9 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.motion import gap_edges
 from automos.odometry.sweep_order import learn_order, turns_since_start
-from automos.odometry.timing import learn_drifting_gap
 from automos.scan import Scan
 
 BEAMS = 16
@@ -101,21 +99,6 @@ def test_a_sensor_whose_pattern_never_repeats_tells_nothing():
     assert learn_order(ArraySequence(ahead)) is None
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-def test_a_sector_left_out_that_wanders_tells_which_way_the_sensor_turns(turn):
-    assert learn_drifting_gap(recording(0.92, arrange=shuffled, turn=turn)[0]) == turn
-
-
-def test_a_sector_that_is_always_hidden_tells_nothing():
-    assert learn_drifting_gap(recording(1.0, arrange=half_lost)[0]) == 0
-
-
-def test_the_widest_empty_sector_is_found_across_the_seam():
-    azimuth = np.radians(np.arange(-150.0, 160.0, 0.5))
-    low, high = gap_edges(np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], 1).astype(np.float32))
-    assert (low, high) == pytest.approx((159.5 / 360, 210 / 360), abs=0.002)
-
-
 @given(hnp.arrays(np.float32, (300, 3), elements=st.floats(width=32)))
 def test_whatever_the_points_are_every_one_has_a_time(points):
     order = learn_order(recording(1.0)[0])
@@ -124,4 +107,3 @@ def test_whatever_the_points_are_every_one_has_a_time(points):
         assert turned.shape == (300,)
         assert np.isfinite(turned).all()
     learn_order(ArraySequence([Scan(points), Scan(points)]))
-    assert np.isfinite(gap_edges(points)).all()

@@ -16,12 +16,11 @@ import numpy.typing as npt
 from automos.cells import turn_of
 from automos.geometry import inverse, se3_log
 from automos.kernels import kernel
+from automos.odometry.drifting_seam import drifting_times
 from automos.odometry.sweep_order import PointOrder, turns_since_start
 from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
 
-N_SECTORS = 720
-"""Sectors in which a gap is looked for."""
 LONGEST_SWEEP = 1e4
 """Seconds, times beyond which are no times within a sweep: the slowest surveying scanners take minutes."""
 MIN_POINTS = 50
@@ -39,7 +38,8 @@ class SweepTiming:
     duration : seconds from a sweep's first point to its last ("file" only).
     turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
     seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y; None where it drifts from scan to
-        scan and shows as a sector without points ("azimuth" only).
+        scan and shows as a sector without points or with twice as many ("azimuth" only).
+    turns : that a scan spans, where its seam drifts ("azimuth" only).
     share : sweep duration over the time between scans; 0 where there is nothing to compensate, negative where the
         recording was turned round.
     order : how the azimuth runs along the file ("order" only).
@@ -49,6 +49,7 @@ class SweepTiming:
     duration: float = 0.0
     turn: int = 0
     seam_deg: float | None = 0.0
+    turns: float = 1.0
     share: float = 0.0
     order: PointOrder | None = None
 
@@ -72,7 +73,8 @@ class SweepTiming:
         elif self.order is not None:
             text = f"order of the points ({way[self.order.turn]}, {self.order.turns:.2f} turns a scan)"
         else:
-            seam = "drifting" if self.seam_deg is None else f"at {self.seam_deg:.0f} degrees"
+            is_fixed = self.seam_deg is not None
+            seam = f"at {self.seam_deg:.0f} degrees" if is_fixed else f"drifting, {self.turns:.2f} turns a scan"
             text = f"azimuth ({way[self.turn]}, seam {seam})"
         part = abs(self.share) / max(1.0 if self.order is None else self.order.span / self.order.turns_per_scan, 1e-9)
         if self.source != "file" and part < 0.6:
@@ -93,13 +95,20 @@ def recorded_duration(scan: Scan) -> float | None:
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
-    """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None where they are unknown."""
+    """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None where they are unknown.
+
+    NaN where there are two of them: `trajectory.settled_times` tells which is right once the motion is known.
+    """
     if timing.source == "none":
         return None
     if timing.source == "order" and timing.order is not None:
         fraction = turns_since_start(scan, timing.order) / np.float32(timing.order.span) - np.float32(0.5)
         return np.minimum(fraction, np.float32(0.5))
     if timing.source == "azimuth":
+        if timing.seam_deg is None:
+            times, is_twofold = drifting_times(scan.points, timing.turn, timing.turns)
+            times[is_twofold] = np.nan
+            return times
         return azimuth_times(scan.points, timing.turn, timing.seam_deg)
     if scan.time is None:
         return np.zeros(len(scan), np.float32)
@@ -107,31 +116,12 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
     return np.clip(fraction, -0.5, 0.5).astype(np.float32)
 
 
-def azimuth_times(points: Points, turn: int, seam_deg: float | None) -> npt.NDArray[np.float32]:
+def azimuth_times(points: Points, turn: int, seam_deg: float) -> npt.NDArray[np.float32]:
     """Return (N,) float32 times in [-0.5, 0.5] of `points` (N, 3) seen by a sensor that turns about its z axis.
 
-    `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`, or, where that is
-    None, at either side of the widest sector that holds no point.
+    `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`.
     """
-    points = np.ascontiguousarray(points)
-    if seam_deg is not None:
-        return _azimuth_times(points, turn, seam_deg / 360.0, 1.0)
-    low, high = gap_edges(points)  # turns; the sweep goes from one edge of the gap all round to the other
-    start, span = (high, 1.0 - (high - low)) if turn > 0 else (low, 1.0 - (high - low))
-    return _azimuth_times(points, turn, start, span)
-
-
-def gap_edges(points: Points) -> tuple[float, float]:
-    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
-    x, y = points[:, :2].astype(np.float64).T
-    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
-    turn = np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi) + 0.5
-    seen = np.unique(np.minimum((turn * N_SECTORS).astype(int), N_SECTORS - 1))
-    if len(seen) == 0:
-        return 0.0, 0.0
-    width = np.diff(np.append(seen, seen[0] + N_SECTORS))
-    k = int(np.argmax(width))
-    return float((seen[k] + 1) / N_SECTORS - 0.5), float((seen[k] + width[k]) / N_SECTORS - 0.5)
+    return _azimuth_times(np.ascontiguousarray(points), turn, seam_deg / 360.0)
 
 
 def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:
@@ -156,13 +146,25 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
 def usable_points(
     scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
-    """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None."""
-    rows = rows_in_range(scan, settings)
-    points, times = np.take(scan.points, rows, axis=0), sweep_times(scan, timing)  # [rows] takes five times as long
-    if times is None:
-        return points, None
-    times = np.take(times, rows)
-    return compensate(points, times, twist), times
+    """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None.
+
+    Those that have two times are left out.
+    """
+    points, times = timed_points(scan, timing, settings)
+    return (points, None) if times is None else (compensate(points, times, twist), times)
+
+
+def timed_points(
+    scan: Scan, timing: SweepTiming, settings: OdometrySettings
+) -> tuple[Points, npt.NDArray[np.float32] | None]:
+    """Return the valid points in range (M, 3) as they came and their times (M,) or None, but those with two times."""
+    rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
+    if times is not None:
+        times = np.take(times, rows)
+        is_known = np.isfinite(times)
+        if not is_known.all():
+            rows, times = rows[is_known], times[is_known]
+    return np.take(scan.points, rows, axis=0), times  # [rows] takes five times as long
 
 
 def rows_in_range(scan: Scan, settings: OdometrySettings) -> npt.NDArray[np.int32]:
@@ -190,11 +192,11 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
 
 
 @kernel
-def _azimuth_times(points, turn, seam, span):  # type: ignore[no-untyped-def]
+def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
     out = np.empty(len(points), np.float32)
     for i in range(len(points)):
         turned = turn * (turn_of(points[i, 0], points[i, 1]) - 0.5 - seam)
-        out[i] = min((turned - np.floor(turned)) / span, 1.0) - 0.5
+        out[i] = turned - np.floor(turned) - 0.5
     return out
 
 

@@ -19,9 +19,8 @@ from automos.odometry.motion import (
     azimuth_times,
     chain,
     compensate,
-    rows_in_range,
     step_twists,
-    sweep_times,
+    timed_points,
 )
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
@@ -139,8 +138,7 @@ def bend_of(T_world_sensor: Pose) -> float:
 
 def _raw_surfels(settings: OdometrySettings, timing: SweepTiming, scan: Scan) -> Surfels:
     """Return the surfels of a scan's points as they came, with the times of `timing`."""
-    rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
-    return surfels_of(np.take(scan.points, rows, axis=0), None if times is None else np.take(times, rows))
+    return surfels_of(*timed_points(scan, timing, settings))
 
 
 def measure_misfits(
@@ -170,7 +168,9 @@ def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> 
     """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
     if guess.source == "none":
         return raw
-    times = azimuth_times(raw.mean, guess.turn, guess.seam_deg) if guess.source == "azimuth" else raw.time
+    times = raw.time  # of what only whole scans tell
+    if guess.source == "azimuth" and guess.seam_deg is not None:
+        times = azimuth_times(raw.mean, guess.turn, guess.seam_deg)
     return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)
 
 
@@ -226,10 +226,9 @@ class Search:
         score = mean + np.maximum(N_ERRORS * error, GAIN + CLEAR_GAIN * (np.arange(len(guesses)) >= len(likely)))
         score[0] = 0.0
         best = int(np.nanargmin(score))
-        base = self.misfits.setdefault(str(guesses[0]), 0.0)
-        for guess, value in zip(guesses, mean, strict=True):
-            if np.isfinite(value):
-                self.misfits.setdefault(str(guess), base + float(value))
+        named = {str(guess): float(value) for guess, value in zip(guesses, mean, strict=True) if np.isfinite(value)}
+        base = next((self.misfits[name] - value for name, value in named.items() if name in self.misfits), 0.0)
+        self.misfits = {name: base + value for name, value in named.items()} | self.misfits
         more, error = _compare(found, found[best])
         kinds = [(guess.source, guess.share) for guess in guesses]
         is_other = np.array([kind != kinds[best] for kind in kinds]) & np.isfinite(more)

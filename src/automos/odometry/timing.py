@@ -16,9 +16,10 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, gap_edges, recorded_duration, sweep_times
+from automos.odometry.drifting_seam import learn_drifting_seam
+from automos.odometry.motion import SweepTiming, recorded_duration, sweep_times
 from automos.odometry.moving_windows import MIN_BEND, Search, bend_of, moving_windows
-from automos.odometry.sweep_order import learn_order, sample_pairs
+from automos.odometry.sweep_order import learn_order
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
 
@@ -34,8 +35,6 @@ MOSTLY = 0.95
 """Of a scan's points that must."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
-MIN_GAP = 0.01
-"""Turns, narrower gaps are shadows of things."""
 N_LIKELY = 3
 """Of them, looked at closely."""
 
@@ -97,12 +96,14 @@ def choose_timing(
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
         timed = timed[:1]
-    sources: dict[str, SweepTiming] = {"raw": SweepTiming(), **{timing.source: timing for timing in timed}}
+    drifting = _drifting_timing(sequence) if is_by_azimuth else None
+    from_points = [*timed, *([] if drifting is None else [drifting])]
+    sources: dict[str, SweepTiming] = {"raw": SweepTiming(), **{timing.source: timing for timing in from_points}}
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     search, best = Search(settings, pool), None
     for window in moving_windows(sequence, settings, poses, clock, sources, pool):
         search.add(window)
-        best = _best_hypothesis(search, sequence, timed, untimed, is_by_azimuth, clock)
+        best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear:
             break
     if best is None:  # nothing bends where nothing moves, or nothing is there to tell
@@ -115,16 +116,16 @@ def choose_timing(
 
 def _best_hypothesis(
     search: Search,
-    sequence: Sequence,
     timed: list[SweepTiming],
     untimed: list[SweepTiming],
     is_by_azimuth: bool,
+    drifting: SweepTiming | None,
     clock: Clock,
 ) -> SweepTiming | None:
     """Return the best of all that may be: recorded times, none, by azimuth; or in a part of the time between scans."""
     best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
     if is_by_azimuth and (best is None or best.source == "none"):
-        best = _best_seam(search, sequence, untimed)
+        best = _best_seam(search, untimed) if drifting is None else search.best([drifting, *untimed])
     if best is None or best.source == "none":
         return best
     shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
@@ -132,31 +133,14 @@ def _best_hypothesis(
     return search.best([best], shorter) if is_shorter else best
 
 
-def _best_seam(search: Search, sequence: Sequence, untimed: list[SweepTiming]) -> SweepTiming | None:
-    """Return the best timing that follows from the direction of points alone, or `untimed`."""
-    if turn := learn_drifting_gap(sequence):
-        return search.best([*untimed, SweepTiming("azimuth", turn=turn, seam_deg=None, share=1.0)])
+def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
+    """Return the best timing by azimuth with a seam that stays where it is, or `untimed`."""
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
     (found,) = search.likeliest(circle, 1)
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
     likely = search.likeliest([*circle, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
     found_among_all = search.best([*untimed, *likely])
     return found_among_all if found_among_all == SweepTiming() else search.best(likely)
-
-
-def learn_drifting_gap(sequence: Sequence) -> int:
-    """Return which way the sensor turns (+1, -1), told by a sector without points that wanders; 0 where none does.
-
-    Whoever cuts the stream before a turn is complete leaves out a sector, and the next scan begins with it.
-    """
-    turns = []
-    for i in sample_pairs(sequence):
-        (low, high), (next_low, next_high) = (gap_edges(sequence[j].points) for j in (i, i + 1))
-        width, step = 0.5 * (high - low + next_high - next_low), 0.5 * (next_low - low + next_high - high)
-        step -= round(step)
-        is_next = MIN_GAP < width < 0.8 and abs(abs(step) - width) < 0.3 * width
-        turns.append((-1 if step > 0.0 else 1) if is_next else 0)
-    return max((-1, 0, 1), key=turns.count) if turns else 0
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
@@ -202,6 +186,12 @@ def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
         return False
     off = np.abs(a.share * in_a - b.share * in_b)[scan.is_valid]
     return bool((off < SAME_TIME).mean() > MOSTLY)
+
+
+def _drifting_timing(sequence: Sequence) -> SweepTiming | None:
+    """Return the timing that a sector which wanders from scan to scan gives, None where none does."""
+    found = learn_drifting_seam(sequence)
+    return None if found is None else SweepTiming("azimuth", turn=found[0], seam_deg=None, turns=found[1], share=1.0)
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.odometry.drifting_seam import drifting_times
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
 from automos.scan import Frame, Pose, Scan, Sequence
 
@@ -97,9 +98,8 @@ def frame_of(
     """
     kept = np.flatnonzero(scan.is_valid)
     points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
-    times = sweep_times(scan, timing)
+    times = settled_times(scan, timing, motion, kept)
     if times is not None:
-        times = times if len(kept) == len(scan) else times[kept]
         points = compensate(points, times, motion)
     return Frame(
         points=points,
@@ -112,6 +112,31 @@ def frame_of(
         sensor=None if scan.sensor is None else scan.sensor[kept],
         T_scan_sensor=scan.T_scan_sensor,
     )
+
+
+def settled_times(
+    scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], rows: npt.NDArray[np.intp]
+) -> npt.NDArray[np.float32] | None:
+    """Return (M,) float32 times of the points in `rows` (M,) of `scan`, one each, or None where they are unknown.
+
+    What is seen twice in one scan is seen twice at the same place, unless it moves: of a point's two times, a turn
+    apart, that is right which puts it where others are if they are of the other turn.
+    """
+    if timing.source != "azimuth" or timing.seam_deg is not None:
+        known = sweep_times(scan, timing)
+        return None if known is None else np.take(known, rows)
+    all_times, is_any_twofold = drifting_times(scan.points, timing.turn, timing.turns)
+    times, is_twofold = np.take(all_times, rows), np.take(is_any_twofold, rows)
+    if is_twofold.sum() < 2 or not np.any(twist):
+        return times
+    from scipy.spatial import cKDTree  # only such recordings wait for it
+
+    points, first = np.take(scan.points, rows[is_twofold], axis=0), times[is_twofold]
+    second = np.minimum(first + np.float32(1.0 / timing.turns), np.float32(0.5))
+    if_first, if_second = compensate(points, first, twist), compensate(points, second, twist)
+    off_first, off_second = cKDTree(if_second).query(if_first)[0], cKDTree(if_first).query(if_second)[0]
+    times[is_twofold] = np.where(off_second < off_first, second, first)
+    return times
 
 
 class SequenceFrames:

@@ -1,0 +1,151 @@
+"""Where each scan begins, if the stream was cut by time and the order of its points is lost.
+
+A scan of less than a turn leaves a sector out, one of more has a sector twice. The next scan begins where this one
+ended: the sector wanders, by its own width, and tells which way the sensor turns and how far a scan reaches. A sector
+seen twice has twice the points in each direction that returns any, whatever stands there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.cells import turn_of
+from automos.kernels import kernel
+from automos.odometry.sweep_order import sample_pairs
+from automos.scan import Points, Sequence
+
+Array = npt.NDArray[np.float64]
+
+N_SECTORS = 720
+"""Sectors in which a gap is looked for."""
+N_DOUBLED = 180
+"""Sectors in which points are counted: two degrees hold several firings of every beam, and are exact enough."""
+N_HEIGHTS = 512
+"""Bins of a direction's sine, a quarter of a degree each at the horizon."""
+MIN_WIDTH, MAX_WIDTH = 0.01, 0.8
+"""Turns, of a sector that is left out or seen twice: what is narrower may be a thing's shadow."""
+MIN_EXPLAINED = 0.6
+"""Of the variance of points in a direction, that a sector seen twice explains: 0.7 to 0.95; any other, 0.1 to 0.5."""
+SAME_WIDTH = 0.3
+"""Of its width, by which a sector may wander more or less than that."""
+STAGGER = 0.03
+"""Turns by which it may wander more besides: beams that look aside, by up to five degrees, blur its edges."""
+
+
+def learn_drifting_seam(sequence: Sequence) -> tuple[int, float] | None:
+    """Return which way the sensor turns (+1, -1) and the turns of a scan; None where no sector wanders.
+
+    Notes
+    -----
+    Only scans that overlap, or leave something out, by a part of a turn are told: of whole turns nothing wanders.
+    """
+    ids = sample_pairs(sequence)
+    for edges, sign in ((gap_edges, -1), (doubled_edges, 1)):
+        steps = [_step(edges(sequence[i].points), edges(sequence[i + 1].points), sign) for i in ids]
+        turn = max((-1, 0, 1), key=[np.sign(step) for step in steps].count) if steps else 0
+        if turn:
+            return turn, 1.0 + sign * float(np.median([abs(step) for step in steps if np.sign(step) == turn]))
+    return None
+
+
+def _step(edges: tuple[float, float], following: tuple[float, float], sign: int) -> float:
+    """Return the turns by which a sector wanders to the next scan, positive counter-clockwise; 0 if not by its width.
+
+    `sign` is 1 for a sector seen twice, which goes on with the sensor, -1 for one left out, which goes back: the step
+    that is returned is the sensor's.
+    """
+    width = 0.5 * (edges[1] - edges[0] + following[1] - following[0])
+    if not MIN_WIDTH < width < MAX_WIDTH:
+        return 0.0
+    come = 0.5 * (following[0] + following[1] - edges[0] - edges[1])
+    allowed = SAME_WIDTH * min(width, 1.0 - width)
+    for turn in (1, -1):
+        step = sign * turn * come
+        step -= round(step - width)  # of all that are the same on the circle, the one next to the width
+        if -allowed < step - width < allowed + STAGGER:
+            return turn * step
+    return 0.0
+
+
+def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Return when `points` (N, 3) were seen by a scan of `turns` that begins anywhere, and which may be a turn later.
+
+    Returns
+    -------
+    times : (N,) float32 in [-0.5, 0.5] of the scan, the earlier one where there are two.
+    is_twofold : (N,) bool, whether the point may as well have been seen one turn later.
+    """
+    points = np.ascontiguousarray(points)
+    low, high = gap_edges(points) if turns <= 1.0 else doubled_edges(points, turns - 1.0)
+    middle, width = 0.5 * (low + high), max(high - low, abs(turns - 1.0))
+    if turns <= 1.0:  # from one edge of the gap all round to the other
+        turned, span = _turned(points, turn, middle) - np.float32(0.5 * width), 1.0 - width
+        return np.clip(turned / np.float32(span), 0.0, 1.0) - np.float32(0.5), np.zeros(len(points), bool)
+    blur = 1.0 / N_DOUBLED  # as exactly as the edges are known
+    turned, span = _turned(points, turn, middle - turn * (0.5 * width + blur)), 1.0 + width
+    times = np.maximum((turned - np.float32(blur)) / np.float32(span), 0.0) - np.float32(0.5)
+    return times, turned < width + 2.0 * blur
+
+
+def gap_edges(points: Points) -> tuple[float, float]:
+    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
+    x, y = points[:, :2].astype(np.float64).T
+    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
+    turn = np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi) + 0.5
+    seen = np.unique(np.minimum((turn * N_SECTORS).astype(int), N_SECTORS - 1))
+    if len(seen) == 0:
+        return 0.0, 0.0
+    width = np.diff(np.append(seen, seen[0] + N_SECTORS))
+    k = int(np.argmax(width))
+    return float((seen[k] + 1) / N_SECTORS - 0.5), float((seen[k] + width[k]) / N_SECTORS - 0.5)
+
+
+def doubled_edges(points: Points, width: float | None = None) -> tuple[float, float]:
+    """Return where the sector of most points in a direction begins and ends, azimuths in turns.
+
+    Of `width` turns where that is known; else of the width that explains most, and empty where none explains enough.
+    The end may be beyond 0.5.
+    """
+    n, n_seen = _count_directions(np.ascontiguousarray(points))
+    density = n / np.maximum(n_seen, 1)
+    sums = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
+    some = range(2, N_DOUBLED - 2) if width is None else [min(max(round(width * N_DOUBLED), 1), N_DOUBLED - 1)]
+    widths = np.array(some)[:, None]
+    first = np.arange(N_DOUBLED)
+    inside = sums[first + widths] - sums[first]
+    # Variance between the two parts of the circle, as of a split into two classes.
+    more = inside / widths - (density.sum() - inside) / (N_DOUBLED - widths)
+    explained = np.maximum(more, 0.0) ** 2 * widths * (N_DOUBLED - widths)
+    k, low = np.unravel_index(int(np.argmax(explained)), explained.shape)
+    is_clear = explained[k, low] > MIN_EXPLAINED * density.var() * N_DOUBLED**2
+    start, length = low / N_DOUBLED - 0.5, float(widths[k, 0]) / N_DOUBLED
+    return float(start), float(start + (length if is_clear or width is not None else 0.0))
+
+
+@kernel
+def _count_directions(points):  # type: ignore[no-untyped-def]
+    """Return (N_DOUBLED,) points in each sector, and how many bins of height hold any of them."""
+    is_seen = np.zeros((N_DOUBLED, N_HEIGHTS), np.bool_)
+    n, n_seen = np.zeros(N_DOUBLED, np.int64), np.zeros(N_DOUBLED, np.int64)
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        r = np.sqrt(x * x + y * y + z * z)
+        if 0.1 < r < 1e6:  # never true of NaN
+            sector = min(int(turn_of(points[i, 0], points[i, 1]) * N_DOUBLED), N_DOUBLED - 1)
+            height = min(max(int((z / r + 1.0) * (0.5 * N_HEIGHTS)), 0), N_HEIGHTS - 1)
+            n[sector] += 1
+            if not is_seen[sector, height]:
+                is_seen[sector, height] = True
+                n_seen[sector] += 1
+    return n, n_seen
+
+
+@kernel
+def _turned(points, turn, start):  # type: ignore[no-untyped-def]
+    """Return (N,) float32 in [0, 1): turns from azimuth `start` to each point."""
+    out = np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        turned = turn * (turn_of(points[i, 0], points[i, 1]) - 0.5 - start)
+        out[i] = turned - np.floor(turned)
+    return out
