@@ -195,6 +195,22 @@ def backpack():
     return scan_along(T, walls, (companion,), own, (-55, 10), 32)
 
 
+def swinging_arms():
+    """An operator below the beams whose hands come into view by turns, and someone who walks by within arm's reach."""
+
+    def own(i):
+        return [
+            (Block((0.55 + side * 0.4 * np.sin(0.9 * i), 0.25 * side, -0.35), (0.25, 0.1, 0.3)), np.eye(4))
+            for side in (1, -1)
+            if side * np.sin(0.9 * i) > 0.3
+        ]
+
+    walls = tuple(Block((6.0 * k, side, 2.0), (4.0 + k % 2, 1.0, 4.0)) for k in range(-4, 8) for side in (-7.0, 6.0))
+    passer_by = Block((8.0, 1.1, 1.0), (0.4, 0.5, 2.0), velocity=(-1.2, 0.0, 0.0))
+    T = ride(60, 1.3, lambda t: 0.0, 2.0, sway_deg=3.0)
+    return scan_along(T, walls, (passer_by,), own, (-25, 3), 32)
+
+
 def covered(frames, truth):
     """Return which points are body in every sixth scan of a ride, and what they lie on."""
     body = find_ego_body(frames, learn_pattern([frames[i] for i in (0, 15, 30, 45, 59)]), EgoBodySettings())
@@ -205,7 +221,7 @@ def covered(frames, truth):
     return np.concatenate(found), np.concatenate(truth[::6])
 
 
-@pytest.mark.parametrize("make", [boat, boat_at_its_quay, articulated, convoy, backpack])
+@pytest.mark.parametrize("make", [boat, boat_at_its_quay, articulated, convoy, backpack, swinging_arms])
 def test_what_rides_along_is_body_and_nothing_else_is(make):
     found, truth = covered(*make())
     assert found[truth == OWN].mean() > 0.995

@@ -5,7 +5,7 @@ keeps its distance, or the long side of one that drives along. But the road is a
 elsewhere, before and after, and a body is not: other scans vote (`ego_body_votes`), so that what stays in the sensor's
 frame and in the world is the world. A few decimetres, or a boat's rolling at its quay, are enough for that.
 And nobody drives beside another to the sensor's noise: a thing's edges and ranges must be in the last third of the
-recording where they were in the first. What nearly always returns from within arm's reach (legs, an operator)
+recording where they were in the first. What returns from within arm's reach (legs, an operator) again and again
 rides along, however it moves. What hangs together with the body in a scan (a trailer in a bend) belongs to it. Where
 the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
 """
@@ -36,6 +36,8 @@ MIN_SCANS = 9
 """With fewer scans apart from each other nothing is called body."""
 MIN_STEP, ARM = 0.25, 5.0
 """Metres: how far what is `ARM` from the sensor must have moved about it between scans looked at."""
+NEAR_SHARE = 0.15
+"""Of the scans, that return from within arm's reach where an arm swings; the world, and others, pass there once."""
 MIN_UNEVENNESS = 0.15
 """Metres by which the sensor must have left even motion. Others do not brake, turn and roll along with it to
 centimetres, but keep its distance for seconds where it moves evenly; there a body is nearer than half the way gone."""
@@ -99,7 +101,7 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     ends, slack, near = np.zeros((3, 2, *shape), np.float32)
     for k, part in enumerate(np.array_split(ranges, 3)[::2]):
         ends[k], slack[k] = find_constant(part, settings)
-        find_near(part, settings.near_reach, settings.min_share, near[k])
+        find_near(part, settings.near_reach, NEAR_SHARE, near[k])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     may_be = np.maximum(ends.max(axis=0), near)
     asked = [frames[sample[i]] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
