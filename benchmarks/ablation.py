@@ -2,8 +2,12 @@
 
     python benchmarks/ablation.py RECORDING [RECORDING ...] [--store FOLDER] [--choices NAME ...] [--scans N]
                                   [--json FILE]
+    python benchmarks/ablation.py --gate 100 --store FOLDER [--sensors ...] [--markdown FILE]
 
 A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`).
+--gate takes all worlds of the gate's seed, without looking at them: the table gives what taking each choice back costs
+each sensor on the mean, and the world that it costs, and gains, most. Scores of worlds are kept in FOLDER by the
+contents of the package.
 A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"); one that a compiled kernel
 reads as a global cannot be taken back so. The poses are estimated once a recording; only `poses not refined` has
 others. The table gives the IoU of the moving class, and in brackets the false points, with everything and with each
@@ -15,7 +19,8 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -25,16 +30,19 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 from robustness import Altered
+from scores import code_digest
 from store import stored_world
 
 from automos import Workspace, label, load_settings, open_sequence
+from automos.atomic import write_text
 from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
 from automos.scan import Sequence
 from automos.settings import PRESETS
+from automos.simulation import SCENARIOS
 
 NEVER = 1e9
-JUDGE = "automos.tracking.judge"
+JUDGE, PAIRS = "automos.tracking.judge", "automos.tracking.association"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
     "poses not refined": {"odometry.refine": False},
@@ -44,6 +52,8 @@ CHOICES: dict[str, dict[str, Any]] = {
     "a see-through beside a ray counts in full": {"candidates.free_space.near_miss": NEVER},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
+    "what few others saw says as much": {"automos.candidates.free_space_ask:SURE_HITS": 1},
+    "the walk on the ground begins level": {"automos.candidates.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "curtains of points join what they touch": {"automos.instances.segments:THIN_SHARE": 0.0},
     "torn segments stay whole": {"automos.instances.detect:TORN_SHARE": 0.5},
@@ -53,11 +63,27 @@ CHOICES: dict[str, dict[str, Any]] = {
     "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
     "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
     "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
-    "what overlaps may be another": {"automos.tracking.association:MIN_OVERLAP": 2.0},
+    "what overlaps may be another": {f"{PAIRS}:MIN_OVERLAP": 2.0},
+    "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
+    "objects may grow": {f"{PAIRS}:MAX_SIZE_CHANGE": NEVER},
+    "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},
+    "sizes do not choose": {f"{PAIRS}:SIZE_WEIGHT": 0.0},
+    "numbers of points do not choose": {f"{PAIRS}:COUNT_WEIGHT": 0.0},
+    "evidence does not choose": {f"{PAIRS}:EVIDENCE_WEIGHT": 0.0},
+    "what was lost may have stayed": {f"{PAIRS}:OTHER_EVIDENCE": NEVER},
+    "what has stayed is forgotten": {"automos.tracking.tracker:REMEMBERED": 0.0},
+    "nothing is out of sight for long": {"tracking.max_gap": 0.0},
     "what movers pass by moves, too": {"automos.tracking.places:OUTNUMBERED": NEVER},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},
     "the paper's tracker and verdict": {f"tracking.{k}": v for k, v in PRESETS["paper"]["tracking"].items()},
 }  # fmt: skip
+
+
+OTHER_METHODS = (
+    *("poses not refined", "ERASOR instead of free space", "HDBSCAN instead of components"),
+    "the paper's tracker and verdict",
+)
+"""Choices of whole methods, not of a rule or a term."""
 
 
 @contextmanager
@@ -111,16 +137,69 @@ def _forget(folder: Path, constants: dict[str, Any]) -> None:
                 shutil.rmtree(stage)
 
 
-def main() -> None:
-    import tempfile
+def kept_row(file: Path, measure: Callable[[], Scores]) -> dict[str, Any]:
+    """Return IoU and false points, those of `file` where it is there; else measured, and kept there."""
+    if not file.exists():
+        found = measure()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(file, json.dumps({"iou": found.iou, "false": found.false_dynamic}))
+    return json.loads(file.read_text())
 
+
+def over_the_gate(seed: int, choices: list[str], sensors: list[str], store: Path) -> list[list[str]]:
+    """Return heading and lines: choice, points of IoU that taking it back costs by sensor, most in one world, false."""
+    rows: dict[tuple[str, str, str], dict] = {}
+    kept = store / "ablation" / code_digest()
+    for sensor in sensors:
+        for scenario in SCENARIOS:
+            with tempfile.TemporaryDirectory() as cache:
+                for choice in choices:
+                    world = f"{scenario}-{sensor}-{seed}"
+                    with StageProgress(Console(stderr=True), f"{world}, {choice}") as progress:
+                        rows[choice, scenario, sensor] = kept_row(
+                            kept / f"{world}-{choice.replace(' ', '_')}.json",
+                            lambda s=scenario, t=sensor, c=choice, f=cache, p=progress: scores(  # type: ignore[misc]
+                                stored_world(store, s, t, 60, seed), None, CHOICES[c], Path(f), p
+                            ),
+                        )
+    lines = [["", *sensors, "most lost", "most won", "false points"]]
+    for choice in choices:
+        worlds = [(scenario, sensor) for scenario in SCENARIOS for sensor in sensors]
+        lost = {
+            w: 100.0 * (rows["everything", *w]["iou"] - rows[choice, *w]["iou"])
+            for w in worlds
+            if np.isfinite(rows["everything", *w]["iou"])
+        }
+        by_sensor = [f"{np.mean([v for w, v in lost.items() if w[1] == sensor]):+.2f}" for sensor in sensors]
+        worst, best = max(lost, key=lambda w: lost[w]), min(lost, key=lambda w: lost[w])
+        most = [f"{sign * lost[w]:.1f} {' '.join(w)}" for sign, w in ((1, worst), (-1, best))]
+        lines.append([choice, *by_sensor, *most, f"{sum(rows[choice, *w]['false'] for w in worlds):,}"])
+    return lines
+
+
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="+")
+    parser.add_argument("recordings", nargs="*")
+    parser.add_argument("--gate", type=int, help="seed of the gate's worlds, all of them")
+    parser.add_argument("--sensors", nargs="+", default=["HDL-64E", "OS1-128", "VLP-16"])
+    parser.add_argument("--markdown", type=Path, help="the gate's table, for the docs")
     parser.add_argument("--store", type=Path, help="folder of simulated worlds")
     parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
     parser.add_argument("--scans", type=int, help="the first so many of each recording")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    if arguments.gate is not None:
+        rules = [name for name in arguments.choices if name not in OTHER_METHODS]
+        names = ["everything", *(name for name in rules if name != "everything")]
+        lines = over_the_gate(arguments.gate, names, arguments.sensors, arguments.store)
+        shown = Table(*lines[0], title="points of IoU that taking each choice back costs")
+        for line in lines[1:]:
+            shown.add_row(*line)
+        Console(width=150).print(shown)
+        if arguments.markdown:
+            rule = ["---", *["---:"] * len(arguments.sensors), "---", "---", "---:"]
+            arguments.markdown.write_text("".join(f"| {' | '.join(line)} |\n" for line in [lines[0], rule, *lines[1:]]))
+        return
     sequences = [opened(recording, arguments.store) for recording in arguments.recordings]
     table, rows = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)"), []
     with tempfile.TemporaryDirectory() as cache:

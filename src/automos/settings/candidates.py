@@ -22,7 +22,9 @@ class EgoBodySettings(Group):
     """The vehicle's own body: what keeps its range in the sensor's frame while the sensor moves."""
 
     max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
-    near_reach: float = Field(1.2, gt=0, description="m, what returns from nearer than this again and again rides along")
+    near_reach: float = Field(
+        1.2, gt=0, description="m, what returns from nearer than this again and again rides along"
+    )
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
 
