@@ -52,7 +52,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "a see-through beside a ray counts in full": {"candidates.free_space.near_miss": NEVER},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
-    "what few others saw says as much": {"automos.candidates.free_space_ask:SURE_HITS": 1},
     "the walk on the ground begins level": {"automos.candidates.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "curtains of points join what they touch": {"automos.instances.segments:THIN_SHARE": 0.0},
