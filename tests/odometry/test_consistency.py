@@ -4,7 +4,7 @@ from raw_worlds import TOWN, curve, true_poses
 from worlds import record
 
 from automos.odometry.clock import read_clock
-from automos.odometry.consistency import measure_consistency, summarize
+from automos.odometry.consistency import can_be_driven, doubts, greatest_acceleration, measure_consistency, summarize
 from automos.odometry.motion import SweepTiming
 from automos.settings import OdometrySettings
 
@@ -44,3 +44,39 @@ def test_a_recording_of_one_scan_has_no_figures(drive):
     single = type(sequence)([sequence[0]])
     links = measure_consistency(single, np.eye(4)[None], SweepTiming(), read_clock(single), SETTINGS)
     assert set(summarize(links).values()) == {None}
+
+
+def driven(speeds, dt=0.1):
+    """Poses of a straight drive at `speeds` (N,) m/s, and their times."""
+    T = np.tile(np.eye(4), (len(speeds), 1, 1))
+    T[1:, 0, 3] = np.cumsum(dt * 0.5 * (np.array(speeds[1:]) + speeds[:-1]))
+    return T, dt * np.arange(len(speeds))
+
+
+def test_the_greatest_acceleration_is_that_of_the_hardest_half_second():
+    braking = [20.0] * 20 + [20.0 - 0.8 * k for k in range(1, 21)] + [4.0] * 20
+    found, at = greatest_acceleration(*driven(braking))
+    assert found == pytest.approx(8.0, abs=0.1)
+    assert 20 <= at <= 40
+    assert can_be_driven(*driven(braking))
+
+
+def test_one_step_that_is_off_is_noise_and_a_speed_that_leaps_is_not():
+    T, times = driven([10.0] * 60)
+    T[30:, 0, 3] += 0.2
+    assert can_be_driven(T, times)
+    assert not can_be_driven(*driven([0.0] * 30 + [10.0] * 30))
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5])
+def test_too_few_scans_tell_no_acceleration(n):
+    assert greatest_acceleration(*driven([0.0, 30.0, 0.0, 30.0, 0.0][:n]))[0] == 0.0
+
+
+def test_poses_that_nobody_can_drive_are_doubted_at_the_scan_where_they_leap():
+    figures = {"wall_thickness_m": 0.01, "baseline_disagreement_m": 0.01}
+    leap = {"greatest_acceleration_m_s2": 20.0, "greatest_acceleration_at": "000030"}
+    assert doubts(figures | {"greatest_acceleration_m_s2": 8.0}, OdometrySettings()) == []
+    (warning,) = doubts(figures | leap, OdometrySettings())
+    assert "000030" in warning
+    assert "not to be trusted" in warning

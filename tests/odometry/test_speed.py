@@ -6,7 +6,7 @@ from worlds import Block, record, van
 from automos.odometry.consistency import speed_figures
 from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score_distances, stands
 from automos.odometry.links import Alignment, Window
-from automos.odometry.refine import RollingRefinement, refine_poses
+from automos.odometry.refine import RollingRefinement, is_ahead, refine_poses
 from automos.odometry.speed import SpeedSearch, lengthen, search_speed
 from automos.odometry.speed_scores import Landmarks
 from automos.odometry.submap import make_submap
@@ -119,6 +119,14 @@ def test_a_speed_is_ahead_by_what_is_found_again_where_another_finds_less():
     assert not landmarks(25.0, 44.0).explains_more_than(landmarks(0.0, 40.0))
     assert not landmarks(25.0, 40.0).explains_more_than(landmarks(24.5, 0.0))  # nearly the same speed
     assert landmarks(25.0, 4.0).explains_more_than(landmarks(0.5, 4.0, expected=20.0))  # sixteen are missed there
+
+
+def test_a_rival_need_not_be_clearly_ahead_of_what_nobody_can_drive():
+    here, there = landmarks(4.0, 20.0), landmarks(20.0, 22.0)
+    assert not there.explains_more_than(here)
+    assert not is_ahead(there, here, True)
+    assert is_ahead(there, here, False)
+    assert not is_ahead(here, there, False)
 
 
 def test_poses_that_follow_traffic_are_doubted_and_others_not():

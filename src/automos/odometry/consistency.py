@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.odometry.clock import Clock
 from automos.odometry.links import Alignment, Consistency, Window, choose_links, fit_links
@@ -15,14 +16,18 @@ from automos.odometry.surfels import surfels_of
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
 
+Array = npt.NDArray[np.float64]
+
 SAMPLES = 3
 """Places of a recording where its poses are tried."""
 SAMPLE_SECONDS = 2.5
 """Length of each."""
-
-
 AHEAD = 0.1
 """Of all landmarks found again at another speed, by which that must be ahead to put the present one in doubt."""
+ACCELERATION_SECONDS = 0.5
+"""Over which accelerations are looked at: what is held in a hand shakes, in less, as no vehicle does."""
+MAX_ACCELERATION = 10.0
+"""m/s²: tyres hold no more. Poses that leave the world for the traffic, or return to it, change their speed by more."""
 
 
 def measure_consistency(
@@ -62,6 +67,31 @@ def summarize(links: Consistency) -> dict[str, float | None]:
     }
 
 
+def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
+    """Return the greatest acceleration, m/s², of (N, 4, 4) `poses` over half a second, and the scan in its middle.
+
+    times : (N,) seconds.
+    """
+    if len(times) < 2:
+        return 0.0, 0
+    span = max(ACCELERATION_SECONDS, 1.5 * float(np.median(np.diff(times))))
+    middle = np.flatnonzero((times - span >= times[0]) & (times + span <= times[-1]))
+    if len(middle) == 0:
+        return 0.0, 0
+
+    def at(when: Array) -> Array:
+        return np.stack([np.interp(when, times, along) for along in poses[:, :3, 3].T], axis=1)
+
+    change = at(times[middle] + span) - 2.0 * poses[middle, :3, 3] + at(times[middle] - span)
+    found = np.linalg.norm(change, axis=1) / span**2
+    return float(found.max()), int(middle[np.argmax(found)])
+
+
+def can_be_driven(poses: Pose, times: Array) -> bool:
+    """Return whether a vehicle can drive along (N, 4, 4) `poses` at `times` (N,), seconds."""
+    return greatest_acceleration(poses, times)[0] <= MAX_ACCELERATION
+
+
 def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
     """Return how surely the speed is known: by how much of what cannot be traffic is found again.
 
@@ -93,6 +123,13 @@ def doubts(figures: dict[str, Any], settings: OdometrySettings) -> list[str]:
             f"{here:.0f} pieces are found again as it is, {there:.0f} if the sensor is {abs(faster):.0f} m/s "
             f"{'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world, and labels "
             "are not to be trusted: give your own poses (--poses)."
+        )
+    acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
+    if acceleration > MAX_ACCELERATION:
+        found.append(
+            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s in a "
+            "second, which no vehicle does: before or after it the poses are wrong, they may follow traffic rather "
+            "than the world, and labels there are not to be trusted: give your own poses (--poses)."
         )
     thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
     if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):

@@ -12,7 +12,7 @@ import numpy as np
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.odometry.clock import Clock, DistinctScans, find_missing, read_clock, with_repeats
-from automos.odometry.consistency import doubts, measure_consistency, speed_figures, summarize
+from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
@@ -70,6 +70,8 @@ def estimate_trajectory(
         warnings, figures, clock = found.warnings, found.figures, found.clock
         if "wall_thickness_m" not in figures:
             figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
+        acceleration, at = greatest_acceleration(poses, clock.stamps)
+        figures |= {"greatest_acceleration_m_s2": acceleration, "greatest_acceleration_at": sequence.names[at]}
         warnings += doubts(figures, settings)
         T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
         if not has_ground:

@@ -15,9 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.odometry.consistency import can_be_driven
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.pose_graph import FIXED, NormalEquations
 from automos.odometry.speed import SpeedSearch, lengthen, search_speed
+from automos.odometry.speed_scores import Landmarks
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
@@ -99,6 +101,11 @@ def _add_even_motion(equations: NormalEquations, window: Window, settings: Odome
     equations.add(parts, information, information * change)
 
 
+def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
+    """Whether landmarks speak for a rival: clearly, or at all where nobody can drive as the poses now say."""
+    return rival.explains_more_than(present) or (not is_possible and rival.lead_over(present) > 0.0)
+
+
 @dataclass(eq=False)
 class _Scan:
     """A scan of the present window; its pose is refined up to the overlap, a first one after it."""
@@ -166,9 +173,10 @@ class RollingRefinement:
         window = Window(surfels, twists, poses, gaps, self._period, self._share)
         is_fixed = np.arange(len(scans)) < n_known // 2
         window, search, longer = self._settle_speed(window, is_fixed)
-        if search.landmarks_at_rival.explains_more_than(search.landmarks):
+        is_possible = can_be_driven(window.T_world_sensor, window.clock)
+        if is_ahead(search.landmarks_at_rival, search.landmarks, is_possible):
             other, found, more = self._follow_rival(window, search, is_fixed)
-            if found.landmarks.explains_more_than(search.landmarks):
+            if is_ahead(found.landmarks, search.landmarks, is_possible):
                 window, search, longer = other, found, longer + more
         self.lengthened += longer
         self.searches.append(search)
