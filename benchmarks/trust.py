@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +24,13 @@ from rich.console import Console
 from rich.table import Table
 from scores import code_digest
 
-from automos import load_settings
+from automos import load_settings, open_sequence
 from automos.atomic import write_text
 from automos.errors import InputError
 from automos.odometry import estimate_trajectory
+from automos.scan import Sequence
 from automos.simulation import SCENARIOS, Conditions, Convention, record
+from automos.simulation.recorders import write_recorded
 
 OFF = 0.03
 """Share of the way by which the poses of a bad drive are off."""
@@ -72,7 +75,15 @@ def drives(seed: int) -> list[Drive]:
 def examine(drive: Drive, n_scans: int, preset: str) -> dict:
     """Return how far the poses of a drive are off, and what was said of them."""
     convention, conditions = Convention.parse(drive.kept), Conditions(weather=drive.weather)
-    recording = record(drive.scenario, drive.sensor, n_scans, drive.seed, convention=convention, conditions=conditions)
+    made = record(drive.scenario, drive.sensor, n_scans, drive.seed, convention=convention, conditions=conditions)
+    with tempfile.TemporaryDirectory() as folder:
+        # Only of files is the order found out: a caller's own sequence is in its order.
+        recording = open_sequence(write_recorded(made, folder)) if convention.renumbered else made
+        return judged(recording, preset)
+
+
+def judged(recording: Sequence, preset: str) -> dict:
+    """Return how far the poses of a recording are off, and what was said of them."""
     start = time.process_time()
     try:
         found = estimate_trajectory(recording, load_settings(preset).odometry)

@@ -54,9 +54,9 @@ def driven(speeds, dt=0.1):
 
 
 def test_the_greatest_acceleration_is_that_of_the_hardest_half_second():
-    braking = [20.0] * 20 + [20.0 - 0.8 * k for k in range(1, 21)] + [4.0] * 20
+    braking = [20.0] * 20 + [20.0 - 0.7 * k for k in range(1, 21)] + [6.0] * 20
     found, at = greatest_acceleration(*driven(braking))
-    assert found == pytest.approx(8.0, abs=0.1)
+    assert found == pytest.approx(7.0, abs=0.1)
     assert 20 <= at <= 40
     assert can_be_driven(*driven(braking))
 
@@ -76,7 +76,7 @@ def test_too_few_scans_tell_no_acceleration(n):
 def test_poses_that_nobody_can_drive_are_doubted_at_the_scan_where_they_leap():
     figures = {"wall_thickness_m": 0.01, "baseline_disagreement_m": 0.01}
     leap = {"greatest_acceleration_m_s2": 20.0, "greatest_acceleration_at": "000030"}
-    assert doubts(figures | {"greatest_acceleration_m_s2": 8.0}, OdometrySettings()) == []
+    assert doubts(figures | {"greatest_acceleration_m_s2": 7.0}, OdometrySettings()) == []
     (warning,) = doubts(figures | leap, OdometrySettings())
     assert "000030" in warning
     assert "not to be trusted" in warning

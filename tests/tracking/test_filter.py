@@ -184,16 +184,3 @@ def test_no_boxes_are_no_beliefs():
 def test_a_box_never_shrinks_to_nothing():
     beliefs = kalman.start(boxes([0, 0, 0, 0, 1, 0, 0]), SETTINGS)
     assert (beliefs.boxes().size > 0.0).all()
-
-
-def test_the_middle_of_a_long_box_is_unsure_along_its_length():
-    settings = SETTINGS.model_copy(update={"measurement_variance": 0.5, "measurement_share": 0.1, "whole_side": 3.0})
-    car, tram = kalman.measurement_noise(
-        boxes([[0, 0, 0, 0.3, 2.9, 1.8, 1.5], [0, 0, 0, np.radians(30.0), 23.0, 2.4, 3.4]]), settings
-    )
-    assert car == pytest.approx(0.5 * np.eye(7))
-    along, across = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)])
-    assert along @ tram[:2, :2] @ along == pytest.approx(0.5 + (0.1 * 20.0) ** 2)
-    assert across @ tram[:2, :2] @ across == pytest.approx(0.5)
-    assert along @ tram[:2, :2] @ across == pytest.approx(0.0)
-    assert tram[2:, 2:] == pytest.approx(0.5 * np.eye(5))

@@ -26,8 +26,8 @@ AHEAD = 0.1
 """Of all landmarks found again at another speed, by which that must be ahead to put the present one in doubt."""
 ACCELERATION_SECONDS = 0.5
 """Over which accelerations are looked at: what is held in a hand shakes, in less, as no vehicle does."""
-MAX_ACCELERATION = 10.0
-"""m/s²: tyres hold no more. Poses that leave the world for the traffic, or return to it, change their speed by more."""
+MAX_ACCELERATION = 8.0
+"""m/s², an emergency stop. Poses that leave the world for the traffic, or return to it, change their speed by more."""
 
 
 def measure_consistency(

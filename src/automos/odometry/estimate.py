@@ -128,7 +128,7 @@ class _Estimate:
         if len(missing := np.flatnonzero(gaps != self.clock.gaps)):
             self.warnings.append(
                 f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}), "
-                "and no stamps tell how many; the motion does, and the poses were made anew with it."
+                "and no stamps tell how many; the motion does, and they were counted in."
             )
             self.clock = self.clock.with_gaps(gaps)
             first = self._register(timing)

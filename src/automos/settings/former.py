@@ -61,6 +61,7 @@ CONSTANTS = {
     "candidates.free_space": "span_tolerance first_spans sure_hits support support_per_metre",
     "instances.components": "torn_share torn_points torn_gap silence",
     "instances.components.segments": "height_bin thin_share thin_rows",
+    "tracking.filter": "measurement_share whole_side",
     "tracking.gates": "max_climb max_size_change max_count_ratio size_weight count_weight evidence_weight",
     "tracking.judge": "prior displacement unsteady hover pieces",
     "tracking.smoothing": "noise acceleration",

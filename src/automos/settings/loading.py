@@ -31,7 +31,6 @@ PRESETS: dict[str, dict[str, Any]] = {
                 "process_variance": 10.0,
                 "process_velocity_variance": 10.0,
                 "measurement_variance": 1.0,
-                "measurement_share": 0.0,
             },
             "max_misses": 5,
             "max_gap": 0.0,

@@ -17,10 +17,6 @@ class FilterSettings(Group):
     process_variance: float = Field(0.5, gt=0, description="m^2 and rad^2 per second")
     process_velocity_variance: float = Field(6.0, gt=0, description="(m/s)^2 per second")
     measurement_variance: float = Field(0.1, gt=0, description="m^2 and rad^2, of a measured box")
-    measurement_share: float = Field(
-        0.02, ge=0, description="of a long side, by which a box's middle may be off along it"
-    )
-    whole_side: float = Field(3.0, ge=0, description="m, subtracted from it: sides up to this are seen whole")
 
 
 class AssociationSettings(Group):

@@ -70,11 +70,11 @@ def motion_cost(
     is_lost : (K,) which of them the scan before did not show.
     """
     reach = settings.gate * np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
-    spread = kalman.measurement_noise(seen.boxes, noise)[:, :2, :2]
-    spread_reach = settings.gate * np.sqrt(spread[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    spread = noise.measurement_variance * np.eye(2)
+    spread_reach = np.full(len(seen), settings.gate * np.sqrt(noise.measurement_variance))
     k, j = _near_pairs(alive.mean, reach, seen.boxes.center, spread_reach)  # most pairs are far apart
     offset = seen.boxes.center[j] - alive.mean[k, :3]
-    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread[j])
+    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread)
     overlap = _overlap(alive.mean[k], offset, seen.boxes.yaw[j], seen.boxes.size[j])
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])

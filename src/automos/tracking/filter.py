@@ -78,7 +78,7 @@ def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
 
 def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
-    P, R = beliefs.covariance, measurement_noise(boxes, settings)
+    P, R = beliefs.covariance, settings.measurement_variance * np.eye(N_MEASURED)
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
     innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
@@ -88,24 +88,6 @@ def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     # Joseph's form stays symmetric and positive through thousands of updates.
     covariance = left @ P @ np.swapaxes(left, -1, -2) + gain @ R @ np.swapaxes(gain, -1, -2)
     return Beliefs(mean, covariance)
-
-
-def measurement_noise(boxes: Boxes, settings: FilterSettings) -> Array:
-    """Return the (K, 7, 7) covariance of measured boxes.
-
-    Of a tram, more or less comes into sight from scan to scan: the middle of a long box may be off, along its length.
-    """
-    R = np.broadcast_to(settings.measurement_variance * np.eye(N_MEASURED), (len(boxes), N_MEASURED, N_MEASURED)).copy()
-    spread = settings.measurement_share * np.maximum(boxes.size[:, :2] - settings.whole_side, 0.0)
-    R[:, :2, :2] += along(boxes.yaw, spread)
-    return R
-
-
-def along(yaw: Array, sigma: Array) -> Array:
-    """Return (K, 2, 2) covariances of standard deviations `sigma` (K, 2) along and across the headings `yaw` (K,)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    R = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-    return R * sigma[:, None, :] ** 2 @ np.swapaxes(R, -1, -2)
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:
