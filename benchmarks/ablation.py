@@ -163,11 +163,8 @@ def over_the_gate(seed: int, choices: list[str], sensors: list[str], store: Path
     lines = [["", *sensors, "most lost", "most won", "false points"]]
     for choice in choices:
         worlds = [(scenario, sensor) for scenario in SCENARIOS for sensor in sensors]
-        lost = {
-            w: 100.0 * (rows["everything", *w]["iou"] - rows[choice, *w]["iou"])
-            for w in worlds
-            if np.isfinite(rows["everything", *w]["iou"])
-        }
+        lost = {w: 100.0 * (rows["everything", *w]["iou"] - rows[choice, *w]["iou"]) for w in worlds}
+        lost = {w: points for w, points in lost.items() if np.isfinite(points)}  # not where nothing moves
         by_sensor = [f"{np.mean([v for w, v in lost.items() if w[1] == sensor]):+.2f}" for sensor in sensors]
         worst, best = max(lost, key=lambda w: lost[w]), min(lost, key=lambda w: lost[w])
         most = [f"{sign * lost[w]:.1f} {' '.join(w)}" for sign, w in ((1, worst), (-1, best))]
