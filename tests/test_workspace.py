@@ -1,5 +1,6 @@
 import errno
 import os
+import shutil
 import zipfile
 
 import numpy as np
@@ -132,6 +133,28 @@ def test_an_array_that_a_file_of_a_stage_does_not_hold_is_told(tmp_path):
     for load in (lambda: stage.load("a")["a"], lambda: stage.load("a", "a")):
         with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run"):
             load()
+
+
+@pytest.mark.parametrize("change", ["another value", "another scan's", "another stage's", "none of ours"])
+def test_a_whole_file_that_is_not_what_was_saved_there_is_told(tmp_path, change):
+    stage, folder = Workspace(tmp_path).stage("labels", "k"), tmp_path / "stages" / "labels-k"
+    for name in ("a", "b"):
+        stage.save(name, ARRAYS)
+    if change == "another value":
+        with zipfile.ZipFile(folder / "a.npz") as archive:
+            seal = archive.comment
+        np.savez(folder / "a.npz", **{**ARRAYS, "a": ARRAYS["a"] + 1})
+        with zipfile.ZipFile(folder / "a.npz", "a") as archive:
+            archive.comment = seal
+    elif change == "none of ours":
+        np.savez(folder / "a.npz", **ARRAYS)
+    else:
+        Workspace(tmp_path).stage("tracks", "k").save("a", ARRAYS)
+        other = folder / "b.npz" if change == "another scan's" else tmp_path / "stages" / "tracks-k" / "a.npz"
+        shutil.copyfile(other, folder / "a.npz")
+    with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run"):
+        stage.load("a")
+    assert_same(stage.load("b"), ARRAYS)
 
 
 def test_an_array_whose_header_is_no_text_is_told(tmp_path):

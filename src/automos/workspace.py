@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+import zipfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -137,8 +138,12 @@ class _FolderStage(Stage):
         return (self._folder / f"{name}.npz").exists()
 
     def save(self, name: str, arrays: Arrays) -> None:
-        with atomic_path(self._folder / f"{name}.npz") as temporary, temporary.open("wb") as file:
-            np.savez(file, **dict(arrays))  # type: ignore[arg-type]
+        path = self._folder / f"{name}.npz"
+        with atomic_path(path) as temporary:
+            with temporary.open("wb") as file:
+                np.savez(file, **dict(arrays))  # type: ignore[arg-type]
+            with zipfile.ZipFile(temporary, "a") as archive:
+                archive.comment = _seal(path, archive)
 
     def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
         path = self._folder / f"{name}.npz"
@@ -159,11 +164,25 @@ class _Found(dict[str, npt.NDArray]):
 
 
 def _damage(path: Path, why: object) -> InputError:
-    return InputError(f"{path} is damaged ({why}): delete {path.parent} and run the same command again")
+    return InputError(
+        f"{path} is damaged ({why}): delete {path.parent} and run again what wrote it, which is automos label mostly"
+    )
+
+
+def _seal(path: Path, archive: zipfile.ZipFile) -> bytes:
+    """Return what binds the sums of all arrays in `archive` to the scan, stage and settings that `path` is of.
+
+    A file that was changed and packed again, or that lies where another belongs, is whole and yet not ours: its
+    numbers would be painted on other points, or index what is not there.
+    """
+    sums = [(member.filename, member.CRC, member.file_size) for member in archive.infolist()]
+    return fingerprint(path.parent.name, path.name, sums).encode()
 
 
 def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
     with np.load(path, allow_pickle=False) as archive:
+        if archive.zip.comment != _seal(path, archive.zip):
+            raise ValueError("it is not what this version of automos wrote there")
         found = _Found({key: archive[key] for key in keys or archive.files})
     found.path = path
     return found
