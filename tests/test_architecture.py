@@ -14,6 +14,7 @@ BASE = {
     "label_files",
     "scan",
     "array_sequence",
+    "own_sequence",
     "arrays",
     "geometry",
     "upright_boxes",

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from automos.arrays import as_array
 from automos.errors import InputError
+from automos.own_sequence import OwnSequence
 from automos.scan import Mask, Scan, Sequence
 
 
@@ -76,14 +77,15 @@ class ArraySequence(Sequence):
 
 
 def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequence:
-    """Return `recording` itself where it is a sequence, else the sequence of these scans or arrays.
+    """Return `recording` where it is a sequence (what a caller's own class gives is checked), else that of its scans.
 
     Raises
     ------
     InputError : it is a path, one single array of points, empty, or holds what is no scan.
     """
     if isinstance(recording, Sequence):
-        return recording
+        is_ours = type(recording).__module__.partition(".")[0] == __name__.partition(".")[0]
+        return recording if is_ours else OwnSequence(recording)
     if isinstance(recording, str | Path):
         raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
     if isinstance(recording, np.ndarray) and recording.ndim == 2:

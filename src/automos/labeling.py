@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
+from automos.array_sequence import as_sequence
 from automos.atomic import held
 from automos.errors import InputError
 from automos.pipeline import label
@@ -46,6 +47,7 @@ def label_recording(
     ------
     InputError : the recording, the poses or the folder cannot be used.
     """
+    sequence = as_sequence(sequence)
     require_room(folder, sequence)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
