@@ -16,6 +16,7 @@ BASE = {
     "array_sequence",
     "own_sequence",
     "arrays",
+    "arguments",
     "geometry",
     "upright_boxes",
     "settings",

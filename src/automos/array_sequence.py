@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.arguments import require_kind
 from automos.arrays import as_array
 from automos.errors import InputError
 from automos.own_sequence import OwnSequence
@@ -27,7 +28,9 @@ class ArraySequence(Sequence):
         is_compensated: bool | None = None,
     ):
         """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
+        require_kind(name, str, "the name of a sequence", "a text")
         self.name = name
+        require_kind(scans, Iterable, "scans", "a list with an array for each scan")
         self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
         if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
             stamps = np.array([s.stamp for s in self._scans], np.float64)

@@ -30,7 +30,7 @@ from automos.online.segmenting import Segmented
 from automos.online.stream import Stream
 from automos.parallel import available_cores, checked_workers, one_ahead
 from automos.scan import Scan
-from automos.settings import Settings, load_settings
+from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan", "as_scan"]
 
@@ -78,7 +78,7 @@ class Labeler:
         """
         if not (isinstance(lag, int | float | np.integer | np.floating) and lag >= 0.0):
             raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag!r:.80}")
-        self.settings = settings or load_settings("default")
+        self.settings = given_settings(settings)
         self.lag = lag
         if math.isfinite(lag):
             _check_methods(self.settings)

@@ -13,7 +13,7 @@ recording with the same settings, is not run again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
+from automos.arguments import require_kind
 from automos.array_sequence import as_sequence
 from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
@@ -31,7 +32,7 @@ from automos.parallel import checked_workers
 from automos.recording_warnings import recording_warnings
 from automos.run import Progress, Run
 from automos.scan import Pose, Sequence
-from automos.settings import Settings, load_settings
+from automos.settings import Settings, given_settings
 from automos.stages.candidates import add_network_cue, find_candidates
 from automos.stages.instances import find_segments
 from automos.stages.labels import label_scans
@@ -66,8 +67,13 @@ def label(
     ------
     InputError : the recording or the poses cannot be used; the message says why and what to do.
     """
-    workspace = workspace or Workspace()
-    steps = Steps(as_sequence(recording), settings or load_settings("default"), poses, workspace, workers, progress)
+    if workspace is None:
+        workspace = Workspace()
+    require_kind(workspace, Workspace, "workspace", "automos.Workspace(folder)")
+    settings = given_settings(settings)
+    if progress is not None:
+        require_kind(progress, Callable, "progress", "a function of stage, done and total, as print")
+    steps = Steps(as_sequence(recording), settings, poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
     objects, run = steps.objects, steps.run

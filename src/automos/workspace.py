@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
+from automos.arguments import given_path
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
 from automos.reading import DAMAGE, parsed_again, read_json, require_regular
@@ -200,7 +201,7 @@ class Workspace:
 
     def __init__(self, root: str | Path | None = None):
         """Take the results folder; it is made when first written to."""
-        self.root = None if root is None else Path(root)
+        self.root = None if root is None else given_path(root, "the folder of a Workspace")
         self._in_memory: dict[str, Stage] = {}
 
     def __repr__(self) -> str:

@@ -14,6 +14,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
+from automos.arguments import given_path
 from automos.datasets.codecs import CODECS
 from automos.datasets.files import is_text
 from automos.datasets.foreign import limited
@@ -53,7 +54,7 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     InputError
         No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
     """
-    found = _find(Path(path), format)
+    found = _find(given_path(path, "a recording"), format)
     if len(found) > 1:
         names = _few(one.path.name for one in found)
         raise InputError(f"{path} holds {len(found)} recordings ({names}); give one, as {found[0].path}")
@@ -65,7 +66,7 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
 
     Parameters and errors are those of `open_sequence`.
     """
-    return [one.path for one in _find(Path(path), format)]
+    return [one.path for one in _find(given_path(path, "a recording"), format)]
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
@@ -73,7 +74,7 @@ def open_recordings(path: str | Path, format: str | None = None) -> list[Sequenc
 
     Parameters and errors are those of `open_sequence`.
     """
-    return [one.open() for one in _find(Path(path), format)]
+    return [one.open() for one in _find(given_path(path, "a recording"), format)]
 
 
 class _Found(NamedTuple):

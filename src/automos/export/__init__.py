@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from automos.arguments import given_path, require_kind
+from automos.array_sequence import as_sequence
 from automos.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ def load_export(name: str) -> Export:
     InputError
         There is no such format.
     """
+    require_kind(name, str, "format", f"one of {', '.join(EXPORTS)}")
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
@@ -64,13 +67,14 @@ def export_run(
     from automos.results.claiming import refuse_folders_of, refuse_results
     from automos.results.run_files import RunFiles
 
-    export, folder = load_export(format), Path(folder)
+    export, folder = load_export(format), given_path(folder, "a results folder")
     if deskewed and not export.is_of_points:
         point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
         raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
-    target = folder / "export" / format if out is None else Path(out)
+    target = folder / "export" / format if out is None else given_path(out, "where to export to")
+    require_kind(sequences, Sequence, "sequences", "a list of the recordings that were labelled")
     written = []
-    for sequence in sequences:
+    for sequence in map(as_sequence, sequences):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
         if place.exists() and not (place.is_file() if export.suffix else place.is_dir()):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from automos.arguments import given_path
 from automos.datasets import open_sequence
 from automos.errors import InputError
-from automos.reading import damage_told
 from automos.results.run_files import RunFiles
 from automos.workspace import RUN_FILE, Workspace
 
@@ -33,10 +33,8 @@ def open_run(
     InputError
         No results in `folder`, no recording where it is looked for, or one of other scans.
     """
-    folder = Path(folder)
-    with damage_told(folder):  # a name that is too long
-        is_folder = folder.is_dir()
-    if not is_folder:
+    folder = given_path(folder, "a results folder")
+    if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give the results folder of automos label")
     if recording is not None:
         return RunFiles(folder, open_sequence(recording, format), progress)

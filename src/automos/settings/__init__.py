@@ -13,7 +13,7 @@ from automos.settings.candidates import (
     SelfTrainingSettings,
 )
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
-from automos.settings.loading import PRESETS, dump_yaml, keys_of, load_settings, read_overrides
+from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
 from automos.settings.network import (
     ImageSettings,
     ModelSettings,
@@ -43,5 +43,5 @@ __all__ = [
     "OdometrySettings", "OutputSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
     "TrackingSettings", "TrainingSettings", "VerdictSettings",
-    "dump_yaml", "keys_of", "load_settings", "read_overrides",
+    "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

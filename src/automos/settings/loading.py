@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from automos.arguments import given_path, require_kind
 from automos.errors import SettingsError
 from automos.reading import parse_yaml, read_text
 from automos.settings.former import refuse_former_name, with_present_names
@@ -49,13 +50,16 @@ def load_settings(
     ------
     SettingsError : an unknown preset or key (the nearest is named), a value of the wrong type or out of range.
     """
+    require_kind(preset, str, "preset", f"one of {', '.join(PRESETS)}")
     if preset not in PRESETS:
         raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
     tree = _merged(Settings().model_dump(), PRESETS[preset])  # groups of one kind differ in their defaults by place
-    of_file = {} if file is None else _read_yaml(Path(file))
+    of_file = {} if file is None else _read_yaml(given_path(file, "a settings file"))
     said_later: dict[str, Any] = {}
     tree = _merged(tree, of_file)
-    for dotted, value in (overrides or {}).items():
+    overrides = {} if overrides is None else overrides
+    require_kind(overrides, Mapping, "overrides", 'names and values, {"tracking.max_misses": 3}')
+    for dotted, value in overrides.items():
         refuse_former_name(dotted)
         branch: Any = value
         for key in reversed(dotted.split(".")):
@@ -67,6 +71,14 @@ def load_settings(
         path = [str(part) for part in error.errors()[0]["loc"]]
         is_of_file = _holds(of_file, path) and not _holds(said_later, path)
         raise SettingsError(f"settings file {file}: {_sentence(error)}" if is_of_file else _sentence(error)) from None
+
+
+def given_settings(settings: Settings | None) -> Settings:
+    """Return the settings that a caller gives, those of the default preset for None; InputError where they are none."""
+    if settings is None:
+        return load_settings("default")
+    require_kind(settings, Settings, "settings", "what automos.load_settings returns")
+    return settings
 
 
 def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:

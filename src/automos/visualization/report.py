@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from automos import __version__
+from automos.arguments import given_path, require_kind
 from automos.atomic import write_text
 from automos.results.run_files import RunFiles
 from automos.visualization.page_files import inline, page_text, script_json
@@ -25,8 +26,10 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     InputError
         Results that are missing or damaged, or a file that cannot be written.
     """
+    require_kind(run, RunFiles, "run", "what automos.open_run returns")
+    target = given_path(path, "the file of a report")
     data = survey(run)
     data["made"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     data["version"] = __version__
     page = inline(page_text("report.html")).replace("{{title}}", html.escape(str(data["name"])))
-    write_text(Path(path), page.replace("{{data}}", script_json(data)))
+    write_text(target, page.replace("{{data}}", script_json(data)))

@@ -1,0 +1,29 @@
+"""What callers in Python give as paths and objects of ours: told in a sentence where it is something else."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+from automos.errors import InputError
+
+
+def given_path(value: str | os.PathLike[str], what: str) -> Path:
+    """Return `value` as a path; InputError where no file or folder can be named so, which `what` calls it."""
+    try:
+        path = Path(value)
+        path.lstat()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is no path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
+    except OSError as error:  # what is not there yet may be made
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            raise InputError(f"{what} {value!s:.80} cannot be used ({error.strerror}): give another path") from None
+    return path
+
+
+def require_kind(value: object, kind: Any, what: str, remedy: str) -> None:
+    """Raise InputError where `value` is not of `kind`, a class; `remedy` says what to give as `what`."""
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is {value!r:.80}, of type {type(value).__name__}: give {remedy}")
