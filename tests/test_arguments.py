@@ -68,3 +68,13 @@ def test_scans_that_cannot_be_counted_are_told():
         automos.ArraySequence(5)
     with pytest.raises(AutomosError, match="the name of a sequence is 5, of type int: give a text"):
         automos.ArraySequence(SCANS, name=5)
+
+
+def test_what_is_told_is_one_line_whatever_it_shows():
+    with pytest.raises(AutomosError) as error:
+        automos.Labeler(threads=np.zeros((9, 3)))
+    assert "\n" not in str(error.value)
+    with pytest.raises(AutomosError, match="is_compensated is"):
+        automos.Labeler(is_compensated="yes")
+    with pytest.raises(AutomosError, match="is_compensated is"):
+        automos.ArraySequence(SCANS, is_compensated=np.zeros(3))

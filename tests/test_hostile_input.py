@@ -262,3 +262,13 @@ def test_a_radius_that_nothing_can_be_drawn_in_is_told(tmp_path, radius):
     told = CliRunner().invoke(app, ["compare", str(tmp_path), "--radius", radius])
     assert "--radius" in str(told.exception)
     assert isinstance(told.exception, InputError)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_nan_that_signals_is_a_nan_and_nothing_is_said_of_it(tmp_path):
+    folder = write_scans(tmp_path / "log")
+    points = np.fromfile(folder / "000001.bin", "<u4").reshape(-1, 4)
+    points[3, :3] = 0x7F800001
+    points.tofile(folder / "000001.bin")
+    sequence = open_sequence(folder)
+    assert [int(scan.is_valid.sum()) for scan in sequence] == [50, 49, 50]

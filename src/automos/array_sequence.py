@@ -30,6 +30,7 @@ class ArraySequence(Sequence):
         """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
         require_kind(name, str, "the name of a sequence", "a text")
         self.name = name
+        require_kind(is_compensated, bool | np.bool_ | None, "is_compensated", "True, False or None")
         require_kind(scans, Iterable, "scans", "a list with an array for each scan")
         self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
         if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):

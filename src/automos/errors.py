@@ -6,7 +6,10 @@ traceback.
 
 
 class AutomosError(Exception):
-    """Something the user can put right."""
+    """Something the user can put right, in one line, whatever names and values it shows."""
+
+    def __str__(self) -> str:
+        return " ".join(super().__str__().split("\n"))
 
 
 class InputError(AutomosError, ValueError):

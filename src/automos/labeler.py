@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.arguments import require_kind
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.online.intake import Intake, Kind, Taken
@@ -82,6 +83,7 @@ class Labeler:
         self.lag = lag
         if math.isfinite(lag):
             _check_methods(self.settings)
+        require_kind(is_compensated, bool | np.bool_ | None, "is_compensated", "True, False or None")
         self._is_compensated = is_compensated
         self._threads = checked_workers(threads, "threads")
         self._pool = ThreadPoolExecutor(self._threads or available_cores())

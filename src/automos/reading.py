@@ -13,6 +13,7 @@ import os
 import stat
 import struct
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,7 +33,7 @@ from automos.errors import AutomosError, InputError
 T = TypeVar("T")
 DAMAGE = (
     ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError, EOFError, RuntimeError,
-    MemoryError, NotImplementedError, SyntaxError, TokenError, struct.error, zipfile.BadZipFile,
+    MemoryError, NotImplementedError, SyntaxError, TokenError, struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 """What parsers raise, our own and others', when they are given what they were not made for."""
 

@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
-from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
 import numpy.typing as npt
@@ -151,7 +150,7 @@ class _FolderStage(Stage):
         try:
             require_regular(path)
             return parsed_again(lambda: _arrays_in(path, keys))
-        except (OSError, ZlibError, *DAMAGE) as error:
+        except (OSError, *DAMAGE) as error:
             raise _damage(path, error) from error
 
 

@@ -315,6 +315,19 @@ def test_boxes_of_cvat_that_would_be_taken_for_others_are_told(run, root, tmp_pa
         merge(run, pack_as_cvat(scene), tmp_path / "out")
 
 
+def test_an_archive_whose_packed_bytes_are_damaged_is_told(run, root, tmp_path):
+    path = pack_as_cvat(Scene("cvat", root, tmp_path))
+    with zipfile.ZipFile(path) as archive:
+        document = archive.read("annotations/default.json")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("annotations/default.json", document)
+    content = bytearray(path.read_bytes())
+    content[200:400] = bytes([0xFF]) * 200
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"export\.zip is damaged \(.*\); export it from CVAT again"):
+        merge(run, path, tmp_path / "out")
+
+
 def test_a_scan_that_cvat_has_twice_is_told_and_a_tag_of_a_scan_is_passed_over(run, root, tmp_path):
     scene = Scene("cvat", root, tmp_path)
     scene.scans[0].append({"type": "label", "label_id": 0})

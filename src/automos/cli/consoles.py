@@ -47,6 +47,7 @@ def set_up_logging(debug: bool) -> None:
     logging.basicConfig(
         level=logging.DEBUG if debug else logging.WARNING, format="%(name)s: %(message)s", handlers=[screen]
     )
+    logging.captureWarnings(True)  # NumPy's and others' of odd numbers: ours are sentences
     _teller.told.clear()
     log = logging.getLogger("automos")
     (log.removeHandler if debug else log.addHandler)(_teller)

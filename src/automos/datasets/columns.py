@@ -88,12 +88,13 @@ def _coordinates(columns: Columns, path: Path) -> Points:
     if stray is not None:
         raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
     points = np.empty((len(columns["x"]), 3), np.float32)
-    with np.errstate(over="ignore"):  # beyond what float32 holds is beyond what any sensor sees
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond what float32 holds is beyond what any sensor sees
         for i, axis in enumerate("xyz"):
             points[:, i] = columns[axis]
     return points
 
 
+@np.errstate(invalid="ignore")  # a NaN that signals is one
 def _refuse_map(points: Points, path: Path) -> None:
     """Raise where most of `points` lie beyond any sensor's range: what moves is seen from where the sensor was."""
     few = points[:: max(len(points) // 64, 1)]

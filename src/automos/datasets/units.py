@@ -49,6 +49,6 @@ def unit_of(cloud: Points) -> tuple[float, list[str]]:
 
 
 def _ranges(cloud: Points) -> npt.NDArray[np.float64]:
-    few = cloud[:: max(len(cloud) // 2000, 1)].astype(np.float64)
-    ranges = np.linalg.norm(few[np.isfinite(few).all(axis=1)], axis=1)
+    few = cloud[:: max(len(cloud) // 2000, 1)]
+    ranges = np.linalg.norm(few[np.isfinite(few).all(axis=1)].astype(np.float64), axis=1)
     return ranges[ranges > MIN_RANGE]
