@@ -322,7 +322,7 @@ def test_an_archive_whose_packed_bytes_are_damaged_is_told(run, root, tmp_path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("annotations/default.json", document)
     content = bytearray(path.read_bytes())
-    content[200:400] = bytes([0xFF]) * 200
+    content[30 + len("annotations/default.json")] = 0xFF  # no kind of block that deflate knows
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"export\.zip is damaged \(.*\); export it from CVAT again"):
         merge(run, path, tmp_path / "out")
