@@ -61,9 +61,10 @@ def test_a_list_of_arrays_is_a_recording():
             r"list of \(N, 3\) arrays, metres: scan 0 must be \(N, 3 or 4\), got shape \(5, 2\)",
         ),
         (3, "a recording is a sequence or a list"),
+        (memoryview(np.zeros((5, 3))), "a recording is a sequence or a list"),
         ([], "a list without scans is no recording"),
     ],
-    ids=["path", "one scan", "no points", "number", "nothing"],
+    ids=["path", "one scan", "no points", "number", "memory", "nothing"],
 )
 def test_what_is_no_recording_is_told_what_would_be(recording, message):
     with pytest.raises(automos.InputError, match=message):

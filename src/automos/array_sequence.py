@@ -96,7 +96,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
         raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
     try:
         sequence = ArraySequence(list(recording))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
         raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
     if not len(sequence):
         raise InputError("a list without scans is no recording: give an array for each scan")

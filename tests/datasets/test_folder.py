@@ -191,6 +191,18 @@ def test_five_columns_need_a_ring(tmp_path):
         open_sequence(folder)
 
 
+def test_five_columns_of_organised_clouds_are_found_though_their_sizes_fit_four(tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        sequence = open_sequence(write_bins(tmp_path / "five", 5, [32, 64, 64]))
+    assert [len(scan) for scan in sequence] == [32, 64, 64]
+    assert "fit 5 float32 columns better than 4" in caplog.text
+    assert sequence[1].ring.tolist() == [*range(32), *range(32)]
+    assert [len(scan) for scan in open_sequence(write_bins(tmp_path / "four", 4, [20, 40, 80]))] == [20, 40, 80]
+    (tmp_path / "zeros").mkdir()
+    np.zeros((80, 4), np.float32).tofile(tmp_path / "zeros" / "0.bin")
+    assert len(open_sequence(tmp_path / "zeros")[0]) == 80
+
+
 def test_a_bin_file_that_does_not_fit_the_named_codec_is_told(kitti):
     sequence = open_sequence(kitti, "bin5")
     assert len(sequence[0]) == 4  # 80 bytes

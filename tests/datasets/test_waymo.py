@@ -240,6 +240,17 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(tmp_path):
         open_sequence(path)[0]
 
 
+def test_boxes_of_objects_that_are_named_by_lists_are_told_with_their_file(tmp_path):
+    write_segment(tmp_path)
+    boxes = parquet.read_table(tmp_path / "lidar_box" / f"{SEGMENT}.parquet").to_pydict()
+    names = boxes["key.laser_object_id"]
+    write_table(
+        tmp_path, "lidar_box", {**boxes, "key.laser_object_id": [[name] * (k % 3) for k, name in enumerate(names)]}
+    )
+    with pytest.raises(InputError, match=r"lidar_box/.*parquet is damaged"):
+        open_sequence(tmp_path / SEGMENT).truth(0)
+
+
 def test_without_the_extra_the_command_to_install_it_is_named(segment, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[arrow\]'"):

@@ -1,8 +1,8 @@
 """Packed float32 rows without header: KITTI's x, y, z, intensity, and its wider and narrower relatives.
 
-Nothing in such a file tells how many columns it has. Four is taken wherever it fits every file of the recording. Where
-it does not, 5 is taken if it fits every file and the fifth column is a ring (whole numbers, as nuScenes writes it),
-then 3 if it fits every file and 6 does not. Everything else is asked for.
+Nothing in such a file tells how many columns it has. 5 is taken if it fits every file of the recording and the fifth
+column is a ring (whole numbers, as nuScenes writes it), even where 4 fits, too, as it does organised clouds.
+Else 4 is taken wherever it fits every file, then 3 if it fits every file and 6 does not. Everything else is asked for.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def guess_codec(paths: Sequence[Path]) -> str:
     """
     sizes = [path.stat().st_size for path in paths]
     odd = next((i for i, size in enumerate(sizes) if size % 16), None)
-    if odd is None:
-        return "bin"
-    if _all_multiples(sizes, 20) and _fifth_is_ring(paths[odd]):
+    if _all_multiples(sizes, 20) and _fifth_is_ring(paths[int(np.argmax(sizes))], may_be_zero=odd is not None):
         codec = "bin5"
+    elif odd is None:
+        return "bin"
     elif _all_multiples(sizes, 24):
         raise InputError(
             f"{paths[odd]} has {sizes[odd]} bytes, which fits 3 and 6 float32 columns but not 4; "
@@ -54,7 +54,7 @@ def guess_codec(paths: Sequence[Path]) -> str:
         codec = "bin3"  # of which a quarter fit 16 bytes; where most do, the odd one is cut, and 12 fit by chance
     else:
         raise InputError(_bad_size(paths[odd], sizes[odd], 4))
-    logger.warning("%s: file sizes fit %d float32 columns, not 4; read so", paths[0].parent, WIDTHS[codec])
+    logger.warning("%s: files fit %d float32 columns better than 4; read so", paths[0].parent, WIDTHS[codec])
     return codec
 
 
@@ -62,9 +62,10 @@ def _all_multiples(sizes: Sequence[int], n_bytes: int) -> bool:
     return all(size % n_bytes == 0 for size in sizes)
 
 
-def _fifth_is_ring(path: Path) -> bool:
+def _fifth_is_ring(path: Path, may_be_zero: bool) -> bool:
     fifth = np.fromfile(path, np.float32).reshape(-1, 5)[:, 4]
-    return bool(((fifth >= 0) & (fifth == np.floor(fifth)) & (fifth < 1024)).all())
+    are_whole = (fifth >= 0) & (fifth == np.floor(fifth)) & (fifth < 1024)
+    return bool(are_whole.all() and (may_be_zero or fifth.any()))  # four columns of points without return are zero, too
 
 
 def _bad_size(path: Path, size: int, n_columns: int) -> str:

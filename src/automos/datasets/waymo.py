@@ -222,8 +222,8 @@ class WaymoSequence(Sequence):
             yaw, *sides = (table[part].astype(np.float64) for part in parts)
             if table[_TIME].dtype.kind not in "iu":
                 raise ValueError("times that are no whole numbers")
+            _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
         boxes = checked_boxes(np.column_stack(sides[:3]), np.column_stack(sides[3:]), yaw, path)
-        _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
         scan = np.searchsorted(self._micros, table[_TIME]).clip(max=len(self) - 1)
         label = judge_boxes(track, 1e-6 * table[_TIME], centers_in_world(self._T_world_vehicle[scan], boxes.center))
         return DrawnBoxes(table[_TIME], track.astype(np.int64) + 1, boxes, label)
