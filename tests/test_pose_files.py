@@ -113,6 +113,8 @@ IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0\n"
         (IDENTITY + "2 0 0 0 0 2 0 0 0 0 2 0\n", "line 2: not a rigid transform"),
         (IDENTITY + "1 0 0 0 0 1 0 0 0 0 -1 0\n", "line 2: not a rigid transform"),
         (IDENTITY + "1 0 0 nan 0 1 0 0 0 0 1 0\n", "line 2: not a rigid transform"),
+        (IDENTITY + "nan 0 0 0 0 1 0 0 0 0 1 0\n", "line 2: not a rigid transform"),
+        (IDENTITY + "1e200 0 0 0 0 1 0 0 0 0 1 0\n", "line 2: not a rigid transform"),
         (IDENTITY.strip() + " 0 0 0 2\n", "line 1: not a rigid transform"),
         (IDENTITY, "holds 1 poses for 2 scans"),
         (IDENTITY * 3, "holds 3 poses for 2 scans"),
@@ -122,6 +124,7 @@ IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0\n"
         ("0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n", "holds 3 poses for 2 scans without time stamps"),
     ],
 )
+@pytest.mark.filterwarnings("error")
 def test_a_bad_pose_file_is_told_in_one_sentence(tmp_path, text, message):
     path = tmp_path / "poses.txt"
     path.write_text(text)

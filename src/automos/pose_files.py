@@ -132,11 +132,11 @@ def _from_matrices(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.i
     T = np.tile(np.eye(4), (len(rows), 1, 1))
     T.reshape(len(rows), 16)[:, : rows.shape[1]] = rows
     R = T[:, :3, :3]
-    skewness = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
-    last_row = np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1)
-    is_rigid = (
-        np.isfinite(T).all(axis=(1, 2)) & (skewness <= MAX_SKEW) & (np.linalg.det(R) > 0) & (last_row <= MAX_SKEW)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # told below
+        skewness = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
+        last_row = np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1)
+        is_like_one = (skewness <= MAX_SKEW) & (np.linalg.det(R) > 0) & (last_row <= MAX_SKEW)
+    is_rigid = np.isfinite(T).all(axis=(1, 2)) & is_like_one
     if not is_rigid.all():
         bad = int(np.argmin(is_rigid))
         raise InputError(

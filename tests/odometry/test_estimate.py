@@ -123,9 +123,11 @@ def test_too_few_poses_are_refused(scans):
         estimate_trajectory(sequence_of(scans), REFINED, poses=TRUTH[:-1])
 
 
-def test_a_pose_that_is_no_rigid_transform_is_refused_by_its_number(scans):
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("factor", [1.1, np.nan, 1e200])
+def test_a_pose_that_is_no_rigid_transform_is_refused_by_its_number(scans, factor):
     poses = TRUTH.copy()
-    poses[7, :3, :3] *= 1.1
+    poses[7, :3, :3] *= factor
     with pytest.raises(InputError, match="pose 7 is no rigid transform"):
         estimate_trajectory(sequence_of(scans), REFINED, poses=poses)
 

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 from automos.array_sequence import ArraySequence
+from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.odometry import Trajectory, make_frame
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import SequenceFrames
-from automos.scan import Scan
+from automos.scan import Scan, Sequence
 
 POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)
 TIMES = np.array([0.0, 0.02, 0.1, 0.05, 0.05], np.float32)
@@ -44,6 +45,18 @@ def test_frames_of_a_sequence_are_made_one_by_one():
     frames = SequenceFrames(ArraySequence([POINTS, POINTS]), trajectory(SweepTiming()))
     assert len(frames) == 2
     np.testing.assert_allclose(frames[1].origin_level, [2.0, 0.0, 1.8])
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 2, 3, 4, 0], [1, 1, 2, 3, 4]], ids=["a point more", "a point of no use"])
+def test_a_scan_that_changes_while_it_is_labelled_is_told(rows):
+    scans = [Scan(POINTS, name="000000"), Scan(POINTS, name="000001")]
+    sequence = type("Written", (Sequence,), {"__len__": lambda self: 2, "__getitem__": lambda self, i: scans[i]})()
+    frames = SequenceFrames(sequence, trajectory(SweepTiming()))
+    assert len(frames[1].points) == len(frames[1].points) == 3
+    scans[1] = Scan(POINTS[rows])
+    with pytest.raises(InputError, match=r"scan 000001 had 5 points \(3 of use\) and now has .*: the recording"):
+        frames[1]
+    assert len(frames[0].points) == 3
 
 
 def test_a_trajectory_survives_being_taken_apart():

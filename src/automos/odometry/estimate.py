@@ -176,8 +176,9 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
     if poses.shape != (n, 4, 4):
         raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
     R = poses[:, :3, :3]
-    error = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    is_rigid = (error < 1e-2) & (np.linalg.det(R) > 0) & np.isfinite(poses).all(axis=(1, 2))
+    with np.errstate(over="ignore", invalid="ignore"):  # told below
+        error = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
+        is_rigid = (error < 1e-2) & (np.linalg.det(R) > 0) & np.isfinite(poses).all(axis=(1, 2))
     if not is_rigid.all():
         row = int(np.argmin(is_rigid))
         raise InputError(

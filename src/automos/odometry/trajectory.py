@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
 from automos.odometry.drifting_seam import drifting_times
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
 from automos.scan import Frame, Pose, Scan, Sequence
@@ -140,12 +141,13 @@ def settled_times(
 
 
 class SequenceFrames:
-    """The frames of a whole recording, each made from its scan when asked for."""
+    """The frames of a whole recording, each made from its scan when asked for; InputError tells one that changes."""
 
     def __init__(self, sequence: Sequence, trajectory: Trajectory):
         """Take a recording and where its sensor was."""
         self.sequence = sequence
         self.trajectory = trajectory
+        self._counts: dict[int, tuple[int, int]] = {}
 
     @property
     def T_level_sensor(self) -> Pose:
@@ -161,4 +163,12 @@ class SequenceFrames:
         return len(self.sequence)
 
     def __getitem__(self, index: int) -> Frame:
-        return make_frame(self.sequence[index], self.trajectory, index)
+        frame = make_frame(self.sequence[index], self.trajectory, index)
+        now = (frame.n_points, len(frame.points))
+        before = self._counts.setdefault(int(index), now)
+        if now != before:  # what was found of its points is of others: the file was written, or comes anew every time
+            raise InputError(
+                f"scan {self.sequence.names[index]} had {before[0]} points ({before[1]} of use) and now has {now[0]} "
+                f"({now[1]}): the recording changed while it was labelled; label it again when nothing writes to it"
+            )
+        return frame
