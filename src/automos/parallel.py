@@ -23,6 +23,8 @@ from automos.working_folder import starting_processes
 
 _M_ARENA_MAX = -8
 """What glibc's mallopt calls the number of heaps."""
+MOST_WORKERS = 4096
+"""On one machine; more is a slip of the keyboard."""
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -51,8 +53,10 @@ def checked_workers(workers: object, what: str = "workers") -> int:
     ------
     InputError : `workers` is no number of them.
     """
-    if not isinstance(workers, Integral) or workers < 0:
-        raise InputError(f"{what} are 0, one per core, or how many there are to be, not {workers!r}")
+    if not isinstance(workers, Integral) or not 0 <= int(workers) <= MOST_WORKERS:
+        raise InputError(
+            f"{what} are 0, one per core, or how many there are to be, not {workers!r} ({MOST_WORKERS} at most)"
+        )
     return int(workers)
 
 

@@ -59,6 +59,13 @@ def labelled(_labelled, tmp_path) -> Path:
     return shutil.copytree(_labelled, tmp_path / "out")
 
 
+@pytest.mark.parametrize("value", [float("inf"), float("nan"), -1.0, 1e308])
+@pytest.mark.parametrize("name", ["memory_gb", "cache_gb", "workers"])
+def test_resources_that_no_machine_has_are_told_by_their_option(name, value):
+    with pytest.raises(InputError, match=r"^(--\w+ is .* GB: give|workers are 0)"):
+        Resources(**{name: value if name != "workers" else 10**20})
+
+
 def test_a_fleet_is_labelled_as_each_recording_by_itself(fleet, label, tmp_path):
     assert label().labelled == fleet.names
     assert fleet.differences(tmp_path / "out") == []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
-from automos.parallel import available_cores
+from automos.parallel import available_cores, checked_workers
 from automos.results.writing import versions
 from automos.scale.executors import Executor, InProcess
 from automos.scale.fleet import Outcome, Progress, label_all
@@ -24,6 +24,8 @@ from automos.scale.work_folder import default_work, work_folder
 from automos.settings import Settings, dump_yaml
 
 _GB = 10**9
+MOST_GB = 1e6
+"""More than any machine has."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,12 @@ class Resources:
     cache_gb: float = 50.0
     work: Path = field(default_factory=default_work)
     chunk: int = 600
+
+    def __post_init__(self) -> None:
+        checked_workers(self.workers)
+        for option, gigabytes in (("--memory", self.memory_gb), ("--cache", self.cache_gb)):
+            if not 0.0 <= gigabytes <= MOST_GB:
+                raise InputError(f"{option} is {gigabytes:g} GB: give a number up to {MOST_GB:g}")
 
 
 def label_fleet(
