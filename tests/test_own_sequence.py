@@ -46,6 +46,7 @@ def test_a_scan_that_is_none_is_told_with_what_to_return(given):
         ("__len__", Sequence.__len__, r"__len__ must give the number of scans \(it is not there\)"),
         ("__len__", lambda self: 7, r"__getitem__ must give each of its 7 scans \(scan \d ends in IndexError"),
         ("__getitem__", Sequence.__getitem__, r"__getitem__ must give each of its 5 scans"),
+        ("__getitem__", lambda self, index: next(iter(())), r"scan 0 ends in StopIteration"),
         ("name", None, "name must give a text, not None"),
         ("source", 5, r"source must give a pathlib\.Path or None, not 5"),
         ("stamps", gives(np.arange(4.0)), r"stamps must be \(5,\), got shape \(4,\)"),

@@ -32,7 +32,7 @@ class OwnSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         try:
             scan = self._given[index]
-        except (IndexError, NotImplementedError) as error:
+        except (IndexError, NotImplementedError, StopIteration) as error:
             why = f"{type(error).__name__}{f': {error}' if str(error) else ''}"
             raise self._unfit("__getitem__", f"each of its {self._n} scans (scan {index} ends in {why})") from error
         if not isinstance(scan, Scan):
