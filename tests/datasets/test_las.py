@@ -4,6 +4,7 @@ from street_log import street_log
 
 from automos.datasets import open_sequence
 from automos.errors import InputError, MissingExtraError
+from automos.scan import Scan
 
 laspy = pytest.importorskip("laspy")
 pytest.importorskip("lazrs")
@@ -77,4 +78,18 @@ def test_a_table_of_packed_points_that_cannot_be_is_told_before_memory_is_taken_
     for at, number in ((table + 4, b"\xff" * 4), (start, b"\xff" * 7 + b"\x7f"), (start, bytes(8))):
         path.write_bytes(whole[:at] + number + whole[at + len(number) :])
         with pytest.raises(InputError, match="a table of its packed points that is not there"):
+            open_sequence(tmp_path / "log")[0]
+
+
+@pytest.mark.parametrize("n_points", [1, 60_000, 130_000])
+def test_a_count_of_packed_points_that_is_not_that_of_their_chunks_is_told(tmp_path, n_points):
+    path = tmp_path / "log" / "0.laz"
+    points = np.random.default_rng(0).uniform(-20.0, 20.0, (n_points, 3)).astype(np.float32)
+    column = np.zeros(n_points, np.float32)
+    write_las(path, Scan(points, column, np.linspace(0.0, 0.1, n_points, dtype="f4"), column.astype("u2"), stamp=0.0))
+    whole = path.read_bytes()
+    assert len(open_sequence(tmp_path / "log")[0]) == n_points
+    for wrong in (0, n_points // 3, n_points + 50_000):
+        path.write_bytes(whole[:247] + wrong.to_bytes(8, "little") + whole[255:])
+        with pytest.raises(InputError, match=f"its header tells of {wrong} points"):
             open_sequence(tmp_path / "log")[0]

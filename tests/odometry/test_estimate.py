@@ -123,6 +123,13 @@ def test_too_few_poses_are_refused(scans):
         estimate_trajectory(sequence_of(scans), REFINED, poses=TRUTH[:-1])
 
 
+def test_a_pose_that_is_nowhere_is_refused_by_its_number(scans):
+    poses = TRUTH.copy()
+    poses[3:, 0, 3] = 1e300
+    with pytest.raises(InputError, match="pose 3 is not on Earth"):
+        estimate_trajectory(sequence_of(scans), REFINED, poses=poses)
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("factor", [1.1, np.nan, 1e200])
 def test_a_pose_that_is_no_rigid_transform_is_refused_by_its_number(scans, factor):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from pathlib import Path
 
@@ -16,6 +17,8 @@ _COARSEST = 1e3
 """Metres that coordinates are counted in, less than which any sensor's are."""
 _MOST_PACKED = 10_000
 """By how much LAZ may pack points, at most: more is a damaged count."""
+_LASZIP, _OF_ANY_SIZE = (b"laszip encoded", 22204), 0xFFFFFFFF
+"""The record of how points are packed, and what it says where chunks differ in size."""
 
 
 def require_whole(path: Path) -> int:
@@ -39,7 +42,9 @@ def require_whole(path: Path) -> int:
     packed = size - start
     is_packed = form & 0xC0 != 0
     n_chunks = _count_chunks(path, start, size) if is_packed and start + 8 <= size else 0
-    in_layers = _first_layers(path, start, form & 0x3F, width) if is_packed else 0
+    in_first, in_layers = _first_layers(path, start, form & 0x3F, width) if is_packed else (None, 0)
+    in_chunk = _chunk_size(path, header_size, n_records) if n_chunks else 0
+    few = (n_chunks - 1) * in_chunk
     needs = 0 if is_packed else n_points * width
     left = (extended if n_extended else size) - start - needs
     faults = {
@@ -48,6 +53,8 @@ def require_whole(path: Path) -> int:
         "a table of its packed points that is not there": n_chunks > max(packed, 0),
         "more packed bytes than it holds": in_layers > max(packed, 0),
         f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
+        f"{n_points} points, but its first chunk of {in_first}": n_chunks == 1 and in_first not in (None, n_points),
+        f"{n_points} points in {n_chunks} chunks of {in_chunk}": in_chunk > 0 and not few <= n_points <= few + in_chunk,
         f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
         f"points of {width} bytes": width == 0,
@@ -60,18 +67,35 @@ def require_whole(path: Path) -> int:
     return int(n_points)
 
 
-def _first_layers(path: Path, start: int, form: int, width: int) -> int:
-    """Return how many bytes the first chunk of a LAZ file tells of, where its points are packed in layers (form 6 on).
+def _first_layers(path: Path, start: int, form: int, width: int) -> tuple[int | None, int]:
+    """Return how many points and bytes the first chunk of a LAZ file tells of; None and 0 where it tells neither.
 
-    The library takes memory for them before it reads.
+    It does where its points are packed in layers (form 6 on). The library takes memory for them before it reads.
     """
     plain, n_layers = {6: (30, 9), 7: (36, 10), 8: (38, 11)}.get(form, (0, 0))
     if not plain or width < plain:
-        return 0
+        return None, 0
     with path.open("rb") as file:
-        file.seek(start + 8 + width + 4)  # the table's place, the first point, how many there are
-        raw = file.read(4 * (n_layers + width - plain))
-    return sum(np.frombuffer(raw[: len(raw) // 4 * 4], "<u4").tolist())
+        file.seek(start + 8 + width)  # the table's place, the first point
+        raw = file.read(4 * (1 + n_layers + width - plain))
+    count, *sizes = np.frombuffer(raw[: len(raw) // 4 * 4], "<u4").tolist() or [None]
+    return count, sum(sizes)
+
+
+def _chunk_size(path: Path, header_size: int, n_records: int) -> int:
+    """Return how many points all chunks of a LAZ file but its last have; 0 where that differs, or nothing tells."""
+    with path.open("rb") as file:
+        file.seek(header_size)
+        for _ in range(n_records):
+            head = file.read(_VLR)
+            if len(head) < _VLR:
+                break
+            user, number, length = struct.unpack_from("<16sHH", head, 2)
+            if (user.rstrip(b"\0"), number) == _LASZIP:
+                (n_points,) = struct.unpack_from("<I", file.read(length).ljust(16, b"\0"), 12)
+                return 0 if n_points == _OF_ANY_SIZE else int(n_points)
+            file.seek(length, os.SEEK_CUR)
+    return 0
 
 
 def _count_chunks(path: Path, start: int, size: int) -> int:

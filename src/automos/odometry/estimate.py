@@ -22,6 +22,7 @@ from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
+from automos.pose_files import FARTHEST
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
 
@@ -185,6 +186,9 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
             f"pose {row} is no rigid transform (rotation times its transpose is off by {error[row]:.3g}); check "
             "the pose file's format."
         )
+    if not (np.abs(poses[:, :3, 3]) < FARTHEST).all():
+        row = int(np.argmax((np.abs(poses[:, :3, 3]) >= FARTHEST).any(axis=1)))
+        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
     u, _, vt = np.linalg.svd(R)  # files round
     poses = poses.copy()
     poses[:, :3, :3] = u @ vt
