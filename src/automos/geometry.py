@@ -12,6 +12,9 @@ from automos.kernels import kernel
 
 Array = npt.NDArray[np.float64]
 
+FARTHEST = 1e8
+"""Metres from the origin of poses: those of grids over a country, or counted from the Earth's middle, stay below."""
+
 
 def transform(T: npt.ArrayLike, points: npt.NDArray) -> npt.NDArray:
     """Return `points` (N, 3), float32 or float64, mapped by `T` (4, 4), in the points' dtype; computed in float64."""

@@ -16,14 +16,11 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.errors import InputError
-from automos.geometry import inverse
+from automos.geometry import FARTHEST, inverse
 from automos.reading import read_text
 from automos.scan import Pose
 
 logger = logging.getLogger(__name__)
-
-FARTHEST = 1e8
-"""Metres from the origin of poses: those of grids over a country, or counted from the Earth's middle, stay below."""
 
 MAX_SKEW = 0.01
 """How far R^T R may be from the identity, per entry, and a quaternion's length from one. Rounding to three digits stays

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import transform
+from automos.geometry import FARTHEST, transform
 from automos.labels import Label, pack
-from automos.pose_files import FARTHEST
 from automos.scan import MAX_RANGE, Pose, Scan
 from automos.upright_boxes import Boxes, points_in_boxes
 

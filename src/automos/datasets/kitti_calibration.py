@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from automos.datasets.stamped_poses import rigid_transforms
 from automos.errors import InputError
-from automos.geometry import make_transform, transform
-from automos.pose_files import FARTHEST
+from automos.geometry import FARTHEST, make_transform, transform
 from automos.reading import read_text
 from automos.scan import Points, Pose
 

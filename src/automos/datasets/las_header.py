@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.errors import InputError
-from automos.pose_files import FARTHEST
+from automos.geometry import FARTHEST
 
 _HEADER, _VLR, _EVLR = 227, 54, 60
 """Bytes of the shortest header and of the headers of variable and of extended variable length records."""

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import inverse, is_rigid
-from automos.pose_files import FARTHEST, MAX_SKEW, interpolate_poses
+from automos.geometry import FARTHEST, inverse, is_rigid
+from automos.pose_files import MAX_SKEW, interpolate_poses
 from automos.scan import Pose
 
 _NO_POSE = (

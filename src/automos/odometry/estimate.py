@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from automos.errors import InputError
-from automos.geometry import inverse
+from automos.geometry import FARTHEST, inverse
 from automos.odometry.clock import Clock, DistinctScans, find_missing, read_clock, with_repeats
 from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
@@ -22,7 +22,6 @@ from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
-from automos.pose_files import FARTHEST
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
 

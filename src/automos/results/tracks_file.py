@@ -16,9 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from automos.atomic import atomic_path
 from automos.errors import InputError
-from automos.geometry import inverse
+from automos.geometry import FARTHEST, inverse
 from automos.odometry import Trajectory
-from automos.pose_files import FARTHEST
 from automos.reading import checked, read_json
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
