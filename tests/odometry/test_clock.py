@@ -3,7 +3,7 @@ import pytest
 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
-from automos.odometry.clock import DistinctScans, find_missing, read_clock, with_repeats
+from automos.odometry.clock import DistinctScans, read_clock, with_repeats
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.scan import Scan
@@ -45,36 +45,6 @@ def test_without_a_clock_ten_scans_are_a_second():
 
 def test_one_scan_has_no_gaps():
     assert len(read_clock(ArraySequence([POINT])).gaps) == 0
-
-
-def steps_of(lengths):
-    steps = np.tile(np.eye(4), (len(lengths), 1, 1))
-    steps[:, 0, 3] = lengths
-    return steps
-
-
-@pytest.mark.parametrize("missing", [1, 2, 3])
-def test_a_step_of_several_lengths_amid_even_ones_is_a_gap(missing):
-    lengths = np.full(20, 1.3) + 0.01 * np.arange(20)
-    lengths[[6, 13, 19]] *= 1 + missing
-    expected = np.ones(20)
-    expected[[6, 13, 19]] = 1 + missing
-    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1), expected)
-
-
-@pytest.mark.parametrize(
-    "lengths",
-    [
-        np.repeat([0.65, 1.3], 10),  # a registration that lets go of the traffic
-        np.linspace(0.0, 0.6, 20),  # a start
-        np.where(np.arange(20) == 8, 0.16, 0.08),  # centimetres, which registrations are off by
-        np.where(np.arange(20) == 8, 1.95, 1.3),  # no whole number of scans
-        np.zeros(20),
-    ],
-    ids=["leap", "start", "creeping", "one and a half", "standing"],
-)
-def test_what_no_missing_scan_explains_is_no_gap(lengths):
-    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1), np.ones(20))
 
 
 def test_the_clock_goes_on_by_the_gaps():

@@ -1,4 +1,4 @@
-"""The recording's clock: stamps, the usual time between scans, and scans that are missing or there twice."""
+"""The recording's clock: stamps, the usual time between scans, and scans that are there twice."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from automos.arrays import as_array
 from automos.errors import InputError
 from automos.odometry.trajectory import Trajectory
-from automos.scan import Pose, Scan, Sequence
+from automos.scan import Scan, Sequence
 
 USUAL_PERIOD = 0.1
 """Seconds between scans where the recording has no clock."""
@@ -18,16 +18,6 @@ SHORTEST_PERIOD = 1e-3
 """Seconds: no sensor scans as often."""
 LATEST = 1e11
 """Seconds: three thousand years. Larger numbers count milliseconds or less since 1970."""
-N_AROUND = 3
-"""Steps on either side that tell how fast the sensor was."""
-MOST_MISSING = 5
-"""Neighbouring scans that may be missing at one place and still be counted."""
-USUAL_ACCELERATION = 3.0
-"""m/s^2, by which the speed changes from scan to scan."""
-STEP_NOISE = 0.05
-"""Metres, error of a registration from scan to scan."""
-SELDOM = 10.0
-"""Logarithm of how much likelier it is that no scan is missing at a place."""
 STAMP_DIGITS = 9
 """Decimals of a stamp: a nanosecond, so that one clock read from two formats is one clock to the last bit."""
 TWICE = 1e-3
@@ -86,41 +76,6 @@ def read_clock(sequence: Sequence) -> Clock:
         )
     gaps = np.where(steps > 1.5 * usual, steps / usual, 1.0)
     return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, has_stamps)
-
-
-def find_missing(steps: Pose, gaps: npt.NDArray[np.float64], period: float) -> npt.NDArray[np.float64]:
-    """Return (N - 1,) the gaps that the motion itself tells, where scans may be missing and no stamp says so.
-
-    A step of twice the length amid even ones is a scan that is missing: no vehicle doubles its speed for a tenth of a
-    second. How many are missing is the hypothesis under which the speed changes least, if the scans before and after
-    agree on it.
-
-    Parameters
-    ----------
-    steps : (N - 1, 4, 4) from each scan to the one before it, as registered.
-    gaps : (N - 1,) taken where nothing else is clearly more likely.
-    period : seconds between scans.
-    """
-    come, found = steps[:, :3, 3], gaps
-    more = np.arange(2.0, 2.0 + MOST_MISSING)
-    for _ in range(2):  # neighbours may have gaps of their own
-        velocity, found = come / found[:, None], gaps.copy()
-        for k in range(len(come)):
-            sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
-            medians = [np.median(side, axis=0) for side in sides if len(side) == N_AROUND]
-            if not medians:
-                continue
-            before, after = medians[0], medians[-1]
-            usual = 0.5 * (before + after)
-            if np.linalg.norm(after - before) > 0.2 * np.linalg.norm(usual):
-                continue  # they disagree
-            tried = np.append(gaps[k], more)
-            deviation = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * tried) ** 2)
-            off = np.linalg.norm(come[k] - tried[:, None] * usual, axis=1) / deviation
-            cost = 0.5 * off**2 + np.log(deviation) + SELDOM * (tried != gaps[k])
-            best = int(np.argmin(cost))
-            found[k] = tried[best] if off[best] < 3.0 else gaps[k]
-    return found
 
 
 class DistinctScans(Sequence):

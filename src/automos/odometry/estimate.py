@@ -11,11 +11,12 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import FARTHEST, inverse
-from automos.odometry.clock import Clock, DistinctScans, find_missing, read_clock, with_repeats
+from automos.odometry.clock import Clock, DistinctScans, read_clock, with_repeats
 from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
 from automos.odometry.loops import close_loops
+from automos.odometry.missing_scans import FacingGaps, find_missing
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
@@ -120,18 +121,13 @@ class _Estimate:
 
     def _follow(self, timing: SweepTiming) -> Pose:
         """Return the (N, 4, 4) poses under a timing; the clock is corrected for scans that are missing."""
-        names = self._sequence.names
+        names, given = self._sequence.names, self.clock.gaps
         first = self._register(timing)
-        gaps = self.clock.gaps
-        if not self.clock.has_stamps:
-            gaps = find_missing(first.steps, gaps, self.clock.period)
-        if len(missing := np.flatnonzero(gaps != self.clock.gaps)):
+        if len(missing := np.flatnonzero(self.clock.gaps != given)):
             self.warnings.append(
                 f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}), "
                 "and no stamps tell how many; the motion does, and they were counted in."
             )
-            self.clock = self.clock.with_gaps(gaps)
-            first = self._register(timing)
         if first.held:
             self.warnings.append(
                 f"scans with too few points to register: {len(first.held)} (first: {names[first.held[0]]}); their "
@@ -147,16 +143,30 @@ class _Estimate:
         return poses
 
     def _register(self, timing: SweepTiming) -> _FirstPoses:
-        """Return every scan registered to the ones before."""
+        """Return every scan registered to the ones before; anew if some turn out to be missing."""
+        if self.clock.has_stamps:
+            return self._register_once(timing)
+        at_gaps = FacingGaps(timing.share, self._settings, self._pool)
+        first = self._register_once(timing, at_gaps)
+        gaps = find_missing(first.steps, self.clock.gaps, self.clock.period, at_gaps.shares())
+        if (gaps == self.clock.gaps).all():
+            return first
+        self.clock = self.clock.with_gaps(gaps)
+        return self._register_once(timing)
+
+    def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> _FirstPoses:
+        """Return every scan registered to the ones before, and show it to `at_gaps`."""
         gaps, steps, held = self.clock.gaps, [], []
         refinement = RollingRefinement(self.clock.period, timing.share, self._settings, self._pool)
         for i, scan in enumerate(register_scans(self._sequence, self._settings, timing, gaps)):
             steps.append(scan.T_last_this)
             if not scan.is_registered:
                 held.append(i)
+            surfels, gap = self._pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
             if self._settings.refine:
-                surfels = self._pool.submit(surfels_of, scan.points, scan.times)
-                refinement.add(surfels, scan.twist, scan.T_last_this, gaps[i - 1] if i else 1.0)
+                refinement.add(surfels, scan.twist, scan.T_last_this, gap)
+            if at_gaps is not None:
+                at_gaps.add(surfels, scan.T_last_this, gap)
             if self._progress is not None:
                 self._progress(i + 1, len(self._sequence))
         return _FirstPoses(np.array(steps[1:]).reshape(-1, 4, 4), held, refinement)
