@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -217,15 +218,56 @@ def test_an_error_that_names_all_columns_is_cut_to_what_can_be_read(automos, tmp
     assert len(ended.err) < 3000
 
 
-def test_too_little_memory_for_compiled_code_is_one_sentence(log):
+def under_a_limit(kind, megabytes, code, *words):
     resource = pytest.importorskip("resource", reason="Windows limits no process so")
-    ended = subprocess.run(
-        [sys.executable, "-c", "from automos.cli import main; main()", "label", log],
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (600 << 20, 600 << 20)),
-        capture_output=True, text=True, check=False,
+    limit, n_bytes = getattr(resource, kind), megabytes << 20
+    return subprocess.run(
+        [sys.executable, "-c", f"{code}\nfrom automos.cli import main; main()", *words],
+        preexec_fn=lambda: resource.setrlimit(limit, (n_bytes, n_bytes)),
+        capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["RLIMIT_AS", "RLIMIT_DATA"])
+def test_too_little_memory_for_compiled_code_is_one_sentence(log, kind):
+    ended = under_a_limit(kind, 600, "", "label", log)
     assert ended.returncode == 2
     assert "may have 600 MB of memory and needs 800" in ended.stderr
+
+
+@pytest.mark.parametrize("kind", ["RLIMIT_AS", "RLIMIT_DATA"])
+def test_the_least_memory_that_is_asked_for_is_enough(log, tmp_path, kind):
+    ended = under_a_limit(kind, 800, "", "label", log, "--out", tmp_path / "run", "--workers", "1")
+    assert ended.returncode == 0, ended.stderr
+    assert (tmp_path / "run" / "run.json").exists()
+
+
+def test_under_a_limit_a_crash_of_compiled_code_is_one_sentence_and_a_code_is_passed_on(log):
+    crash = "import os, automos.cli as cli; cli.share_heap = os.abort"
+    ended = under_a_limit("RLIMIT_DATA", 900, crash, "label", log)
+    assert ended.returncode == 2
+    assert "there was not enough memory for this, and compiled code ended the process (SIGABRT)" in ended.stderr
+    ended = under_a_limit(
+        "RLIMIT_DATA", 900, "import sys, automos.cli as c; c.share_heap = lambda: sys.exit(7)", "label"
+    )
+    assert (ended.returncode, ended.stderr) == (7, "")
+
+
+def test_under_a_limit_an_interruption_is_passed_on():
+    resource = pytest.importorskip("resource", reason="Windows limits no process so")
+    code = (
+        "import time, automos.cli as cli\nfrom automos.cli import main\n"
+        "def wait():\n    print('here', flush=True)\n    try:\n        time.sleep(60)\n"
+        "    except KeyboardInterrupt:\n        time.sleep(1)\n        print('once', flush=True)\n        raise\n"
+        "cli.share_heap = wait\nmain()"
+    )
+    running = subprocess.Popen(
+        [sys.executable, "-c", code, "label"], stdout=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (1 << 30, 1 << 30)),
+    )  # fmt: skip
+    assert running.stdout.readline() == "here\n"
+    running.send_signal(signal.SIGINT)
+    assert running.communicate(timeout=30)[0] == "once\n"
 
 
 def test_a_file_is_no_recording(automos, log):
@@ -294,7 +336,11 @@ def test_ctrl_c_says_that_the_same_command_goes_on(automos, log, monkeypatch, pl
         raise KeyboardInterrupt
 
     monkeypatch.setattr(*place, interrupt)
-    ended = automos("label", log)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        ended = automos("label", log)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert ended.code == 130
     assert "the same command goes on from here" in ended.err
     assert "Traceback" not in ended.err

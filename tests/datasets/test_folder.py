@@ -402,3 +402,12 @@ def test_times_of_points_that_do_not_fit_the_gap_to_the_next_scan_are_not_used(t
     assert sequence[1].time is None
     (warning,) = sequence.warnings
     assert "but a scan comes every 0.1 s; they are not used" in warning
+
+
+@pytest.mark.parametrize("time", ["1e23", "nan", "-inf"])
+def test_a_time_that_no_clock_shows_is_told_with_its_line(tmp_path, time):
+    for i in range(3):
+        np.ones((5, 4), np.float32).tofile(tmp_path / f"{i}.bin")
+    (tmp_path / "times.txt").write_text(f"0.0\n{time}\n0.2\n")
+    with pytest.raises(InputError, match=r"times\.txt, line 2: the time is no number of seconds"):
+        open_sequence(tmp_path)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from automos.datasets import open_sequence
 from automos.datasets.codecs import CODECS, read_columns
 from automos.datasets.columns import to_scan
 from automos.datasets.pcd import read_header
@@ -258,3 +259,38 @@ def test_text_that_holds_no_points_is_told(tmp_path, text, message):
     (tmp_path / "a.xyz").write_text(text)
     with pytest.raises(InputError, match=message):
         read_scan(tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1,5;2,5;0,5", "divides numbers by commas and by something else"),
+        ("1,5 2,5 0,5", "divides numbers by commas and by something else"),
+        ("x;y;z;intensity;t;ring\n1,5;2,5;0,5", "divides numbers by commas and by something else"),
+        ("1.5,,2.5,0.5", "has cells without a number"),
+        ("x,y,z\n,1.5,2.5,0.5", "has cells without a number"),
+        ("1;2;3\n;4;5;6", "has cells without a number"),
+    ],
+)
+def test_text_whose_columns_would_be_taken_for_others_is_told(tmp_path, text, said):
+    (tmp_path / "0.csv").write_text(text + "\n")
+    with pytest.raises(InputError, match=rf"0\.csv {said}"):
+        open_sequence(tmp_path)[0]
+
+
+@pytest.mark.parametrize("line", ["1.5;2.5;0.5", "1.5, 2.5, 0.5", "1.5 , 2.5 ,0.5", "1.5,2.5,0.5,", " 1.5\t2.5  0.5 "])
+def test_text_divided_in_one_way_is_read_even_where_a_scan_is_a_single_point(tmp_path, line):
+    for i in range(6):
+        (tmp_path / f"{i}.csv").write_text(line + "\n")
+    sequence = open_sequence(tmp_path)
+    assert [scan.points.tolist() for scan in sequence] == [[[1.5, 2.5, 0.5]]] * 6
+
+
+def test_columns_whose_names_differ_by_their_case_alone_are_told_and_other_letters_are_other_names(tmp_path):
+    (tmp_path / "0.csv").write_text("x y z Z\n1 2 3 9\n")
+    with pytest.raises(InputError, match=r"0\.csv (has z twice|names x, y or z twice)"):
+        open_sequence(tmp_path)[0]
+    with pytest.raises(InputError, match=r"has z twice \(z, Z\)"):
+        to_scan({name: np.ones(1) for name in ("x", "y", "z", "Z")}, tmp_path)
+    scan = to_scan({name: np.full(1, k) for k, name in enumerate(("\u0437", "x", "y", "z"))}, tmp_path)
+    assert scan.points.tolist() == [[1.0, 2.0, 3.0]]

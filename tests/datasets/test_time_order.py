@@ -45,3 +45,10 @@ def test_a_clock_that_stands_or_has_no_time_is_none(stamps):
     found = put_in_order(stamps, names(5), WHERE)
     assert found.stamps is None
     assert "is not used" in found.warnings[0]
+
+
+def test_times_that_no_clock_tells_apart_are_one():
+    found = put_in_order(np.array([0.0, 0.1, 0.2, 1e-320, 0.4]), names(5), WHERE)
+    np.testing.assert_array_equal(found.order, [0, 3, 1, 2, 4])
+    assert np.diff(found.stamps).min() > 0.01
+    assert any("1 scans have the time of the one before them (first: 003)" in warning for warning in found.warnings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from contextlib import suppress
 from typing import Annotated, NoReturn
@@ -16,6 +17,7 @@ from automos.cli.formats import formats_app
 from automos.cli.label import label_app
 from automos.cli.live import live_app
 from automos.cli.look import look_app
+from automos.cli.memory import require_memory
 from automos.cli.network import network_app
 from automos.cli.options import on_this_machine
 from automos.cli.score import score_app
@@ -60,8 +62,6 @@ class _Debug:
     on = False
 
 
-LEAST_MEMORY = 800 << 20
-"""Bytes of address space; a small recording takes as much."""
 LONGEST = 2000
 """Characters of an error that are shown, half of them from its end: a file may name a million columns."""
 LONGEST_WORD = 500
@@ -92,23 +92,6 @@ def _refused(error: Exception) -> str:
     return f"a name or text cannot be used ({error}); see the place with automos --debug"
 
 
-def _require_memory() -> None:
-    """Leave with a sentence where this process may have less memory than the compiled code alone needs.
-
-    LLVM, which loads it, ends the process or waits for itself where it gets none.
-    """
-    try:
-        import resource
-    except ImportError:  # Windows limits no process so
-        return
-    for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA):
-        limit = resource.getrlimit(kind)[0]
-        if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
-            _tell(
-                f"this process may have {limit >> 20} MB of memory and needs {LEAST_MEMORY >> 20}: raise ulimit -v, -d"
-            )
-
-
 def _require_streams() -> None:
     """Open to nowhere what we were started without: a file of results would get its number, and others' words."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -121,7 +104,7 @@ def _require_streams() -> None:
 def main() -> None:
     """Run the command line; a user's mistake is one sentence and exit code 2."""
     _require_streams()
-    _require_memory()
+    require_memory(_tell)
     share_heap()
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
@@ -137,5 +120,6 @@ def main() -> None:
     except (KeyboardInterrupt, SystemExit) as leaving:
         code = 130 if isinstance(leaving, KeyboardInterrupt) else leaving.code  # what typer makes of it, once it runs
         if code == 130:
+            signal.signal(signal.SIGINT, lambda *_: None)  # who presses it twice gets no traceback
             console.print("interrupted; the same command goes on from here", soft_wrap=True)
         sys.exit(code)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.apart import read_apart
 from automos.datasets.box_truth import DrawnBoxes, checked_boxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.datasets.columns import to_scan
 from automos.datasets.foreign import limited
@@ -207,7 +208,13 @@ class Argoverse2Sequence(ListedSequence):
 
 
 def _read(path: Path) -> Table:
-    """Return the columns of one feather file."""
+    """Return the columns of one feather file, read where it may crash: damaged ones end pyarrow."""
+    import_extra("pyarrow.feather", "arrow")
+    return Table(path, read_apart("argoverse2", path))
+
+
+def read_here(path: Path) -> Table:
+    """Return what `_read` does, read in this process."""
     feather, arrow = import_extra("pyarrow.feather", "arrow"), import_extra("pyarrow", "arrow")
     try:
         require_regular(path)

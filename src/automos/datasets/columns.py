@@ -58,7 +58,7 @@ def to_scan(
     InputError
         If x, y or z is missing.
     """
-    columns = {_plain(key): column for key, column in columns.items()}
+    columns = _by_plain_names(columns, path)
     points = _coordinates(columns, path)
     columns = {key: column for key, column in columns.items() if column.dtype.kind in "fiu"}
     if unit != 1.0:
@@ -77,7 +77,16 @@ def to_scan(
 
 def coordinates(columns: Columns, path: Path) -> Points:
     """Return the (N, 3) float32 coordinates among `columns`, in the file's unit; errors are those of `to_scan`."""
-    return _coordinates({_plain(key): column for key, column in columns.items()}, path)
+    return _coordinates(_by_plain_names(columns, path), path)
+
+
+def _by_plain_names(columns: Columns, path: Path) -> Columns:
+    plain = [_plain(key) for key in columns]
+    twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
+    if twice is not None:
+        both = ", ".join(key for key in columns if _plain(key) == twice)
+        raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
+    return dict(zip(plain, columns.values(), strict=True))
 
 
 def _coordinates(columns: Columns, path: Path) -> Points:

@@ -33,6 +33,9 @@ from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
 
+_LATEST = 1e11
+"""Seconds; larger numbers count milliseconds or less."""
+
 
 def find(path: Path) -> list[Path]:
     """Return `path` if it is a folder that holds point files itself, else nothing."""
@@ -189,8 +192,9 @@ class FolderSequence(Sequence):
             times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
         except (OSError, ValueError) as error:
             raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
-        if not np.isfinite(times).all():
-            raise InputError(f"{path}, line {int(np.argmin(np.isfinite(times))) + 1}: the time is no number")
+        is_time = np.abs(times) < _LATEST
+        if not is_time.all():
+            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is no number of seconds")
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
         return times
 

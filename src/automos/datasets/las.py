@@ -1,4 +1,7 @@
-"""LAS and LAZ files, as surveyors write them, one sweep each, in the sensor's frame."""
+"""LAS and LAZ files, as surveyors write them, one sweep each, in the sensor's frame.
+
+What unpacks LAZ (lazrs) calls itself without end on some damaged files, which no process survives: another one does it.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from automos.datasets.apart import read_apart
 from automos.datasets.columns import Columns
 from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
-from automos.datasets.las_header import require_whole
+from automos.datasets.las_header import is_packed, require_whole
 from automos.errors import InputError
 
 
@@ -21,9 +25,16 @@ def read(path: Path) -> Columns:
     InputError
         A damaged file.
     """
+    import_extra("laspy", "las")
+    if not is_packed(path):
+        return read_here(path)
+    import_extra("lazrs", "las")
+    return read_apart("las", path)
+
+
+def read_here(path: Path) -> Columns:
+    """Return what `read` does, read in this process."""
     laspy = import_extra("laspy", "las")
-    if path.suffix.lower() == ".laz":
-        import_extra("lazrs", "las")
     try:
         n_points = require_whole(path)
         with limited(path):

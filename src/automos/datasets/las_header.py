@@ -13,12 +13,21 @@ from automos.geometry import FARTHEST
 
 _HEADER, _VLR, _EVLR = 227, 54, 60
 """Bytes of the shortest header and of the headers of variable and of extended variable length records."""
+_FORM, _PACKED = 104, 0xC0
+"""The byte that tells the form of points, and its bits that tell that they are packed."""
 _COARSEST = 1e3
 """Metres that coordinates are counted in, less than which any sensor's are."""
 _MOST_PACKED = 10_000
 """By how much LAZ may pack points, at most: more is a damaged count."""
 _LASZIP, _OF_ANY_SIZE = (b"laszip encoded", 22204), 0xFFFFFFFF
 """The record of how points are packed, and what it says where chunks differ in size."""
+
+
+def is_packed(path: Path) -> bool:
+    """Return whether the points of a LAS file are packed, whatever its name says; OSError where it cannot be read."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+    return len(head) == _HEADER and head[_FORM] & _PACKED != 0
 
 
 def require_whole(path: Path) -> int:
@@ -40,22 +49,22 @@ def require_whole(path: Path) -> int:
         extended, n_extended, n_points = struct.unpack_from("<QIQ", head, 235)
     scales, offsets = np.frombuffer(head, "<f8", 6, 131).reshape(2, 3)
     packed = size - start
-    is_packed = form & 0xC0 != 0
-    n_chunks = _count_chunks(path, start, size) if is_packed and start + 8 <= size else 0
-    in_first, in_layers = _first_layers(path, start, form & 0x3F, width) if is_packed else (None, 0)
+    packs = form & _PACKED != 0
+    n_chunks = _count_chunks(path, start, size) if packs and start + 8 <= size else 0
+    in_first, in_layers = _first_layers(path, start, form & 0x3F, width) if packs else (None, 0)
     in_chunk = _chunk_size(path, header_size, n_records) if n_chunks else 0
     few = (n_chunks - 1) * in_chunk
-    needs = 0 if is_packed else n_points * width
+    needs = 0 if packs else n_points * width
     left = (extended if n_extended else size) - start - needs
     faults = {
         f"{n_records} records before its points": header_size + n_records * _VLR > start,
         f"points from byte {start}": not _HEADER <= header_size <= start <= size,
         "a table of its packed points that is not there": n_chunks > max(packed, 0),
         "more packed bytes than it holds": in_layers > max(packed, 0),
-        f"{n_points} points": left < 0 or (is_packed and n_points * width > _MOST_PACKED * max(packed, 0)),
+        f"{n_points} points": left < 0 or (packs and n_points * width > _MOST_PACKED * max(packed, 0)),
         f"{n_points} points, but its first chunk of {in_first}": n_chunks == 1 and in_first not in (None, n_points),
         f"{n_points} points in {n_chunks} chunks of {in_chunk}": in_chunk > 0 and not few <= n_points <= few + in_chunk,
-        f"no more than {n_points} points": not is_packed and width > 0 and left >= width and head[6] & 6 == 0,
+        f"no more than {n_points} points": not packs and width > 0 and left >= width and head[6] & 6 == 0,
         f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
         f"points of {width} bytes": width == 0,
         f"a unit of {scales} m": not ((scales > 0.0) & (scales < _COARSEST)).all(),

@@ -16,6 +16,8 @@ import numpy.typing as npt
 _MIXED = 3
 """Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
 do more than this often for each time, two runs of the clock overlap."""
+_ONE_TIME = 1e-9
+"""Seconds, less than which no clock tells apart: times that differ by less are one, which would not increase later."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,9 @@ class TimeOrder:
 def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> TimeOrder:
     """Return the order of scans whose times are `stamps` (N,) in seconds; `names` and `where` are for the warnings."""
     as_given = np.arange(len(stamps))
+    apart = np.diff(np.unique(stamps))
+    if ((apart > 0.0) & (apart < _ONE_TIME)).any():
+        stamps = np.round(stamps / _ONE_TIME) * _ONE_TIME
     steps = np.diff(stamps)
     if (steps > 0.0).all():
         return TimeOrder(as_given, stamps, [])

@@ -17,21 +17,27 @@ from automos.errors import InputError
 from automos.reading import read_bytes
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
+_EMPTY = (b",,", b";;", b", ,", b"; ;", b",\t,", b";\t;", b"\n,", b"\n;")
+"""What a cell without a number looks like; left out it would move all that follow it to other columns."""
+_COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]+[^,\s]")
+"""Where a line has both, its commas are those of decimals."""
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
 
 
 def read(path: Path) -> Columns:
     """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
-    text = read_bytes(path).lstrip().translate(_DIVIDERS)
+    text = read_bytes(path).lstrip()
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     first_line, _, rest = text.partition(b"\n")
-    names = _names(first_line.decode("utf-8", "replace"))
+    names = _names(first_line.translate(_DIVIDERS).decode("utf-8", "replace"))
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
+    numbers = _without_comments(rest if names else text)
+    _require_one_divider(numbers, path)
     try:
-        matrix = parse_table(_without_comments(rest if names else text))
+        matrix = parse_table(numbers.translate(_DIVIDERS))
     except ValueError as error:
         raise InputError(f"{path} is not a table of numbers: {error}") from None
     if len(matrix) == 0:
@@ -41,6 +47,18 @@ def read(path: Path) -> Columns:
     if len(names) != matrix.shape[1]:
         raise InputError(f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}")
     return dict(zip(names, matrix.T, strict=True))
+
+
+def _require_one_divider(numbers: bytes, path: Path) -> None:
+    """Raise where it is not clear what divides the columns of `numbers`, of which another point would come out."""
+    commas, semicolons = b"," in numbers, b";" in numbers
+    if not commas and not semicolons:
+        return
+    line = numbers.lstrip().partition(b"\n")[0]
+    if (commas and semicolons) or (_COMMA_WITHIN.search(line) and _BLANK_BETWEEN.search(line)):
+        raise InputError(f"{path} divides numbers by commas and by something else; write decimals with a point")
+    if numbers.startswith((b",", b";")) or any(empty in numbers for empty in _EMPTY):
+        raise InputError(f"{path} has cells without a number; write nan in them, or leave the column out")
 
 
 def _without_comments(text: bytes) -> bytes:
