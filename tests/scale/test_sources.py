@@ -39,6 +39,17 @@ def test_what_looks_like_a_recording_and_is_damaged_is_not_left_out_in_silence(t
     assert "scene.json is damaged" in describe(found[1])
 
 
+@pytest.mark.parametrize("inner", ["velodyne", "sequences/00/velodyne", "other"])
+def test_scans_of_the_folder_itself_are_not_left_out_in_silence(tmp_path, inner):
+    log = write_log(tmp_path / "log")
+    write_log(log / inner)
+    if inner == "other":  # a plain log is taken for one, whatever lies in it; the reader tells
+        assert names_and_sources(find_all(str(log))) == [("log", str(log))]
+    else:
+        with pytest.raises(InputError, match="holds scans itself, and others in folders below"):
+            find_all(str(log))
+
+
 def test_one_recording_is_one_and_gets_the_runs_folder_for_itself(tmp_path):
     log = write_log(tmp_path / "log")
     found = alone(find_all(str(log)), None)

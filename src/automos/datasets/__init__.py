@@ -28,6 +28,10 @@ class NoRecordingError(InputError):
     """Nothing that can be read as a recording; what looks like one and is damaged is another error."""
 
 
+class LeftOutError(InputError):
+    """A folder that holds scans itself, which would be left out beside the recordings in the folders below."""
+
+
 FORMATS: tuple[str, ...] = (
     "rosbag", "velodyne", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
     "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder",
@@ -112,8 +116,8 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
 
     Raises
     ------
-    InputError
-        Scans lie in `path` itself, too: they would be left out.
+    LeftOutError
+        Scans lie in `path` itself, too.
     """
     from automos.datasets.files import holds_scans, natural_key
 
@@ -122,7 +126,7 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
     if not path.is_dir() or (is_one and not (path / "velodyne").is_dir()):
         return []
     if holds_scans(path):
-        raise InputError(
+        raise LeftOutError(
             f"{path} holds scans itself, and others in folders below; move its own into a folder of their own, or name "
             "the format with --format"
         )

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-from automos.datasets import NoRecordingError, find_recordings, open_sequence
+from automos.datasets import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
 from automos.errors import InputError
@@ -83,6 +83,8 @@ def _in_folder(path: Path, format: str | None) -> list[Path]:
     """Return the recordings of a folder, or of the folders in it."""
     try:
         return find_recordings(path, format)
+    except LeftOutError:
+        raise
     except InputError:
         if not path.is_dir():
             raise
