@@ -90,7 +90,7 @@ JOBS = {
         Job(
             "suite",
             "suite.py",
-            ("--seed", "60", "--cache", "CACHE/suite"),
+            ("--seed", "60", "--scans", "60", "--cache", "CACHE/suite"),
             ("--seed", "60", "--cache", "CACHE/suite", *_FEW),
         ),
     )

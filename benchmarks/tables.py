@@ -92,12 +92,18 @@ def _suite(preset: str) -> Callable[[list[dict]], Rows]:
         return [
             ["world", *sensors],
             *(
-                [f"`{world}`", *(_percent(cells[world, sensor, preset]["iou"]) for sensor in sensors)]
+                [f"`{world}`", *(_cell_of_suite(cells[world, sensor, preset]) for sensor in sensors)]
                 for world in worlds
             ),
         ]
 
     return rows
+
+
+def _cell_of_suite(row: dict) -> str:
+    """Return the IoU; where nothing moves false points a scan, in brackets."""
+    nothing_moves = row["true_points"] + row["missed_points"] == 0
+    return f"({row['false_points'] / row['scans']:.1f})" if nothing_moves else _percent(row["iou"])
 
 
 def _robustness(result: list[dict]) -> Rows:
