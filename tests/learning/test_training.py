@@ -174,6 +174,6 @@ def test_one_recording_is_learnt_by_heart(tmp_path):
 
 
 def test_where_training_stands_is_kept_though_it_got_no_better(data, tmp_path):
-    train(data, tmp_path, settings(epochs=3, learning_rate=1e-12), device="cpu")
+    train(data, tmp_path, settings(epochs=3, learning_rate=1e-6), device="cpu")
     assert len({row["val_iou_moving"] for row in read_curve(tmp_path)}) < 3
     assert torch.load(tmp_path / "last.ckpt", map_location="cpu", weights_only=False)["epoch"] == 2
