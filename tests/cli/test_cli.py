@@ -253,6 +253,17 @@ def test_under_a_limit_a_crash_of_compiled_code_is_one_sentence_and_a_code_is_pa
     assert (ended.returncode, ended.stderr) == (7, "")
 
 
+def test_under_a_limit_one_process_waits_for_another_however_many_commands_it_runs():
+    code = (
+        "import os, sys, automos.cli as cli\ncli.share_heap = lambda: sys.exit(0)\n"
+        "for _ in range(3):\n    try:\n        cli.main()\n    except SystemExit:\n"
+        "        print(os.getpid(), flush=True)"
+    )
+    ended = under_a_limit("RLIMIT_DATA", 900, code, "--version")
+    assert len(ended.stdout.split()) == 3, ended.stderr
+    assert len(set(ended.stdout.split())) == 1
+
+
 def test_under_a_limit_an_interruption_is_passed_on():
     resource = pytest.importorskip("resource", reason="Windows limits no process so")
     code = (

@@ -18,6 +18,8 @@ LEAST_MEMORY = 800 << 20
 """Bytes; eight scans of 64 beams need 610 MB of address space and 330 MB of data, 660 and 380 where it is compiled."""
 _FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGKILL", "SIGILL", "SIGTRAP")
 """What a process ends by that gets no memory."""
+_is_waited_for = False
+"""Whether this process is the one that another waits for."""
 _DIES_WITH_CALLER = 1
 """What Linux's prctl calls the signal that a process gets when the one that started it ends."""
 
@@ -30,7 +32,7 @@ def require_memory(tell: Callable[[str], NoReturn]) -> None:
             f"this process may have {min(limits) >> 20} MB of memory and needs {LEAST_MEMORY >> 20}: "
             "raise ulimit -v, -d"
         )
-    if limits and hasattr(signal, "sigwaitinfo"):
+    if limits and not _is_waited_for and hasattr(signal, "sigwaitinfo"):
         _go_on_in_another_process(tell)
 
 
@@ -49,10 +51,12 @@ def _go_on_in_another_process(tell: Callable[[str], NoReturn]) -> None:
 
     What is sent to this process is passed on, but for what a terminal sends to both.
     """
+    global _is_waited_for
     waited_for = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, waited_for)
     process = os.fork()
     if not process:
+        _is_waited_for = True
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_DIES_WITH_CALLER, signal.SIGKILL)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
