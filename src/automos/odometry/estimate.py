@@ -162,11 +162,12 @@ class _Estimate:
             steps.append(scan.T_last_this)
             if not scan.is_registered:
                 held.append(i)
-            surfels, gap = self._pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
-            if self._settings.refine:
-                refinement.add(surfels, scan.twist, scan.T_last_this, gap)
-            if at_gaps is not None:
-                at_gaps.add(surfels, scan.T_last_this, gap)
+            if self._settings.refine or at_gaps is not None:
+                surfels, gap = self._pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
+                if self._settings.refine:
+                    refinement.add(surfels, scan.twist, scan.T_last_this, gap)
+                if at_gaps is not None:
+                    at_gaps.add(surfels, scan.T_last_this, gap)
             if self._progress is not None:
                 self._progress(i + 1, len(self._sequence))
         return _FirstPoses(np.array(steps[1:]).reshape(-1, 4, 4), held, refinement)
