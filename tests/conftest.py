@@ -88,7 +88,15 @@ def lane_run(tmp_path_factory) -> Path:
 def chromium():
     """Return a headless browser; skip with a reason where there is none."""
     selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: pip install selenium")
-    from selenium.common.exceptions import WebDriverException
+    from selenium.common.exceptions import TimeoutException, WebDriverException
+
+    class Chrome(selenium.Chrome):
+        def get(self, url):
+            """Open a page; on a busy machine the browser sometimes waits for itself, and is asked a second time."""
+            try:
+                super().get(url)
+            except TimeoutException:
+                super().get(url)
 
     driver = shutil.which("chromedriver")
     binary = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -102,10 +110,11 @@ def chromium():
         options.add_argument(f"--{argument}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     try:
-        opened = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
+        opened = Chrome(options=options, service=selenium.ChromeService(driver))
     except WebDriverException as error:
         pytest.skip(f"the browser does not start: {error.msg}")
     opened.set_script_timeout(20)
+    opened.set_page_load_timeout(45)  # less than the driver's own patience of two minutes, which ends the test
     yield opened
     opened.quit()
 

@@ -31,6 +31,9 @@ MIN_RANGE = 0.1
 MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
 
+LATEST = 1e11
+"""Seconds: three thousand years. Larger numbers count milliseconds or less, and are no times."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:

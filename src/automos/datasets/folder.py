@@ -29,12 +29,9 @@ from automos.geometry import inverse
 from automos.label_files import read_labels
 from automos.pose_files import lines_of_scans, read_calib, read_poses
 from automos.reading import is_there, read_text
-from automos.scan import Mask, Pose, Scan, Sequence
+from automos.scan import LATEST, Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
-
-_LATEST = 1e11
-"""Seconds; larger numbers count milliseconds or less."""
 
 
 def find(path: Path) -> list[Path]:
@@ -192,7 +189,7 @@ class FolderSequence(Sequence):
             times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
         except (OSError, ValueError) as error:
             raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
-        is_time = np.abs(times) < _LATEST
+        is_time = np.abs(times) < LATEST
         if not is_time.all():
             raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is no number of seconds")
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]

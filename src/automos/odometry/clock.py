@@ -10,14 +10,12 @@ import numpy.typing as npt
 from automos.arrays import as_array
 from automos.errors import InputError
 from automos.odometry.trajectory import Trajectory
-from automos.scan import Scan, Sequence
+from automos.scan import LATEST, Scan, Sequence
 
 USUAL_PERIOD = 0.1
 """Seconds between scans where the recording has no clock."""
 SHORTEST_PERIOD = 1e-3
 """Seconds: no sensor scans as often."""
-LATEST = 1e11
-"""Seconds: three thousand years. Larger numbers count milliseconds or less since 1970."""
 STAMP_DIGITS = 9
 """Decimals of a stamp: a nanosecond, so that one clock read from two formats is one clock to the last bit."""
 TWICE = 1e-3

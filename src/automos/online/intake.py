@@ -13,7 +13,7 @@ from enum import Enum, auto
 import numpy as np
 
 from automos.odometry.clock import USUAL_PERIOD
-from automos.scan import Points, Scan
+from automos.scan import LATEST, Points, Scan
 
 LONGEST_GAP = 0.8
 """Seconds without scans after which no object is followed any more, and another sensor may have taken over."""
@@ -21,8 +21,6 @@ USUAL_GAPS = 3.0
 """Times as long as usual that this must be: some sensors take a scan a second."""
 LEAST_STEP = 1e-3
 """Seconds: no sensor takes a scan so soon after another, so a stamp that says so is no later."""
-LATEST = 1e11
-"""Seconds either way: beyond, numbers cannot tell one scan's time from the next one's."""
 MOST_LATE = 5
 """Scans in a row that are older than what came before: then the clock was set back."""
 
