@@ -2,7 +2,7 @@
 
     python benchmarks/ablation.py RECORDING [RECORDING ...] [--store FOLDER] [--choices NAME ...] [--scans N]
                                   [--json FILE]
-    python benchmarks/ablation.py --gate 100 --store FOLDER [--sensors ...] [--markdown FILE]
+    python benchmarks/ablation.py --gate 100 --store FOLDER [--sensors ...] [--json FILE]
 
 A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`).
 --gate takes all worlds of the gate's seed, without looking at them: the table gives what taking each choice back costs
@@ -177,7 +177,6 @@ def main() -> None:
     parser.add_argument("recordings", nargs="*")
     parser.add_argument("--gate", type=int, help="seed of the gate's worlds, all of them")
     parser.add_argument("--sensors", nargs="+", default=["HDL-64E", "OS1-128", "VLP-16"])
-    parser.add_argument("--markdown", type=Path, help="the gate's table, for the docs")
     parser.add_argument("--store", type=Path, help="folder of simulated worlds")
     parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
     parser.add_argument("--scans", type=int, help="the first so many of each recording")
@@ -191,9 +190,8 @@ def main() -> None:
         for line in lines[1:]:
             shown.add_row(*line)
         Console(width=150).print(shown)
-        if arguments.markdown:
-            rule = ["---", *["---:"] * len(arguments.sensors), "---", "---", "---:"]
-            arguments.markdown.write_text("".join(f"| {' | '.join(line)} |\n" for line in [lines[0], rule, *lines[1:]]))
+        if arguments.json:
+            arguments.json.write_text(json.dumps(lines, indent=1))
         return
     sequences = [opened(recording, arguments.store) for recording in arguments.recordings]
     table, rows = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)"), []

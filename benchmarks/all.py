@@ -6,6 +6,7 @@
     python benchmarks/all.py --list                                               what there is, and what is out of date
     python benchmarks/all.py --write                                   stored results into the tables of README and docs
 
+Jobs about the recordings of `docs/quality.md` need the environment variable AUTOMOS_RECORDINGS, as `gate.py` does.
 A job is one script of this folder with fixed arguments. Its result is stored as JSON in benchmarks/results/tables/ with
 the commit and a digest of the code that made it; one that is there for today's code is not made again, so the command
 goes on where it was interrupted. Tables of the pages stand between `<!-- table NAME -->` and `<!-- end -->`, each with
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -75,6 +77,8 @@ def main() -> None:
             continue
         if job.needs_drive and arguments.drive is None:
             parser.error(f"{name} is scored on a real drive: give --drive FOLDER, or others with --only")
+        if job.needs_recordings and not os.environ.get("AUTOMOS_RECORDINGS"):
+            parser.error(f"{name} is about real recordings: let AUTOMOS_RECORDINGS name their folder, or see --only")
         try:
             # nothing of another state is taken
             run(job, arguments.drive, arguments.store, arguments.cache / code, arguments.quick)

@@ -1,7 +1,7 @@
 """What recorders' conventions cost: labels of the same drives, cut, ordered and timed otherwise, or driven otherwise.
 
     python benchmarks/conventions.py --store FOLDER [--conventions NAME ...] [--scenarios ...] [--sensors ...]
-                                     [--scans 40] [--seed 17] [--preset default] [--workers 1] [--markdown FILE]
+                                     [--scans 40] [--seed 17] [--preset default] [--workers 1] [--json FILE]
 
 Each simulated drive is written as each recorder would have kept it, read back and labelled; the table gives the IoU of
 the moving class as it is and what each convention costs, in points, the mean over the scenarios, by sensor. "refused"
@@ -12,6 +12,7 @@ Scores are kept in FOLDER by the contents of the package.
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -185,7 +186,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--preset", default="default")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--markdown", type=Path, help="the table, for the docs")
+    parser.add_argument("--json", type=Path, help="the table, for the docs")
     arguments = parser.parse_args()
     scores = Scores(arguments.store, arguments.preset, arguments.workers)
     names = ["plain", *(name for name in arguments.conventions if name != "plain")]
@@ -203,9 +204,8 @@ def main() -> None:
     for line in table[1:]:
         shown.add_row(*line)
     console.print(shown)
-    if arguments.markdown:
-        rule = ["---", *["---:"] * (len(table[0]) - 1)]
-        arguments.markdown.write_text("".join(f"| {' | '.join(line)} |\n" for line in [table[0], rule, *table[1:]]))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(table, indent=1))
 
 
 _PLAIN = (str(Conditions()), 1)

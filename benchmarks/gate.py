@@ -2,7 +2,7 @@
 
     python benchmarks/gate.py --store FOLDER [--parts worlds tutorial real conventions] [--seeds 100 101 102 103]
                               [--scenarios ...] [--sensors ...] [--scans 60] [--preset default] [--workers 1]
-                              [--against TABLE] [--save] [--name NAME] [--diagram FILE]
+                              [--against TABLE] [--save] [--name NAME] [--diagram FILE] [--json FILE]
                               [--simulate-only | --scored-only]
 
 Worlds are simulated once into FOLDER (about 12 GB for all 144) and scored without being looked at: for understanding,
@@ -114,6 +114,7 @@ def main() -> None:
     parser.add_argument("--save", action="store_true")
     parser.add_argument("--name", default=commit())
     parser.add_argument("--diagram", type=Path)
+    parser.add_argument("--json", type=Path, help="the table, for the docs")
     parser.add_argument("--simulate-only", action="store_true")
     parser.add_argument("--scored-only", action="store_true")
     arguments = parser.parse_args()
@@ -145,6 +146,8 @@ def main() -> None:
     print_tables(table, before)
     if arguments.diagram is not None:
         draw_reliability(table, arguments.diagram)
+    if arguments.json is not None:
+        arguments.json.write_text(_as_text(table))
     if arguments.save:
         RESULTS.mkdir(exist_ok=True)
         out = RESULTS / f"gate-{arguments.name}.json"

@@ -1,11 +1,11 @@
 """Drift of the odometry, before and after refinement, on real drives and simulated worlds, from raw scans.
 
     AUTOMOS_RECORDINGS=folder python benchmarks/odometry.py [--worlds canyon motorway]
-        [--sensors HDL-64E OS1-128 VLP-16] [--scans 100] [--seed 0] [--cache FOLDER] [--json FILE] [KEY=VALUE ...]
+        [--sensors HDL-64E OS1-128 VLP-16] [--scans 100] [--seed 0] [--cache FOLDER] [--json FILE] [--set KEY=VALUE ...]
 
 Errors are in percent of the distance driven meanwhile, over stretches that start at every scan: mean / max. A stretch
 on which the vehicle came less than a metre has none. Wall thickness is what surfaces seen a second apart measure
-across: it needs no reference, so it also tells how good the reference's own poses are. KEY=VALUE sets fields of the
+across: it needs no reference, so it also tells how good the reference's own poses are. --set changes fields of the
 odometry's settings. Real drives are the folders sequences/NAME of AUTOMOS_RECORDINGS that hold poses. Simulated
 recordings are kept in the cache folder.
 """
@@ -100,10 +100,10 @@ def main() -> None:
     parser.add_argument("--no-drives", action="store_true", help="simulated worlds only")
     parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "suite")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("settings", nargs="*", metavar="KEY=VALUE", help="fields of the odometry's settings")
-    arguments = parser.parse_intermixed_args()
+    parser.add_argument("--set", nargs="*", default=[], metavar="KEY=VALUE", help="fields of the odometry's settings")
+    arguments = parser.parse_args()
     arguments.cache.mkdir(parents=True, exist_ok=True)
-    changes = {key: yaml.safe_load(value) for key, value in (pair.split("=", 1) for pair in arguments.settings)}
+    changes = {key: yaml.safe_load(value) for key, value in (pair.split("=", 1) for pair in arguments.set)}
     settings = OdometrySettings(**changes)
     rows = {}
     table = Table("recording", "refined", *(f"{s}, %" for s in STRETCHES), "walls, cm", "s/scan (CPU)")

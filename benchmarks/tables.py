@@ -7,139 +7,33 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import rows as make_rows
 from jobs import JOBS, RIVALS, Job
+from rows import Rows
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results" / "tables"
 MARK = re.compile(r"(?P<head><!-- table (?P<name>[\w-]+) -->\n)(?P<shown>.*?)(?P<end><!-- end -->)", re.DOTALL)
-Rows = list[list[str]]
-
-
-REPORTED = {
-    "octomap": "8.8-48.4",
-    "removert": "53.6-82.7",
-    "erasor": "8.0-23.5",
-    "dufomap": "76.4",
-    "m_detector": "86.4",
-    "hmm_mos": "75.1",
-}
-"""IoU of public implementations on the drive, with their shipped settings and KISS-ICP's poses; by rule where two."""
-
-
-def _percent(value: float | None) -> str:
-    return "" if value is None else f"{100 * value:.1f}"
-
-
-def _only(result: dict) -> dict:
-    (recording,) = result.values()
-    return recording
-
-
-def _methods_of_drive(*results: dict) -> Rows:
-    rows = [["method", "IoU", "precision", "recall", "reported", "s/scan", "spread", "CPU s/scan", "peak MB", "future"]]
-    for name, method in _joined(results)["methods"].items():
-        ratios = [_percent(method[key]) for key in ("iou", "precision", "recall")]
-        alone = (method.get("cores_of_others") or 0.0) <= 0.1
-        cost = [
-            f"{'' if alone else '< '}{method['seconds_per_scan']:.2f}",
-            f"{method['seconds_spread']:.2f}" if method["runs"] > 1 else "",
-            "" if method["cpu_seconds_per_scan"] is None else f"{method['cpu_seconds_per_scan']:.2f}",
-            "" if method["peak_mb"] is None else f"{method['peak_mb']:.0f}",
-        ]
-        future = "yes" if method["needs_future"] else "no"
-        rows.append([method["title"], *ratios, REPORTED.get(name, ""), *cost, future])
-    return rows
-
-
-def _joined(results: tuple[dict, ...]) -> dict:
-    """Return the only recording of several results, with the methods of all of them."""
-    parts = [_only(result) for result in results]
-    return {**parts[0], "methods": {name: method for part in parts for name, method in part["methods"].items()}}
-
-
-def _presets_of_drive(result: dict) -> Rows:
-    methods = _only(result)["methods"]
-    rows = [["preset", "IoU", "precision", "recall"]]
-    for preset in ("paper", "default"):
-        rows.append([f"`{preset}`", *(_percent(methods[preset][key]) for key in ("iou", "precision", "recall"))])
-    return rows
-
-
-def _methods_of_worlds(*results: dict) -> Rows:
-    """One row a method, one column a world of all results; where nothing moves, false points a scan, in brackets."""
-    common = [world for world in results[0] if all(world in result for result in results)]
-    worlds = {world: _joined(tuple({world: result[world]} for result in results)) for world in common}
-    rows = [["method", *(f"`{world}`" for world in worlds)]]
-    titles = {name: m["title"] for world in worlds.values() for name, m in world["methods"].items()}
-    for name, title in titles.items():
-        rows.append([title, *(_cell(world, name) for world in worlds.values())])
-    return rows
-
-
-def _cell(world: dict, method: str) -> str:
-    found = world["methods"].get(method)
-    if found is None:
-        return ""
-    if found["true_dynamic"] + found["false_static"] == 0:
-        return f"({found['false_dynamic'] / world['n_scans']:.0f})"
-    return _percent(found["iou"])
-
-
-def _suite(preset: str) -> Callable[[list[dict]], Rows]:
-    def rows(result: list[dict]) -> Rows:
-        cells = {tuple(row["cell"]): row for row in result if row["cell"][2] == preset}
-        sensors, worlds = list(dict.fromkeys(c[1] for c in cells)), list(dict.fromkeys(c[0] for c in cells))
-        return [
-            ["world", *sensors],
-            *(
-                [f"`{world}`", *(_cell_of_suite(cells[world, sensor, preset]) for sensor in sensors)]
-                for world in worlds
-            ),
-        ]
-
-    return rows
-
-
-def _cell_of_suite(row: dict) -> str:
-    """Return the IoU; where nothing moves false points a scan, in brackets."""
-    nothing_moves = row["true_points"] + row["missed_points"] == 0
-    return f"({row['false_points'] / row['scans']:.1f})" if nothing_moves else _percent(row["iou"])
-
-
-def _robustness(result: list[dict]) -> Rows:
-    plain = {row["recording"]: row["iou"] for row in result if row["case"] == "as it is"}
-    return [
-        ["", "IoU", "change"],
-        *(
-            [row["case"], _percent(row["iou"]), f"{100 * (row['iou'] - plain[row['recording']]):+.1f}"]
-            for row in result
-        ),
-    ]
-
-
-def _ablation(result: list[dict]) -> Rows:
-    return [["", "IoU", "false points"], *([r["choice"], _percent(r["iou"]), f"{r['false']:,}"] for r in result)]
-
-
-def _speed(result: list[dict]) -> Rows:
-    rows = [["stage", *(f"{row['scans']} scans" for row in result)]]
-    for stage in result[0]["seconds_per_scan"]:
-        rows.append([stage, *(f"{row['seconds_per_scan'][stage]:.3f} s" for row in result)])
-    rows.append(["processor time", *(f"{row['cpu_seconds_per_scan']:.3f} s" for row in result)])
-    rows.append(["peak memory", *(f"{row['peak_mb']['all']:.0f} MB" for row in result)])
-    return rows
 
 
 TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
-    "presets-drive": (("presets",), _presets_of_drive),
-    "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), _methods_of_drive),
-    "methods-worlds": ((*(f"worlds-{rival}" for rival in RIVALS), "worlds-presets"), _methods_of_worlds),
-    "suite-default": (("suite",), _suite("default")),
-    "suite-paper": (("suite",), _suite("paper")),
-    "robustness": (("robustness",), _robustness),
-    "ablation": (("ablation",), _ablation),
-    "speed-default": (("speed",), _speed),
-    "speed-paper": (("speed-paper",), _speed),
+    "presets-drive": (("presets",), make_rows.presets_of_drive),
+    "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), make_rows.methods_of_drive),
+    "methods-worlds": ((*(f"worlds-{rival}" for rival in RIVALS), "worlds-presets"), make_rows.methods_of_worlds),
+    "suite-default": (("suite",), make_rows.suite("default")),
+    "suite-paper": (("suite",), make_rows.suite("paper")),
+    "robustness": (("robustness",), make_rows.robustness),
+    "ablation": (("ablation",), make_rows.ablation),
+    "speed-default": (("speed",), make_rows.speed),
+    "speed-paper": (("speed-paper",), make_rows.speed),
+    "gate": (("gate",), make_rows.gate),
+    "gate-recordings": (("gate-recordings",), make_rows.gate_recordings),
+    "conventions": (("conventions",), make_rows.as_it_is),
+    "trust": (("trust",), make_rows.trust),
+    "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
+    "online": (("online",), make_rows.online),
+    "online-suite": (("online-suite",), make_rows.online_suite),
+    "odometry": (("odometry",), make_rows.drift),
 }
 """Each table's jobs, and what makes its rows (the heading first) of their results."""
 

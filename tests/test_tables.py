@@ -7,6 +7,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import jobs
+import rows
 import tables
 
 
@@ -108,7 +109,7 @@ def test_worlds_in_which_nothing_moves_count_false_points():
     moving = still | {"iou": 0.5, "true_dynamic": 10}
     one = {"country": {"n_scans": 10, "methods": {"x": still}}, "city": {"n_scans": 10, "methods": {"x": moving}}}
     other = {"country": {"n_scans": 10, "methods": {}}, "city": {"n_scans": 10, "methods": {"y": moving}}}
-    assert tables._methods_of_worlds(one, other) == [
+    assert rows.methods_of_worlds(one, other) == [
         ["method", "`country`", "`city`"],
         ["X", "(3)", "50.0"],
         ["X", "", "50.0"],
