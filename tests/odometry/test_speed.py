@@ -8,7 +8,7 @@ from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score
 from automos.odometry.links import Alignment, Window
 from automos.odometry.refine import RollingRefinement, is_ahead, refine_poses
 from automos.odometry.speed import SpeedSearch, lengthen, search_speed
-from automos.odometry.speed_scores import Landmarks
+from automos.odometry.speed_scores import Landmarks, score_speeds
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import surfels_of
 from automos.settings import OdometrySettings
@@ -60,6 +60,17 @@ def test_without_it_refinement_keeps_step_with_the_traffic(canyon):
 def test_right_steps_stay(canyon):
     world, truth = canyon
     assert not search_speed(window_of(world, truth), SETTINGS).missing.any()
+
+
+def test_who_brakes_finds_again_over_both_lags_what_stands():
+    pose = curve(1.0, 0.0)  # metres come are told, not seconds
+    braking = [9.0 * t - 3.5 * t**2 for t in 0.1 * np.arange(13)]
+    truth = np.array([pose(way) for way in braking])
+    window = window_of(record(CANYON, truth, n_beams=32), np.linalg.inv(truth[0]) @ truth)
+    scores = score_speeds(np.eye(3)[0], window, window.surfels, SETTINGS, None)
+    over_both = scores.refound.sum(axis=1)
+    near = [slice(at - 1, at + 2) for at in scores.nearest]
+    assert all(of_place[there].max() > 0.95 * of_place.max() for of_place, there in zip(over_both, near, strict=True))
 
 
 def test_a_vehicle_that_stands_is_not_driven_by_those_who_pass():

@@ -28,6 +28,8 @@ ACCELERATION_SECONDS = 0.5
 """Over which accelerations are looked at: what is held in a hand shakes, in less, as no vehicle does."""
 MAX_ACCELERATION = 8.0
 """m/s², an emergency stop. Poses that leave the world for the traffic, or return to it, change their speed by more."""
+WITHOUT_CLOCK = 4.0
+"""Times as great as it is an acceleration may seem where scans are only counted: the slowest sensors turn at 5 Hz."""
 
 
 def measure_consistency(
@@ -113,7 +115,7 @@ def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
     }
 
 
-def doubts(figures: dict[str, Any], settings: OdometrySettings) -> list[str]:
+def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:
     """Return warnings, in sentences, that the `figures` of a run call for."""
     found = []
     if figures.get("is_speed_doubted", False):
@@ -125,7 +127,7 @@ def doubts(figures: dict[str, Any], settings: OdometrySettings) -> list[str]:
             "are not to be trusted: give your own poses (--poses)."
         )
     acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
-    if acceleration > MAX_ACCELERATION:
+    if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
         found.append(
             f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s in a "
             "second, which no vehicle does: before or after it the poses are wrong, they may follow traffic rather "

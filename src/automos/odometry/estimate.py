@@ -73,7 +73,7 @@ def estimate_trajectory(
             figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
         acceleration, at = greatest_acceleration(poses, clock.stamps)
         figures |= {"greatest_acceleration_m_s2": acceleration, "greatest_acceleration_at": sequence.names[at]}
-        warnings += doubts(figures, settings)
+        warnings += doubts(figures, settings, clock.has_stamps)
         T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
         if not has_ground:
             warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")

@@ -141,7 +141,9 @@ def score_speeds(
         whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
         ends = start + np.array(lags)
         seconds = clock[ends] - clock[start]
-        distances = speeds * seconds[:, None]
+        come = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
+        # Who brakes has another mean speed over each lag: another speed is a change that all of them share.
+        distances = come[:, None] + (speeds - come[-1] / seconds[-1]) * seconds[:, None]
         found = np.array([
             score_distances(
                 submap, surfels[end], inverse(T[start]) @ T[end], forward, distance, window.share * period / passed,
