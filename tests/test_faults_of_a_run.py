@@ -1,5 +1,6 @@
 """Kills, files that may not grow, and races while one recording is labelled, merged, exported: reruns are the same."""
 
+import os
 import random
 import signal
 import subprocess
@@ -117,3 +118,17 @@ def test_what_is_merged_or_exported_while_files_may_not_grow_leaves_nothing_half
             assert said.count("error: ") == 1
             assert not (out / "run.json").exists()
             assert not list(out.rglob("*.part"))
+
+
+@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)], ids=str)
+def test_a_run_without_standard_streams_gives_the_same_bytes(log, tmp_path, closed):
+    """A job scheduler may close any of them; files opened then take their numbers, and nothing may be written there."""
+    recording, wanted = log
+
+    def close():
+        for number in closed:
+            os.close(number)
+
+    words = ("label", str(recording), "--out", str(tmp_path / "run"), "--workers", "1")
+    assert subprocess.run([*COMMAND, *words], preexec_fn=close, timeout=500, check=False).returncode == 0
+    assert contents(tmp_path / "run") == wanted
