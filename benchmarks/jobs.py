@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 
@@ -29,7 +30,7 @@ class Job:
         return "DRIVE_0005" in self.arguments
 
     def command(self, is_quick: bool) -> str:
-        return f"python benchmarks/{self.script} {' '.join(self.quick if is_quick else self.arguments)}"
+        return f"python benchmarks/{self.script} {shlex.join(self.quick if is_quick else self.arguments)}"
 
 
 RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m_detector", "hmm_mos")
@@ -46,6 +47,11 @@ _FEW_WORLDS = ("--scenarios", "city", "avenue", "hills")
 _STORE = ("--store", "STORE")
 _GATE = (*_STORE, "--seeds", "100")
 _FEW_CHOICES = ("everything", "evidence of 1 s only", "where it went does not count")
+_UNCERTAIN_CHOICES = (
+    *("what has stayed is forgotten", "objects may lose their points", "torn segments stay whole", "objects may climb"),
+    *("objects may grow", "what was lost may have stayed", "numbers of points do not choose"),
+    "what overlaps may be another",
+)
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
 
@@ -110,7 +116,7 @@ JOBS = {
         Job(
             "conventions",
             "conventions.py",
-            (*_STORE, "--scenarios", "city", "--sensors", "VLP-16", "HDL-64E"),
+            _STORE,
             (*_STORE, "--scenarios", "city", "--sensors", "VLP-16"),
         ),
         Job("trust", "trust.py", (*_STORE, "--seed", "30"), (*_STORE, "--seed", "30", "--only", "VLP-16")),
@@ -119,6 +125,12 @@ JOBS = {
             "ablation.py",
             (*_STORE, "--gate", "100", "--sensors", "VLP-16"),
             (*_STORE, "--gate", "100", "--sensors", "VLP-16", "--choices", *_FEW_CHOICES),
+        ),
+        Job(
+            "ablation-sensors",
+            "ablation.py",
+            (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES),
+            (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES[:2]),
         ),
         Job("online", "online.py", (*_ONLINE, "--lags", "0", "0.5"), (*_ONLINE, "--lags", "0", "--scans", "60")),
         Job(

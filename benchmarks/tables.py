@@ -31,6 +31,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "conventions": (("conventions",), make_rows.as_it_is),
     "trust": (("trust",), make_rows.trust),
     "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
+    "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
     "online": (("online",), make_rows.online),
     "online-suite": (("online-suite",), make_rows.online_suite),
     "odometry": (("odometry",), make_rows.drift),

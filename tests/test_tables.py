@@ -123,3 +123,52 @@ def test_a_result_of_other_code_is_out_of_date(tmp_path, monkeypatch):
     (tmp_path / "presets.json").write_text('{"code": "now", "commit": "abc", "date": "2026-01-01", "is_quick": false}')
     assert tables.state_of(job, "now") == "up to date"
     assert "abc" in tables.state_of(job, "later")
+
+
+def gate_row(moving: int, false: int) -> dict:
+    scored = {"iou": 0.5 if moving else 0.0, "true_points": moving, "missed_points": moving, "false_points": false}
+    return scored | {"cpu_seconds": 6.0, "scans": 60, "peak_mb": 400.2, "called_moving": 7, "percent_moving": 0.01}
+
+
+def test_the_gate_has_a_row_a_world_and_means_over_worlds_in_which_something_moves():
+    found = {"100/city/VLP-16": gate_row(10, 3), "100/country/VLP-16": gate_row(0, 1200)}
+    assert rows.gate({"rows": found, "calibration": {"VLP-16": [0.001, 0.0064]}}) == [
+        ["world", "VLP-16"],
+        ["`city`", "50.0 (3)"],
+        ["`country`", "(1,200)"],
+        ["**mean**", "**50.0**"],
+        ["processor seconds a scan", "0.10"],
+        ["peak memory, MB", "400"],
+        ["calibration error, moving", "0.006"],
+        ["calibration error, static", "0.001"],
+    ]
+
+
+def test_a_recording_without_truth_has_points_that_move_and_one_that_is_not_read_says_so():
+    found = {"tutorial": gate_row(10, 0), "real/yard": gate_row(0, 0), "real/odd": {"refused": "why"}}
+    assert rows.gate_recordings({"rows": found})[1:] == [
+        ["tutorial", "50.0", "7", "0.0100 %"],
+        ["yard", "", "7", "0.0100 %"],
+        ["odd", "refused", "", ""],
+    ]
+
+
+def test_drives_that_are_off_or_warned_of_are_named_and_the_others_counted():
+    found = {"a": {"off": 0.001, "said": []}, "b": {"off": 0.2, "said": []}, "c": {"off": 0.002, "said": ["poses"]}}
+    assert rows.trust(found)[1:] == [
+        ["b", "20.0 %", "no"],
+        ["c", "0.2 %", "yes"],
+        ["the other 1", "0.1 % at most", "no"],
+    ]
+
+
+def test_online_worlds_have_a_column_for_each_sensor_and_lag():
+    cells = [(100, "city", "VLP-16", 0.0), (100, "city", "VLP-16", 0.5), (100, "country", "VLP-16", 0.0)]
+    result = [{"cell": list(cell), **gate_row(cell[1] == "city", 4)} for cell in cells]
+    result.append({"cell": [100, "country", "VLP-16", 0.5], **gate_row(0, 0)})
+    assert rows.online_suite(result) == [
+        ["world", "VLP-16, 0 s", "VLP-16, 0.5 s"],
+        ["`city`", "50.0", "50.0"],
+        ["`country`", "(4)", "(0)"],
+        ["**mean**", "**50.0**", "**50.0**"],
+    ]
