@@ -117,7 +117,7 @@ JOBS = {
             "conventions",
             "conventions.py",
             _STORE,
-            (*_STORE, "--scenarios", "city", "--sensors", "VLP-16"),
+            (*_STORE, "--scenarios", "city", "junction"),
         ),
         Job("trust", "trust.py", (*_STORE, "--seed", "30"), (*_STORE, "--seed", "30", "--only", "VLP-16")),
         Job(
