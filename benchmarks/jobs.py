@@ -132,6 +132,7 @@ JOBS = {
             (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES),
             (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES[:2]),
         ),
+        Job("simulator-odometry", "simulator_odometry.py", (), ("--scenarios", "city", "canyon")),
         Job("online", "online.py", (*_ONLINE, "--lags", "0", "0.5"), (*_ONLINE, "--lags", "0", "--scans", "60")),
         Job(
             "online-suite",

@@ -199,6 +199,18 @@ def drift(result: dict) -> Rows:
     return rows
 
 
+def end_drift(result: dict) -> Rows:
+    """How far off the last scan of each world is with either preset, metres and percent of the way."""
+    rows = [["scenario", "way, m", "`paper`: drift, m", "%", "over 1 s, m", "`default`: drift, m", "%", "over 1 s, m"]]
+    for scenario, by_preset in result.items():
+        way, cells = by_preset["paper"]["way_m"], []
+        for row in (by_preset["paper"], by_preset["default"]):
+            percent = f"{100 * row['drift_m'] / way:.1f}" if way > 1.0 else "-"
+            cells += [f"{row['drift_m']:.2f}", percent, f"{row['over_1s_m']:.3f}"]
+        rows.append([f"`{scenario}`", f"{way:.0f}", *cells])
+    return rows
+
+
 def as_it_is(result: Rows) -> Rows:
     """What a script has tabulated itself."""
     return result

@@ -104,9 +104,10 @@ def code_digest(rooms: tuple[str, ...] = ()) -> str:
 
 
 def commit() -> str:
-    """Return the short commit of the package's source, with a + where files differ from it."""
+    """Return the short commit that changed the package's source last, with a + where files differ from it."""
     git = ["git", "-C", str(PACKAGE)]
-    found = subprocess.run([*git, "rev-parse", "--short=7", "HEAD"], capture_output=True, text=True, check=False)
+    last = [*git, "log", "-1", "--abbrev=7", "--format=%h", "--", "."]
+    found = subprocess.run(last, capture_output=True, text=True, check=False)
     if found.returncode != 0:
         return code_digest()
     is_clean = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "."], check=False).returncode == 0

@@ -34,6 +34,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
     "online": (("online",), make_rows.online),
     "online-suite": (("online-suite",), make_rows.online_suite),
+    "simulator-odometry": (("simulator-odometry",), make_rows.end_drift),
     "odometry": (("odometry",), make_rows.drift),
 }
 """Each table's jobs, and what makes its rows (the heading first) of their results."""
