@@ -85,6 +85,17 @@ def test_a_vehicle_that_stands_is_not_driven_by_those_who_pass():
     assert not search_speed(window_of(world, true_poses(pose, N)), SETTINGS).missing.any()
 
 
+def test_steps_lengthened_again_and_again_stay_rigid():
+    poses = true_poses(curve(SPEED, 0.1), 100)
+    longer = poses
+    for _ in range(12):
+        longer = lengthen(longer, np.tile([0.1, 0.0, 0.0], (99, 1)))
+    np.testing.assert_array_equal(longer[:, :3, :3], poses[:, :3, :3])
+    steps = np.linalg.inv(longer[:-1]) @ longer[1:]
+    before = np.linalg.inv(poses[:-1]) @ poses[1:]
+    np.testing.assert_allclose(steps[:, :3, 3], before[:, :3, 3] + [1.2, 0.0, 0.0], atol=1e-9)
+
+
 def test_one_scan_misses_nothing(canyon):
     world, truth = canyon
     surfels = [surfels_of(world.sequence[0].points, None)]

@@ -52,8 +52,8 @@ CHANCE = 0.15
 def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
     """Return (N - 1,) the gaps that the motion itself tells, where scans may be missing and no stamp says so.
 
-    How many are missing is the hypothesis under which the speed changes least and most is found again, if the scans
-    before and after agree on the speed.
+    How many are missing is the hypothesis under which the speed changes least and most is found again. The less the
+    scans before and after agree on the speed, the less a step's length tells.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
     """
     come, found = steps[:, :3, 3], gaps
     rarity = SELDOM + EACH * (TRIED - 1.0)
-    deviation = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
+    certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
     for _ in range(2):  # neighbours may have gaps of their own
         velocity, found = come / found[:, None], gaps.copy()
         for k in range(len(come)):
@@ -75,8 +75,9 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
             before, after = medians[0], medians[-1]
             usual = 0.5 * (before + after)
             length = np.linalg.norm(usual)
-            if length < LEAST_STEP or np.linalg.norm(after - before) > 0.2 * length:
-                continue  # twofold steps are hardly longer, or those around disagree
+            if length < LEAST_STEP:
+                continue  # twofold steps are hardly longer
+            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # both sides may be right
             off = np.linalg.norm(come[k] - TRIED[:, None] * usual, axis=1) / deviation
             cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
             if refound is not None:

@@ -21,7 +21,6 @@ import numpy.typing as npt
 from automos.geometry import inverse
 from automos.odometry.facing import stands, without_body
 from automos.odometry.links import Window
-from automos.odometry.motion import chain
 from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
 from automos.scan import Pose
 from automos.settings import OdometrySettings
@@ -84,10 +83,13 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
-    """Return the poses with `missing` (N - 1, 3) added to each step, in the frame of the scan it starts from."""
-    steps = inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]
-    steps[:, :3, 3] += missing
-    return chain(T_world_sensor[0], steps)
+    """Return the poses with `missing` (N - 1, 3) added to each step, in the frame of the scan it starts from.
+
+    Nothing is turned: steps that were taken apart and chained again and again would lose their rotations to rounding.
+    """
+    longer = T_world_sensor.copy()
+    longer[1:, :3, 3] += np.cumsum(np.einsum("nij,nj->ni", T_world_sensor[:-1, :3, :3], missing), axis=0)
+    return longer
 
 
 def _follow_speed(
