@@ -28,7 +28,7 @@ BASE = {
     "reading",
     "cells",
     "kernels",
-    "voxel_map",
+    "voxels",
 }
 METHOD = {"candidates", "instances", "tracking"}
 STAGES = {"odometry", "network", *METHOD}

@@ -26,11 +26,12 @@ from automos.array_sequence import as_sequence
 from automos.baselines.methods import published
 from automos.candidates.cue import cue_fingerprint
 from automos.errors import InputError
+from automos.loop_closure import close_loops
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.parallel import checked_workers
 from automos.recording_warnings import recording_warnings
-from automos.run import Progress, Run
+from automos.run import Progress, Run, Tick
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, given_settings
 from automos.stages.candidates import add_network_cue, find_candidates
@@ -39,7 +40,7 @@ from automos.stages.labels import label_scans
 from automos.stages.tracking import Scans, TrackedObjects, follow_and_judge
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
-from automos.workspace import Stage, Workspace, fingerprint
+from automos.workspace import Arrays, Stage, Workspace, fingerprint
 
 
 def label(
@@ -109,13 +110,15 @@ class Steps:
     @cached_property
     def trajectory(self) -> Trajectory:
         """Where the sensor was (III-A)."""
-        about, workers = self.settings.odometry, self.workers
-        return Trajectory.from_arrays(
-            self.run.once(
-                "odometry",
-                lambda tick: estimate_trajectory(self.sequence, about, self.poses, tick, workers).to_arrays(),
-            )
-        )
+
+        def estimate(tick: Tick) -> Arrays:
+            about = self.settings.odometry
+            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers)
+            if about.loop_closure:
+                found = close_loops(SequenceFrames(self.sequence, found), found, about.loops)
+            return found.to_arrays()
+
+        return Trajectory.from_arrays(self.run.once("odometry", estimate))
 
     @cached_property
     def frames(self) -> SequenceFrames:

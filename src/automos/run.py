@@ -12,6 +12,8 @@ from automos.workspace import Arrays, Stage, Workspace
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage's name, the scans done and their total."""
+Tick = Callable[[int, int], None]
+"""The same of one stage."""
 
 
 class Run:
@@ -25,7 +27,7 @@ class Run:
         self._workspace = workspace
         self._progress = progress or (lambda name, done, total: None)
 
-    def once(self, name: str, make: Callable[[Callable[[int, int], None]], Arrays]) -> dict[str, npt.NDArray]:
+    def once(self, name: str, make: Callable[[Tick], Arrays]) -> dict[str, npt.NDArray]:
         """Return the results of a stage that treats the recording as a whole; `make` is given a progress callback."""
         stage = self._workspace.stage(name, self.keys[name])
         if not stage.has("all"):

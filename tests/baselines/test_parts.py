@@ -16,7 +16,7 @@ from automos.baselines.regions import grow_regions
 from automos.errors import MissingExtraError
 from automos.scan import Frame
 from automos.settings import load_settings
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 
 # -------------------------------------------------------------------------------------------------------- batches

@@ -34,7 +34,7 @@ from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import iou_3d, points_in_boxes
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 
 def _ground(points: np.ndarray) -> None:

@@ -5,7 +5,7 @@ from worlds import record
 
 from automos.geometry import se3_exp
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.surfels import rows_of_first_in_voxel
+from automos.voxels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
 VOXEL, CAPACITY, MAX_RANGE = 0.8, 20, 60.0

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from automos.baselines.brick_grid import BrickGrid
 from automos.paper.submaps import cut_submaps
 from automos.scan import Frame, Frames, Mask
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 
 @dataclass(frozen=True)

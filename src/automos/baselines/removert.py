@@ -30,7 +30,7 @@ from automos.geometry import inverse
 from automos.kernels import kernel
 from automos.parallel import available_cores, map_in_order
 from automos.scan import Frames, Mask
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 _BATCH = BatchSize(scans=150)
 """As the authors advise."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 _STRIDE = 1 << 32
 

@@ -11,7 +11,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.links import Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.motion import SweepTiming, step_twists, usable_points
 from automos.odometry.speed import MIN_STEP, SpeedSearch
-from automos.odometry.speed_scores import CLEARLY_MORE, Landmarks
+from automos.odometry.speed_scores import Landmarks
 from automos.odometry.surfels import surfels_of
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
@@ -105,13 +105,12 @@ def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
     there = Landmarks.concatenate([search.landmarks_at_rival for search in searches])
     refound, expected, at_rival = here.refound.sum(), here.expected.sum(), there.refound.sum()
     is_rival_ahead = there.explains_more_than(here) and at_rival - refound > AHEAD * at_rival
-    is_too_little = expected - refound > CLEARLY_MORE * np.sqrt(expected)
     return {
         "landmarks_refound": float(refound),
         "landmarks_expected": float(expected),
         "refound_at_rival": float(at_rival),
         "rival_faster_m_s": float(np.mean(there.speeds - here.speeds)) if len(here.speeds) else 0.0,
-        "is_speed_doubted": bool(is_rival_ahead or is_too_little),
+        "is_speed_doubted": bool(is_rival_ahead or here.are_missed),
     }
 
 

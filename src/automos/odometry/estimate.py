@@ -15,7 +15,6 @@ from automos.odometry.clock import Clock, DistinctScans, read_clock, with_repeat
 from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
-from automos.odometry.loops import close_loops
 from automos.odometry.missing_scans import FacingGaps, find_missing
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
@@ -77,8 +76,6 @@ def estimate_trajectory(
         T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
         if not has_ground:
             warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")
-        if settings.loop_closure:
-            poses, figures["loops_closed"] = close_loops(sequence, poses, T_level_world, timing, clock, settings)
     motion = timing.share * step_twists(poses, clock.gaps)
     return Trajectory(poses, clock.stamps, motion, timing, T_level_world, {"warnings": warnings, **figures})
 

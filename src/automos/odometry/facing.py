@@ -7,8 +7,9 @@ import numpy.typing as npt
 
 from automos.kernels import kernel
 from automos.odometry.submap import VOXEL, Submap
-from automos.odometry.surfels import Surfels, find_slot, level_of, variance_along, voxel_key
+from automos.odometry.surfels import Surfels, key_at_level, level_of, variance_along
 from automos.scan import Pose
+from automos.voxels import VoxelMap, find_slot
 
 CLOSE = 0.15
 """Metres, surfels nearer to a surface than this have found it again: poses that are not yet refined are off by less."""
@@ -84,7 +85,8 @@ def without_body(surfels: list[Surfels]) -> list[Surfels]:
         return []
     is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
     means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
-    _, voxel, count = np.unique(_voxel_keys(means), return_inverse=True, return_counts=True)
+    voxel = VoxelMap(BODY_VOXEL).add(means)
+    count = np.bincount(voxel)
     spread = np.zeros(len(count))
     for axis in range(3):
         mean = np.bincount(voxel, means[:, axis], len(count)) / count
@@ -98,11 +100,6 @@ def without_body(surfels: list[Surfels]) -> list[Surfels]:
         is_body = is_body[n:]
         out.append(scan[keep])
     return out
-
-
-def _voxel_keys(points: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    k = np.floor(points / BODY_VOXEL).astype(np.int64) + (1 << 20)
-    return (k[:, 0] << 42) | (k[:, 1] << 21) | k[:, 2]
 
 
 def stands(refound: Array, whole: Array) -> bool:
@@ -165,7 +162,7 @@ def _score(  # type: ignore[no-untyped-def]
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(few_keys, voxel_key(x, y, z, level_of(x, y, z), inverse_voxel))
+            slot = find_slot(few_keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
             if few_keys[slot] == -1:
                 continue
             row = few_rows[slot]

@@ -23,6 +23,7 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.speed import search_speed
 from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
@@ -163,11 +164,14 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
         steps = _follow(KissOdometry(settings, timing, twist, KNOWN_MOTION), scans, gaps)
         if any(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() < SAME_START for other in tried):
             continue
-        start, misfit = _align_start(steps, surfels, settings, share, gaps)
-        if not tried and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
+        start, misfit, is_contradicted = _align_start(steps, surfels, settings, share, gaps)
+        is_from_rest = not tried
+        if is_from_rest and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
             return rest
-        if misfit is not None and misfit < least:
-            best, least = (start, misfit) if tried else (rest, misfit + np.log1p(-TRIAL_GAIN))
+        if misfit is not None:
+            misfit += np.log1p(-TRIAL_GAIN) * (is_from_rest - is_contradicted)
+            if misfit < least:
+                best, least = rest if is_from_rest else start, misfit
         tried.append(steps)
     return best
 
@@ -183,13 +187,17 @@ def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
 
 def _align_start(
     steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
-) -> tuple[Array, float | None]:
-    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
+) -> tuple[Array, float | None, bool]:
+    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, how badly they align.
+
+    And whether landmarks contradict it: who is as slow as that must see them again.
+    """
     n, T = len(surfels), chain(np.eye(4), steps)
     as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
     aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
     T = aligned.T_world_sensor
-    return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit
+    is_contradicted = search_speed(aligned, settings).landmarks.are_missed
+    return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit, is_contradicted
 
 
 def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from automos.geometry import make_transform, rotation_between
 from automos.kernels import kernel
 from automos.odometry.motion import MIN_POINTS
-from automos.odometry.surfels import find_slot, voxel_key
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
+from automos.voxels import find_slot, voxel_key
 
 _log = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         if not x * x + y * y + z * z < reach * reach:
             continue
-        key = voxel_key(x, y, z, 0, 1.0 / voxel)
+        key = voxel_key(x, y, z, 1.0 / voxel)
         slot = find_slot(keys, key)
         off = 0.0
         for c in (x / voxel, y / voxel, z / voxel):

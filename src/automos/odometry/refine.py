@@ -17,7 +17,7 @@ import numpy.typing as npt
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
 from automos.odometry.consistency import can_be_driven
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
-from automos.odometry.pose_graph import FIXED, NormalEquations
+from automos.odometry.normal_equations import FIXED, NormalEquations
 from automos.odometry.speed import SpeedSearch, lengthen, search_speed
 from automos.odometry.speed_scores import Landmarks
 from automos.odometry.submap import Fit

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.kernels import kernel
-from automos.odometry.surfels import find_slot, rows_of_first_in_voxel, voxel_key
 from automos.scan import Points, Pose
+from automos.voxels import ALONG_X, ALONG_Y, ALONG_Z, find_slot, rows_of_first_in_voxel, voxel_key
 
 Array = npt.NDArray[np.float64]
 
@@ -101,7 +101,7 @@ class Icp:
 def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
     """Enter the voxels of `firsts` (V, 3), one point of each, in the table."""
     for row in range(len(firsts)):
-        key = voxel_key(firsts[row, 0], firsts[row, 1], firsts[row, 2], 0, 1.0 / voxel)
+        key = voxel_key(firsts[row, 0], firsts[row, 1], firsts[row, 2], 1.0 / voxel)
         slot = find_slot(keys, key)
         keys[slot], rows[slot] = key, row
 
@@ -114,7 +114,7 @@ def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
     apart = voxel * voxel / capacity
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        key = voxel_key(x, y, z, 0, 1.0 / voxel)
+        key = voxel_key(x, y, z, 1.0 / voxel)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], rows[slot] = key, n
@@ -141,7 +141,7 @@ def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
     What lies in no neighbour is no nearer than the second.
     """
     keys, rows, cells, counts, voxel = local_map
-    center = voxel_key(x, y, z, 0, 1.0 / voxel)
+    center = voxel_key(x, y, z, 1.0 / voxel)
     fx, fy, fz = x / voxel, y / voxel, z / voxel
     fx, fy, fz = voxel * (fx - np.floor(fx)), voxel * (fy - np.floor(fy)), voxel * (fz - np.floor(fz))
     best, second = np.inf, np.inf
@@ -153,7 +153,7 @@ def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
         gz = fz if oz < 0 else (voxel - fz if oz > 0 else 0.0)
         if gx * gx + gy * gy + gz * gz >= second:
             continue
-        slot = find_slot(keys, center + (ox << 39) + (oy << 21) + (oz << 3))
+        slot = find_slot(keys, center + ox * ALONG_X + oy * ALONG_Y + oz * ALONG_Z)
         if keys[slot] == -1:
             continue
         row = rows[slot]

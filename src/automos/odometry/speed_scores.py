@@ -67,6 +67,12 @@ class Landmarks:
         """Whether these speeds have clearly more evidence than others."""
         return self.lead_over(other) > CLEARLY_MORE
 
+    @property
+    def are_missed(self) -> bool:
+        """Whether clearly less is found again than should be: who stands finds again what stands beside the road."""
+        missed = self.expected.sum() - self.refound.sum()
+        return bool(missed > CLEARLY_MORE * np.sqrt(self.expected.sum()))
+
     def lead_over(self, other: Landmarks) -> float:
         """Return how much more evidence there is where speeds differ, in deviations of counts: their roots."""
         differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED

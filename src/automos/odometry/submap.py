@@ -19,12 +19,12 @@ from automos.odometry.surfels import (
     across,
     eigenvalues,
     eigenvector,
-    find_slot,
+    key_at_level,
     level_of,
     variance_along,
-    voxel_key,
 )
 from automos.scan import Points, Pose
+from automos.voxels import find_slot
 
 VOXEL = 0.8
 """Metres, edge of a voxel nearer than `surfels.NEAR`, doubling with distance: two surfels wide, to hold a plane."""
@@ -135,7 +135,7 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
         x = r00 * mx + r01 * my + r02 * mz + T[0, 3]
         y = r10 * mx + r11 * my + r12 * mz + T[1, 3]
         z = r20 * mx + r21 * my + r22 * mz + T[2, 3]
-        key = voxel_key(x, y, z, level_of(x, y, z), inverse_voxel)
+        key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], rows[slot] = key, m
@@ -215,7 +215,7 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
         x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + T[0, 3]
         y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + T[1, 3]
         z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + T[2, 3]
-        slot = find_slot(keys, voxel_key(x, y, z, level_of(x, y, z), inverse_voxel))
+        slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
         if keys[slot] == -1:
             continue
         row = rows[slot]

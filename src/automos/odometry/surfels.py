@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.cells import whole_below
 from automos.kernels import kernel
 from automos.scan import Points
+from automos.voxels import find_slot, voxel_key
 
 N_LEVELS = 4
 """Voxel sizes: each covers twice the distance of the one before."""
@@ -72,11 +72,6 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
 
 
-def rows_of_first_in_voxel(points: Points, voxel: float) -> npt.NDArray[np.int32]:
-    """Return the rows of the first of `points` (N, 3) in each voxel, ascending."""
-    return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
-
-
 @kernel
 def level_of(x, y, z):  # type: ignore[no-untyped-def]
     """Return the voxel level at a place in the frame of the sensor that sees it."""
@@ -90,23 +85,9 @@ def level_of(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def voxel_key(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
-    """Return the int64 that names a voxel: 18 bits per axis and the level."""
-    scale = inverse_voxel / (1 << level)
-    kx = whole_below(x * scale) + 131072
-    ky = whole_below(y * scale) + 131072
-    kz = whole_below(z * scale) + 131072
-    return (((kx << 18) | ky) << 18 | kz) << 3 | level
-
-
-@kernel
-def find_slot(keys, key):  # type: ignore[no-untyped-def]
-    """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
-    mask = len(keys) - 1
-    slot = (key * np.int64(-7046029254386353131) >> 29) & mask
-    while keys[slot] != -1 and keys[slot] != key:
-        slot = (slot + 1) & mask
-    return slot
+def key_at_level(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
+    """Return the int64 that names a voxel at a level, which doubles its edge."""
+    return voxel_key(x, y, z, inverse_voxel / (1 << level)) | level
 
 
 @kernel
@@ -120,7 +101,7 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
             continue
-        key = voxel_key(x, y, z, level_of(x, y, z), inverse_voxel)
+        key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
         if times[i] > 0.0:  # where the sweep ends beside its start, what it saw first and last lies apart
             key |= 4
         slot = find_slot(keys, key)
@@ -165,21 +146,6 @@ def _finish_moments(sums):  # type: ignore[no-untyped-def]
         count[i] = row[0]
         time[i] = row[10] * w
     return mean, covariance, count, time
-
-
-@kernel
-def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
-    keys = np.full(size, -1, np.int64)
-    rows = np.empty(len(points), np.int32)
-    n = 0
-    for i in range(len(points)):
-        key = voxel_key(float(points[i, 0]), float(points[i, 1]), float(points[i, 2]), 0, inverse_voxel)
-        slot = find_slot(keys, key)
-        if keys[slot] == -1:
-            keys[slot] = key
-            rows[n] = i
-            n += 1
-    return rows[:n]
 
 
 @kernel

@@ -21,7 +21,7 @@ from automos.paper.erasor_bins import Rules, Volume, compare_bins
 from automos.paper.submaps import cut_submaps
 from automos.scan import Frames
 from automos.settings import ErasorSettings
-from automos.voxel_map import VoxelMap
+from automos.voxels import VoxelMap
 
 
 class Published(NamedTuple):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.geometry import inverse, make_transform, se3_exp
-from automos.odometry.pose_graph import Edges, solve_pose_graph
+from automos.loop_closure.pose_graph import Edges, solve_pose_graph
 
 
 def along_x(x):

@@ -3,15 +3,15 @@ import pytest
 from worlds import Block, record
 
 from automos.geometry import inverse, make_transform, se3_exp
-from automos.odometry import loops
-from automos.odometry.clock import read_clock
-from automos.odometry.loops import RINGS, SECTORS, close_loops
+from automos.loop_closure import closing
+from automos.loop_closure.closing import RINGS, SECTORS, close_loops
+from automos.loop_closure.places import compare_places, describe_place
+from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming, chain
-from automos.odometry.places import compare_places, describe_place
-from automos.settings import LoopSettings, OdometrySettings
+from automos.odometry.trajectory import SequenceFrames
+from automos.settings import LoopSettings
 
 LOOPS = LoopSettings()
-SETTINGS = OdometrySettings(loop_closure=True)
 RADIUS, STEP = 14.0, 1.6  # m
 
 
@@ -37,9 +37,10 @@ def drifted(poses, slip, turn):
 
 
 def close(world, poses, **chosen):
-    settings = SETTINGS.model_copy(update={"loops": LoopSettings(**chosen)})
-    clock, T_level_world = read_clock(world.sequence), make_transform(t=[0.0, 0.0, 1.8])
-    return close_loops(world.sequence, poses, T_level_world, SweepTiming(), clock, settings)
+    n = len(poses)
+    drifted = Trajectory(poses, 0.1 * np.arange(n), np.zeros((n, 6)), SweepTiming(), make_transform(t=[0.0, 0.0, 1.8]))
+    closed = close_loops(SequenceFrames(world.sequence, drifted), drifted, LoopSettings(**chosen))
+    return closed.T_world_sensor, closed.diagnostics["loops_closed"]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_a_street_without_revisits_stays_as_it_is(monkeypatch):
     world = record(houses(4, along), T)
     poses = drifted(world.poses, 0.01, 0.0005)
     for name, lenient in {"MAX_OFFSET": 200.0, "MAX_DIFFERENCE": 1.0, "PLACE_EVERY": 10.0}.items():
-        monkeypatch.setattr(loops, name, lenient)
+        monkeypatch.setattr(closing, name, lenient)
     closed, n = close(world, poses)  # whatever is 50 m apart is tried
     assert n == 0
     np.testing.assert_array_equal(closed, poses)
@@ -95,17 +96,17 @@ def test_another_corner_that_looks_alike_is_refused(monkeypatch):
     world = record((*twice, *others), T)
     poses = world.poses
     for name, lenient in {"MAX_OFFSET": 200.0, "PLACE_SCANS": 1, "DEVIATION": 100.0}.items():
-        monkeypatch.setattr(loops, name, lenient)
+        monkeypatch.setattr(closing, name, lenient)
     assert close(world, poses, min_overlap=0.3)[1] > 0  # it does look alike
     closed, n = close(world, poses)
     assert n == 0
     np.testing.assert_array_equal(closed, poses)
 
 
-def test_a_wrong_closure_that_looks_right_is_outvoted_by_the_way_driven(circle, monkeypatch):
+def test_a_wrong_closure_that_looks_right_is_outvoted_by_the_path_driven(circle, monkeypatch):
     poses = circle.poses
     for name, lenient in {"MAX_DIFFERENCE": 1.0, "MAX_OFFSET": 200.0, "CANDIDATES": 1}.items():
-        monkeypatch.setattr(loops, name, lenient)
+        monkeypatch.setattr(closing, name, lenient)
     closed, n = close(circle, poses, min_overlap=0.05, min_distance=20.0)
     assert n >= 1
     assert np.linalg.norm((closed - poses)[:, :3, 3], axis=1).max() < 0.1

@@ -1,7 +1,4 @@
-"""Least squares over poses: what refinement and loop closure solve, each with factors of its own.
-
-Gauss-Newton on SE(3): the unknowns are small motions of all poses, each in its own frame.
-"""
+"""Poses that suit a path driven and the revisits along it, of which some may be wrong."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.odometry.normal_equations import FIXED, NormalEquations
 from automos.scan import Pose
 
 Array = npt.NDArray[np.float64]
@@ -20,62 +18,6 @@ OUTLIER = 16.8
 """Squared deviations in six dimensions that one of a hundred right links exceeds."""
 RELAX = 1.4
 """Factor by which each round judges more sharply (the authors' value)."""
-FIXED = 1e12
-"""Information that keeps a pose where it is, to the micrometre."""
-NARROW = 100
-"""Poses between those that a factor joins, at most, for which a banded solver is the fastest."""
-
-
-class NormalEquations:
-    """The normal equations of N small motions (6), added up factor by factor."""
-
-    def __init__(self, held: npt.ArrayLike):
-        """Take (N,) information by which each pose is held where it is."""
-        held = np.asarray(held, np.float64)
-        self._rhs = np.zeros((len(held), 6))
-        self._rows, self._columns = [np.arange(len(held))], [np.arange(len(held))]
-        self._blocks = [held[:, None, None] * np.eye(6)]
-
-    def add(self, parts: list[tuple[Ids, Array]], information: Array, gradient: Array) -> None:
-        """Add K factors, each a residual of six dimensions.
-
-        Parameters
-        ----------
-        parts : of each pose that a factor joins, (K,) its number and (K, 6, 6) the residual's derivative by its motion.
-        information : (K, 6, 6) or, of independent dimensions, (K, 6) inverse variances of the residuals.
-        gradient : (K, 6) information times residual.
-        """
-        for a, (first, A) in enumerate(parts):
-            At = np.swapaxes(A, 1, 2)
-            np.subtract.at(self._rhs, first, np.einsum("kij,kj->ki", At, gradient))
-            At_H = At @ information if information.ndim == 3 else At * information[:, None]
-            for second, B in parts[: a + 1]:
-                self._rows.append(first)
-                self._columns.append(second)
-                self._blocks.append(At_H @ B)
-
-    def solve(self) -> Array:
-        """Return the (N, 6) motions that suit all factors best."""
-        from scipy.linalg import solveh_banded
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.linalg import spsolve
-
-        rows, columns, blocks = (np.concatenate(part) for part in (self._rows, self._columns, self._blocks))
-        is_upper = rows < columns
-        blocks = np.where(is_upper[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
-        rows, columns = np.maximum(rows, columns), np.minimum(rows, columns)
-        i = 6 * rows[:, None, None] + np.arange(6)[:, None]
-        j = 6 * columns[:, None, None] + np.arange(6)
-        n, width, is_lower = self._rhs.size, int((rows - columns).max(initial=0)) + 1, i >= j
-        i, j = np.broadcast_arrays(i, j)
-        i, j, values = i[is_lower], j[is_lower], blocks[is_lower]
-        if width <= NARROW:
-            bands = np.bincount((i - j) * n + j, values, 6 * width * n).reshape(-1, n)
-            return solveh_banded(bands, self._rhs.ravel(), lower=True, overwrite_ab=True).reshape(-1, 6)
-        lower = coo_matrix((values, (i, j)), (n, n)).tocsc()
-        full = lower + lower.T
-        full.setdiag(lower.diagonal())
-        return spsolve(full, self._rhs.ravel()).reshape(-1, 6)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,19 +6,18 @@ along the path, and poses of neighbouring scans keep fitting to within the drift
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
-from automos.odometry.clock import Clock
-from automos.odometry.motion import SweepTiming, step_twists, usable_points
-from automos.odometry.places import compare_places, describe_place
-from automos.odometry.pose_graph import Edges, solve_pose_graph
-from automos.odometry.surfels import rows_of_first_in_voxel
-from automos.scan import Points, Pose, Sequence
-from automos.settings import LoopSettings, OdometrySettings
+from automos.loop_closure.places import compare_places, describe_place
+from automos.loop_closure.pose_graph import Edges, solve_pose_graph
+from automos.odometry import Trajectory
+from automos.scan import Frames, Points, Pose
+from automos.settings import LoopSettings
+from automos.voxels import rows_of_first_in_voxel
 
 Array = npt.NDArray[np.float64]
 
@@ -48,34 +47,23 @@ DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
 """Metres and degrees, usual error of a revisit's registration."""
 
 
-def close_loops(
-    sequence: Sequence,
-    T_world_sensor: Pose,
-    T_level_world: Pose,
-    timing: SweepTiming,
-    clock: Clock,
-    settings: OdometrySettings,
-) -> tuple[Pose, int]:
-    """Return the (N, 4, 4) poses with the drift taken out that revisits show, and the number of these.
+def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> Trajectory:
+    """Return the trajectory with the drift taken out that revisits show; `diagnostics` counts these.
 
     Memory holds one description per place and the clouds of two places, however long the recording is.
     """
-    loops = settings.loops
+    T_world_sensor, T_level_world = trajectory.T_world_sensor, trajectory.T_level_world
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
     middles = np.searchsorted(path, np.arange(0.0, path[-1] + 1e-9, PLACE_EVERY))
     middles = np.unique(np.minimum(middles, len(path) - 1))
-    T_level_sensor = T_level_world @ T_world_sensor
-    T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
-    twists = timing.share * step_twists(T_world_sensor, clock.gaps)
+    T_level_place = np.array([_upright(T) for T in trajectory.T_level_sensor[middles]])
 
     def see(place: int) -> Points:
-        reach = 0.5 * PLACE_LENGTH
-        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= reach)
+        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= 0.5 * PLACE_LENGTH)
         ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
         for i in ids:
-            points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
-            cloud = transform(inverse(T_level_place[place]) @ T_level_sensor[i], points)
+            cloud = transform(inverse(T_level_place[place]), frames[int(i)].points_level)
             cloud = cloud[np.einsum("ij,ij->i", cloud, cloud) < loops.reach**2]
             clouds.append(cloud[rows_of_first_in_voxel(cloud, VOXEL)])
         cloud = np.concatenate(clouds)
@@ -89,11 +77,12 @@ def close_loops(
             if T_first_second is not None:
                 found.append(_Revisit(first, second, T_first_second))
     T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
-    if not is_kept.any():
-        return T_world_sensor, 0
-    correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
-    poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
-    return poses, int(is_kept.sum())
+    poses = T_world_sensor
+    if is_kept.any():
+        correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
+        poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
+    diagnostics = {**trajectory.diagnostics, "loops_closed": int(is_kept.sum())}
+    return replace(trajectory, T_world_sensor=poses, diagnostics=diagnostics)
 
 
 @dataclass(frozen=True)

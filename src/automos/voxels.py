@@ -1,4 +1,4 @@
-"""An aggregated voxel map that remembers which voxel every point of every scan fell into.
+"""Voxels of points: their names, hash tables of them, and a map that remembers the voxel of every point.
 
 That index is what carries a decision about a voxel back to the scans' points: users of map cleaners who searched the
 nearest map point instead lost points to quantisation (at 0.2 m a fifth of all points have no map point within 0.1 m).
@@ -12,9 +12,15 @@ import numpy.typing as npt
 from automos.cells import whole_below
 from automos.kernels import kernel
 
-_BITS = 21  # per axis of a packed key: +-1e6 voxels, 200 km at 0.2 m
-_OFFSET = 1 << (_BITS - 1)
-_EMPTY = np.int64(-1)
+BITS = 20
+"""Of a voxel's name for each axis: 100 km either way at 0.2 m. Three more bits are left for who needs them."""
+ALONG_X, ALONG_Y, ALONG_Z = 1 << (2 * BITS + 3), 1 << (BITS + 3), 1 << 3
+"""By which the names of neighbouring voxels differ."""
+
+
+def rows_of_first_in_voxel(points: npt.NDArray, voxel: float) -> npt.NDArray[np.int32]:
+    """Return the rows of the first of `points` (N, 3) in each voxel of `voxel` metres, ascending."""
+    return _rows_of_first(points, 1.0 / voxel, 1 << (2 * max(len(points), 8)).bit_length())
 
 
 class VoxelMap:
@@ -27,7 +33,7 @@ class VoxelMap:
         """Take the edge length `voxel` in metres; coordinates are kept relative to `origin` (3,) for precision."""
         self.voxel = voxel
         self.origin = np.asarray(origin, np.float64)
-        self._table_keys = np.full(1 << 16, _EMPTY)
+        self._table_keys = np.full(1 << 16, -1, np.int64)
         self._table_ids = np.zeros(1 << 16, np.int32)
         self._sum = np.zeros((1 << 15, 3))
         self._count = np.zeros(1 << 15, np.int32)
@@ -66,31 +72,50 @@ class VoxelMap:
             self._count = np.concatenate([self._count, np.zeros(rows, np.int32)])
         if 2 * n > len(self._table_keys):
             size = 1 << int(np.ceil(np.log2(2 * n)) + 1)
-            keys, ids = np.full(size, _EMPTY), np.zeros(size, np.int32)
+            keys, ids = np.full(size, -1, np.int64), np.zeros(size, np.int32)
             _rehash(self._table_keys, self._table_ids, keys, ids)
             self._table_keys, self._table_ids = keys, ids
 
 
-@kernel(inline="always")
-def _slot(key, keys):  # type: ignore[no-untyped-def]
-    """Where `key` is or belongs in the open-addressing table `keys` (its length a power of two)."""
+@kernel
+def voxel_key(x, y, z, inverse_voxel):  # type: ignore[no-untyped-def]
+    """Return the int64 name of the voxel of a point, not negative; its lowest three bits are 0."""
+    half = 1 << (BITS - 1)
+    kx, ky = whole_below(x * inverse_voxel) + half, whole_below(y * inverse_voxel) + half
+    return (((kx << BITS) | ky) << BITS | (whole_below(z * inverse_voxel) + half)) << 3
+
+
+@kernel
+def find_slot(keys, key):  # type: ignore[no-untyped-def]
+    """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
     mask = len(keys) - 1
-    h = key * np.int64(-7046029254386353131)  # 2^64 / golden ratio: neighbouring voxels scatter
-    slot = (h ^ (h >> 32)) & mask
+    slot = (key * np.int64(-7046029254386353131) >> 29) & mask  # 2^64 / golden ratio: neighbouring voxels scatter
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot
 
 
 @kernel
+def _rows_of_first(points, inverse_voxel, size):  # type: ignore[no-untyped-def]
+    keys = np.full(size, -1, np.int64)
+    rows = np.empty(len(points), np.int32)
+    n = 0
+    for i in range(len(points)):
+        key = voxel_key(float(points[i, 0]), float(points[i, 1]), float(points[i, 2]), inverse_voxel)
+        slot = find_slot(keys, key)
+        if keys[slot] == -1:
+            keys[slot] = key
+            rows[n] = i
+            n += 1
+    return rows[:n]
+
+
+@kernel
 def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
-        kx = whole_below(x * per_metre) + _OFFSET
-        ky = whole_below(y * per_metre) + _OFFSET
-        kz = whole_below(z * per_metre) + _OFFSET
-        key = (kx << (2 * _BITS)) | (ky << _BITS) | kz
-        slot = _slot(key, keys)
+        key = voxel_key(x, y, z, per_metre)
+        slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot] = key
             table_ids[slot] = n
@@ -108,6 +133,6 @@ def _insert(points, origin, per_metre, keys, table_ids, total, count, n, ids):  
 def _rehash(old_keys, old_ids, keys, ids):  # type: ignore[no-untyped-def]
     for s in range(len(old_keys)):
         if old_keys[s] != -1:
-            slot = _slot(old_keys[s], keys)
+            slot = find_slot(keys, old_keys[s])
             keys[slot] = old_keys[s]
             ids[slot] = old_ids[s]
