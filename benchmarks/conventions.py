@@ -5,7 +5,8 @@
 
 Each simulated drive is written as each recorder would have kept it, read back and labelled; the table gives the IoU of
 the moving class as it is and what each convention costs, in points, the mean over the scenarios, by sensor. "refused"
-is a recording that is not read. Of what rides along (hull, trailer, operator), the share called moving is given.
+is a recording that is not read. What a carrier costs (hull, trailer, operator) is measured against the same drive with
+its points left out, and the share of them called moving is given.
 Scores are kept in FOLDER by the contents of the package.
 """
 
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -33,12 +34,22 @@ from automos.simulation.recorders import Recorded
 
 @dataclass(frozen=True)
 class Case:
-    """A recorder, what it is carried by, how many LiDARs it hears, and whether it tells whose each point is."""
+    """A recorder and its surroundings, and the case that its cost is measured against.
+
+    Attributes
+    ----------
+    convention, conditions : how points are kept; what carries the sensor, and the weather.
+    n_lidars, knows_mounts : how many LiDARs there are, and whether the recorder says whose each point is.
+    is_cut_free : whether the points on what carries the sensor are left out.
+    against : name of the case that has the same drive without what this one is about.
+    """
 
     convention: Convention = field(default_factory=Convention)
     conditions: Conditions = field(default_factory=Conditions)
     n_lidars: int = 1
     knows_mounts: bool = False
+    is_cut_free: bool = False
+    against: str = "plain"
 
 
 def _kept(**about: object) -> Case:
@@ -47,6 +58,18 @@ def _kept(**about: object) -> Case:
 
 def _made(**about: object) -> Case:
     return Case(conditions=Conditions(**about))  # type: ignore[arg-type]
+
+
+def _carried(rig: str) -> dict[str, Case]:
+    """Return the case of a carrier, and that of the same drive with the points on the carrier left out.
+
+    A carrier moves in its own way, and whoever would pass through it is gone: it is another drive than the plain one.
+    """
+    conditions, cut_free = Conditions(rig=rig), f"{rig}, its points left out"
+    return {
+        cut_free: Case(conditions=conditions, is_cut_free=True),
+        rig: Case(conditions=conditions, against=cut_free),
+    }
 
 
 CASES: dict[str, Case] = {
@@ -99,9 +122,9 @@ CASES: dict[str, Case] = {
     "two LiDARs, mounts known": Case(n_lidars=2, knows_mounts=True),
     "three LiDARs": Case(n_lidars=3),
     "three LiDARs, mounts known": Case(n_lidars=3, knows_mounts=True),
-    "boat": _made(rig="boat"),
-    "truck with trailer": _made(rig="truck"),
-    "backpack": _made(rig="backpack"),
+    **_carried("boat"),
+    **_carried("truck"),
+    **_carried("backpack"),
     "rain": _made(weather="rain"),
     "dust": _made(weather="dust"),
     "blooming": _made(blooming=True),
@@ -126,17 +149,20 @@ OF_DRIVE = (
 
 ALLOWED, ALLOWED_HALVED = 1.0, 3.0
 """Points of IoU that a convention may cost on average; where half of the scans are merged or lost."""
+REFERENCES = {case.against for case in CASES.values()}
+"""What the others are measured against."""
 HALVED = ("two scans merged", "every 2nd scan kept", "every 2nd scan kept, no stamps")
 
 
 class InMemory:
-    """Sweeps that are cast once and kept, for many recorders to cut."""
+    """Sweeps that are cast once and kept, for many recorders to cut; without the points on the carrier, if asked."""
 
-    def __init__(self, inner):  # type: ignore[no-untyped-def]
+    def __init__(self, inner, is_cut_free: bool = False):  # type: ignore[no-untyped-def]
         self._inner, self.name, self.period, self.stamps = inner, inner.name, inner.period, inner.stamps
         self.poses_at = inner.poses_at
-        self._scans: list[Scan] = [inner[k] for k in range(len(inner))]
-        self._truth = [inner.truth(k) for k in range(len(inner))]
+        kept = [~inner.own_body(k) if is_cut_free else slice(None) for k in range(len(inner))]
+        self._scans: list[Scan] = [_part(inner[k], rows) for k, rows in enumerate(kept)]
+        self._truth = [inner.truth(k)[rows] for k, rows in enumerate(kept)]
 
     def __len__(self) -> int:
         return len(self._scans)
@@ -152,11 +178,22 @@ class InMemory:
         return self._inner.own_body(index)
 
 
+def _part(scan: Scan, rows: npt.NDArray[np.bool_] | slice) -> Scan:
+    columns = ("points", "intensity", "time", "ring", "sensor")
+    part = {name: getattr(scan, name)[rows] for name in columns if getattr(scan, name) is not None}
+    return replace(scan, **part)
+
+
 @lru_cache(maxsize=1)
-def sweeps(scenario: str, sensor: str, n_scans: int, seed: int, conditions: Conditions, n_lidars: int) -> InMemory:
+def sweeps(scenario: str, sensor: str, n_scans: int, seed: int, case: Case) -> InMemory:
     """Return the sweeps of a drive; those of the last one asked for are remembered."""
-    made = record(scenario, sensor, n_scans, seed, conditions=conditions, n_lidars=n_lidars)
-    return InMemory(made.turns)
+    made = record(scenario, sensor, n_scans, seed, conditions=case.conditions, n_lidars=case.n_lidars)
+    return InMemory(made.turns, case.is_cut_free)
+
+
+def drive_of(case: Case) -> Case:
+    """Return the case of the same sweeps, kept plainly."""
+    return Case(conditions=case.conditions, n_lidars=case.n_lidars, is_cut_free=case.is_cut_free)
 
 
 def measured(case: Case, asked: tuple[str, str, int, int], name: str, scores: Scores) -> dict:
@@ -164,16 +201,17 @@ def measured(case: Case, asked: tuple[str, str, int, int], name: str, scores: Sc
     with tempfile.TemporaryDirectory() as folder:
 
         def written(_: StageProgress) -> Sequence:
-            turns = sweeps(*asked, case.conditions, case.n_lidars)
+            turns = sweeps(*asked, drive_of(case))
             recorded = Recorded(turns, case.convention, asked[3])
             if case.knows_mounts:  # files of this layout cannot say
                 return recorded
             return open_sequence(write_recorded(recorded, Path(folder) / "recording"))
 
         def bodies(index: int) -> npt.NDArray[np.bool_]:
-            return sweeps(*asked, case.conditions, case.n_lidars).own_body(index)
+            return sweeps(*asked, drive_of(case)).own_body(index)
 
-        return scores.of(name, written, bodies if case.convention == Convention() else None)
+        has_bodies = case.convention == Convention() and not case.is_cut_free
+        return scores.of(name, written, bodies if has_bodies else None)
 
 
 def main() -> None:
@@ -189,13 +227,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="the table, for the docs")
     arguments = parser.parse_args()
     scores = Scores(arguments.store, arguments.preset, arguments.workers)
-    names = ["plain", *(name for name in arguments.conventions if name != "plain")]
+    names = list(dict.fromkeys(["plain", *(n for c in arguments.conventions for n in (CASES[c].against, c))]))
     rows: dict[tuple[str, str, str], dict] = {}
     # Cases of the same sweeps follow each other: a drive is cast once for all that its recorders do.
     for scenario in arguments.scenarios:
         for sensor in arguments.sensors:
             asked = (scenario, sensor, arguments.scans, arguments.seed)
-            for name in sorted(names, key=lambda n: (str(CASES[n].conditions), CASES[n].n_lidars) != _PLAIN):
+            for name in sorted(names, key=lambda n: str(drive_of(CASES[n]))):
                 cell = f"{scenario}-{sensor}-{arguments.scans}-{arguments.seed}-{name}"
                 rows[name, scenario, sensor] = measured(CASES[name], asked, cell, scores)
     table = tabulate(rows, names, arguments.scenarios, arguments.sensors)
@@ -208,15 +246,12 @@ def main() -> None:
         arguments.json.write_text(json.dumps(table, indent=1))
 
 
-_PLAIN = (str(Conditions()), 1)
-
-
 def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[str]) -> list[list[str]]:
     """Return heading and lines: name, cost by sensor, mean cost, worst cell, share of the body called moving."""
     lines = [["", *sensors, "mean", "worst cell", "body moving"]]
     for name in names:
         costs = {
-            (scenario, sensor): _cost(rows[name, scenario, sensor], rows["plain", scenario, sensor], name)
+            (scenario, sensor): _cost(rows[name, scenario, sensor], rows[CASES[name].against, scenario, sensor], name)
             for scenario in scenarios
             for sensor in sensors
         }
@@ -229,18 +264,18 @@ def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[s
         mean = float(np.nanmean(list(costs.values())))
         worst = max(costs, key=lambda key: np.nan_to_num(costs[key], nan=-np.inf))
         allowed = ALLOWED_HALVED if name in HALVED else ALLOWED
-        mark = "" if name == "plain" or mean <= allowed else " !"
-        of_worst = "" if name == "plain" else f"{costs[worst]:+.1f} {worst[0]} {worst[1]}"
+        mark = "" if name in REFERENCES or mean <= allowed else " !"
+        of_worst = "" if name in REFERENCES else f"{costs[worst]:+.1f} {worst[0]} {worst[1]}"
         body = _body([rows[name, c, s] for c in scenarios for s in sensors])
         lines.append([name, *(f"{value:.1f}" for value in by_sensor), f"{mean:.1f}{mark}", of_worst, body])
     return lines
 
 
 def _cost(row: dict, plain: dict, name: str) -> float:
-    """Return the points that are lost; of the plain convention itself, its IoU in percent."""
+    """Return the points that are lost; of what others are measured against, its IoU in percent."""
     if "refused" in row:
         return float("nan")
-    return 100.0 * row["iou"] if name == "plain" else 100.0 * (plain["iou"] - row["iou"])
+    return 100.0 * row["iou"] if name in REFERENCES else 100.0 * (plain["iou"] - row["iou"])
 
 
 def _body(rows: list[dict]) -> str:

@@ -49,7 +49,7 @@ def test_no_step_jumps_where_windows_meet(drive):
 def test_no_more_than_a_window_of_scans_is_kept(drive):
     surfels, truth = drive
     refinement = roll(surfels, truth, **SHORT)
-    assert len(refinement._scans) <= 20
+    assert len(refinement._poses) <= 20
 
 
 def test_without_scans_there_are_no_poses():

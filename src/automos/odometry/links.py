@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -107,14 +107,13 @@ class Consistency:
 
     @property
     def misfit(self) -> float | None:
-        """How badly scans fold: the logarithm of how thick walls are over how much finds a wall; None without links."""
+        """Logarithm of how thick walls are over how many surfels find one, both medians; None without links."""
         return float(np.log(np.median(self.thickness) / np.median(self.share))) if len(self.share) else None
 
-    @staticmethod
-    def concatenate(parts: list[Consistency]) -> Consistency:
+    @classmethod
+    def concatenate(cls, parts: list[Consistency]) -> Consistency:
         """Return the links of all `parts`."""
-        names = ("lag", "distance", "thickness", "disagreement", "share")
-        return Consistency(*(np.concatenate([getattr(p, name) for p in parts] or [np.zeros(0)]) for name in names))
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts] or [[]]) for f in fields(cls)))
 
 
 def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
@@ -141,21 +140,6 @@ def _half_width(window: Window, about: Alignment) -> int:
     return min(int(about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
 
 
-def _make_submaps(
-    window: Window, centers: Iterable[int], about: Alignment, pool: ThreadPoolExecutor | None
-) -> dict[int, Submap]:
-    """Return the submaps around the scans `centers`."""
-    half = _half_width(window, about)
-    T = window.T_world_sensor
-
-    def make(center: int) -> tuple[int, Submap]:
-        first, last = max(center - half, 0), min(center + half + 1, len(window))
-        T_center_parts = inverse(T[center]) @ T[first:last]
-        return center, make_submap(window.surfels[first:last], T_center_parts)
-
-    return dict(_map(pool, make, list(centers)))
-
-
 def fit_links(
     window: Window,
     links: list[tuple[int, int]],
@@ -164,10 +148,17 @@ def fit_links(
     pool: ThreadPoolExecutor | None,
 ) -> tuple[list[Fit], Consistency]:
     """Return how the scans lie on the submaps, one fit for each of `links` (from `choose_links`), and the figures."""
-    T = window.T_world_sensor
-    submaps = _make_submaps(window, sorted({center for _, center in links}), about, pool)
+    T, clock, half = window.T_world_sensor, window.clock, _half_width(window, about)
+    each: Callable = map if pool is None else pool.map
 
-    T_center_scan = inverse(T[[center for _, center in links]]) @ T[[i for i, _ in links]]
+    def make(center: int) -> Submap:
+        around = slice(max(center - half, 0), center + half + 1)
+        return make_submap(window.surfels[around], inverse(T[center]) @ T[around])
+
+    centers = sorted({center for _, center in links})
+    submaps = dict(zip(centers, each(make, centers), strict=True))
+    ids = np.array(links, int).reshape(-1, 2)
+    T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
 
     def fit(k: int) -> Fit:
         i, center = links[k]
@@ -175,21 +166,14 @@ def fit_links(
         every = max(-(-len(surfels) // about.max_surfels), 1)  # another part for each link: all have a say
         return fit_surfels(submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise)
 
-    fits = _map(pool, fit, list(range(len(links))))
-    clock = np.concatenate([[0.0], np.cumsum(window.gaps)]) * window.period
-    kept = [(link, f) for link, f in zip(links, fits, strict=True) if f.n_matched >= MIN_MATCHED]
-    if not kept:
-        return fits, Consistency.concatenate([])
-    ids = np.array([link for link, _ in kept])
-    solved = np.array([np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for _, f in kept])
+    fits = list(each(fit, range(len(links))))
+    kept = [k for k, f in enumerate(fits) if f.n_matched >= MIN_MATCHED]
+    good, (scan, center) = [fits[k] for k in kept], ids[kept].T
+    solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for f in good]
     return fits, Consistency(
-        lag=np.abs(clock[ids[:, 0]] - clock[ids[:, 1]]),
-        distance=np.linalg.norm(T[ids[:, 0], :3, 3] - T[ids[:, 1], :3, 3], axis=1),
-        thickness=np.array([f.thickness for _, f in kept]),
-        disagreement=np.linalg.norm(solved, axis=1),
-        share=np.array([f.n_close / f.n_surfels for _, f in kept]),
+        lag=np.abs(clock[scan] - clock[center]),
+        distance=np.linalg.norm(T[scan, :3, 3] - T[center, :3, 3], axis=1),
+        thickness=np.array([f.thickness for f in good]),
+        disagreement=np.linalg.norm(np.reshape(solved, (-1, 3)), axis=1),
+        share=np.array([f.n_close / f.n_surfels for f in good]),
     )
-
-
-def _map(pool: ThreadPoolExecutor | None, function: Callable, items: list) -> list:
-    return list(pool.map(function, items)) if pool is not None else [function(item) for item in items]

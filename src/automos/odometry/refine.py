@@ -9,7 +9,6 @@ holds; in windows of some seconds, each beginning on the end of the one before, 
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -106,16 +105,6 @@ def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
     return rival.explains_more_than(present) or (not is_possible and rival.lead_over(present) > 0.0)
 
 
-@dataclass(eq=False)
-class _Scan:
-    """A scan of the present window; its pose is refined up to the overlap, a first one after it."""
-
-    surfels: Surfels | Future[Surfels]
-    twist: Array
-    T_world_sensor: Pose
-    gap: float
-
-
 class RollingRefinement:
     """Takes scans with first poses one by one, gives refined poses at the end.
 
@@ -139,11 +128,13 @@ class RollingRefinement:
         self._period, self._share, self._settings, self._pool = period, share, settings, pool
         self._length = max(round(window / period), 3)
         self._overlap = min(max(round(overlap / period), 2), self._length - 1)
-        self._scans: list[_Scan] = []
+        self._surfels: list[Surfels | Future[Surfels]] = []
+        self._twists: list[Array] = []
+        self._poses: list[Pose] = []
+        self._gaps: list[float] = []
         self._n_known = 0  # of these, how many were refined before
         self._finished: list[Pose] = []
-        self._before: list[Consistency] = []
-        self._after: list[Consistency] = []
+        self._seen: list[tuple[Consistency, Consistency]] = []
         self.lengthened = 0.0
         """Metres by which steps were too short, all together."""
         self.searches: list[SpeedSearch] = []
@@ -151,46 +142,40 @@ class RollingRefinement:
 
     def add(self, surfels: Surfels | Future[Surfels], twist: Array, T_last_this: Pose, gap: float) -> None:
         """Add a scan: its surfels, the twist they are compensated with, its pose in and its gap to the scan before."""
-        if len(self._scans) == self._length:
+        if len(self._poses) == self._length:
             self._refine()
             self._keep_last(self._overlap)
-        T = self._scans[-1].T_world_sensor @ T_last_this if self._scans else np.eye(4)
-        self._scans.append(_Scan(surfels, twist, T, gap))
+        self._poses.append(self._poses[-1] @ T_last_this if self._poses else np.eye(4))
+        self._surfels.append(surfels)
+        self._twists.append(twist)
+        self._gaps.append(gap)
 
     def finish(self) -> tuple[Pose, Consistency, Consistency]:
         """Return the (N, 4, 4) refined poses, and the links' consistency before and after."""
-        if self._scans:
+        if self._poses:
             self._refine()
             self._keep_last(0)
-        poses = np.array(self._finished).reshape(-1, 4, 4)
-        return poses, Consistency.concatenate(self._before), Consistency.concatenate(self._after)
+        before, after = (Consistency.concatenate([seen[k] for seen in self._seen]) for k in (0, 1))
+        return np.array(self._finished).reshape(-1, 4, 4), before, after
 
     def _refine(self) -> None:
-        scans, n_known = self._scans, self._n_known
-        surfels = [s.surfels.result() if isinstance(s.surfels, Future) else s.surfels for s in scans]
-        twists, poses = np.array([s.twist for s in scans]), np.array([s.T_world_sensor for s in scans])
-        gaps = np.array([s.gap for s in scans[1:]])
-        window = Window(surfels, twists, poses, gaps, self._period, self._share)
-        is_fixed = np.arange(len(scans)) < n_known // 2
+        surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
+        gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
+        window = Window(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
+        is_fixed = np.arange(len(window)) < self._n_known // 2
         window, search, longer = self._settle_speed(window, is_fixed)
         is_possible = can_be_driven(window.T_world_sensor, window.clock)
         if is_ahead(search.landmarks_at_rival, search.landmarks, is_possible):
-            other, found, more = self._follow_rival(window, search, is_fixed)
+            other = window.moved(lengthen(window.T_world_sensor, self._free(search.rival)))
+            other = refine_poses(other, is_fixed, self._settings, Alignment(), self._pool)[0]
+            other, found, more = self._settle_speed(other, is_fixed)
             if is_ahead(found.landmarks, search.landmarks, is_possible):
                 window, search, longer = other, found, longer + more
         self.lengthened += longer
         self.searches.append(search)
-        window, before, after = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
-        self._before.append(before)
-        self._after.append(after)
-        refined = zip(window.surfels, window.twists, window.T_world_sensor, [0.0, *gaps], strict=True)
-        self._scans = [_Scan(*scan) for scan in refined]
-
-    def _follow_rival(self, window: Window, search: SpeedSearch, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
-        """Return the window, its last search and the metres added, from where landmarks alone say that it is."""
-        other = window.moved(lengthen(window.T_world_sensor, self._free(search.rival)))
-        other = refine_poses(other, is_fixed, self._settings, Alignment(), self._pool)[0]
-        return self._settle_speed(other, is_fixed)
+        window, *seen = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
+        self._seen.append((seen[0], seen[1]))
+        self._surfels, self._twists, self._poses = window.surfels, list(window.twists), list(window.T_world_sensor)
 
     def _settle_speed(self, window: Window, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
         """Return the window at the speed that is found from its poses, the last search, and the metres added."""
@@ -211,6 +196,8 @@ class RollingRefinement:
         return missing
 
     def _keep_last(self, n: int) -> None:
-        done = len(self._scans) - n
-        self._finished += [scan.T_world_sensor for scan in self._scans[:done]]
-        self._scans, self._n_known = self._scans[done:], n
+        done = len(self._poses) - n
+        self._finished += self._poses[:done]
+        for kept in (self._surfels, self._twists, self._poses, self._gaps):
+            del kept[:done]
+        self._n_known = n
