@@ -16,7 +16,7 @@ from automos.kernels import kernel
 from automos.odometry.motion import MIN_POINTS
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
-from automos.voxels import VoxelMap
+from automos.voxels import find_slot, voxel_key
 
 _log = logging.getLogger(__name__)
 
@@ -60,11 +60,32 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
 
 
 def _thin(points: Points) -> npt.NDArray[np.float64]:
-    """Return the mean of each voxel's points near the sensor, so that every piece of surface counts alike."""
-    voxels = VoxelMap(VOXEL)
-    voxels.add(points[np.einsum("ij,ij->i", points, points) < RANGE**2])
-    means = voxels.mean.astype(np.float64)
-    return means[np.lexsort(means.T)]  # whatever the user's order
+    """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
+    keys, rows = _nearest_to_middle(points, RANGE, VOXEL)
+    return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
+
+
+@kernel
+def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
+    """Return names of voxels, and the row of the point nearest to the middle of each."""
+    size = 16
+    while size < 2 * len(points):
+        size *= 2
+    keys, found = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+    best = np.full(size, np.inf)
+    for i in range(len(points)):
+        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
+        if not x * x + y * y + z * z < reach * reach:
+            continue
+        key = voxel_key(x, y, z, 1.0 / voxel)
+        slot = find_slot(keys, key)
+        off = 0.0
+        for c in (x / voxel, y / voxel, z / voxel):
+            off += (c - np.floor(c) - 0.5) ** 2
+        if off < best[slot]:
+            keys[slot], found[slot], best[slot] = key, i, off
+    used = keys != -1
+    return keys[used], found[used]
 
 
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
