@@ -37,6 +37,7 @@ MAY_IMPORT = {
     **dict.fromkeys(BASE, BASE),
     **{stage: {*BASE, stage} for stage in STAGES},
     "odometry": {*BASE, "odometry", "parallel"},
+    "loop_closure": {*BASE, "odometry"},
     "paper": {*BASE, *METHOD, "paper"},
     "stages": {*BASE, *METHOD, "paper", "baselines", "parallel", "stages", "workspace"},
     "__main__": {"cli"},

@@ -4,10 +4,12 @@ from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import SCAN_GAP, record, van
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.kiss import register_scans
+from automos.geometry import inverse
+from automos.odometry.kiss import find_start, register_scans
 from automos.odometry.motion import SweepTiming, chain
 from automos.scan import Scan
 from automos.settings import OdometrySettings
+from automos.simulation import simulate
 
 SETTINGS = OdometrySettings(voxel=0.5)  # the town is small
 TIMED = SweepTiming("file", duration=SCAN_GAP, share=1.0)
@@ -94,3 +96,12 @@ def test_a_vehicle_that_stands_stays_whatever_is_tried():
     world = record((*TOWN, van(0.0, 3.0, 0.0, 9.0), van(14.0, -3.0, np.pi, 9.0)), np.array([curve(0.0, 0.0)(0.0)] * n))
     found = register_scans(world.sequence, OdometrySettings(), SweepTiming(), np.ones(n - 1))
     assert max(np.linalg.norm(scan.T_last_this[:3, 3]) for scan in found) < 0.05
+
+
+def test_a_standstill_amid_traffic_that_landmarks_contradict_is_none():
+    drive = simulate("motorway", "VLP-16", n_scans=10, seed=1)  # 28 m/s, most of what is seen keeps pace
+    scans = [drive[i] for i in range(10)]
+    timing = SweepTiming("file", duration=SCAN_GAP, share=1.0)
+    start = find_start(scans, OdometrySettings(), timing, np.ones(9))
+    true = inverse(drive.reference_poses[0]) @ drive.reference_poses[1]
+    np.testing.assert_allclose(start[:2], true[:2, 3], atol=0.2)

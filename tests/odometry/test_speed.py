@@ -143,6 +143,13 @@ def test_a_speed_is_ahead_by_what_is_found_again_where_another_finds_less():
     assert landmarks(25.0, 4.0).explains_more_than(landmarks(0.5, 4.0, expected=20.0))  # sixteen are missed there
 
 
+def test_landmarks_are_missed_where_clearly_less_is_found_again_than_should_be():
+    # 9 should be found again, deviation 3: 1.2 deviations are 3.6.
+    assert landmarks(0.0, 5.3, 9.0).are_missed
+    assert not landmarks(0.0, 5.5, 9.0).are_missed
+    assert not landmarks(27.0, 0.0, 0.1).are_missed  # at speed nothing is expected again
+
+
 def test_a_rival_need_not_be_clearly_ahead_of_what_nobody_can_drive():
     here, there = landmarks(4.0, 20.0), landmarks(20.0, 22.0)
     assert not there.explains_more_than(here)

@@ -6,7 +6,7 @@ would move them to the sweep's end), and a scan too poor to register holds the m
 At the start nothing is known of the motion, and a registration that begins at rest while the sensor is in full flight
 may stay at rest for good: rings lie on rings. So where the first scans seem to stand, or nearly, they are also
 registered from a few speeds in either direction of the sensor's axes, and the start whose scans then align best over
-longer baselines is taken.
+longer baselines is taken. Amid traffic a standstill aligns well, too; but who stands sees landmarks again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ SAME_START = 0.05
 TRIAL_SCANS = 10
 """Scans whose alignment decides between these."""
 TRIAL_GAIN = 0.2
-"""Share by which another start must align them better."""
+"""Share by which another start must align them better, and one that landmarks contradict must do so, too."""
 COARSE_VOXEL = 1.5
 """Metres, voxel of the local map that surfels are registered to: centimetres are left to what follows."""
 
