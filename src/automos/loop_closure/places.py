@@ -1,4 +1,4 @@
-"""What a place looks like from above, in a way that knows it again from any heading.
+"""What a place looks like from above, so that it is recognised from any heading.
 
 The heights of what stands around, in rings and sectors about the place (Scan Context: Kim and Kim, IROS 2018), here of
 several scans together, so that it does not depend on a sensor's beams. Turning on the spot shifts the sectors.
@@ -44,7 +44,7 @@ def compare_places(a: Array, b: Array) -> tuple[float, float]:
     """Return how different two places (rings, sectors) look, 0 to 1, and by what angle (rad) `b` is turned.
 
     The angle is the heading of b's frame in a's. The difference is one less the mean cosine between sectors, at the
-    shift that makes it least; a sector empty in both says nothing.
+    shift that makes it least; a sector empty in both does not count.
     """
     length_a, length_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
     unit_a, unit_b = a / np.maximum(length_a, 1e-9), b / np.maximum(length_b, 1e-9)
@@ -52,8 +52,8 @@ def compare_places(a: Array, b: Array) -> tuple[float, float]:
     sector = np.arange(n)
     turned = (sector - sector[:, None]) % n  # (shift, sector of a) -> sector of b
     cosine = (unit_a.T @ unit_b)[sector, turned]
-    is_told = (length_a > 0.0) | (length_b[turned] > 0.0)
-    n_told = is_told.sum(axis=1)
-    difference = 1.0 - cosine.sum(axis=1) / np.maximum(n_told, 1)
+    is_seen = (length_a > 0.0) | (length_b[turned] > 0.0)
+    n_seen = is_seen.sum(axis=1)
+    difference = 1.0 - cosine.sum(axis=1) / np.maximum(n_seen, 1)
     shift = int(np.argmin(difference))
     return float(difference[shift]), 2.0 * np.pi * shift / n

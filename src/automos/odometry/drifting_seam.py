@@ -38,7 +38,7 @@ def learn_drifting_seam(sequence: Sequence) -> tuple[int, float] | None:
 
     Notes
     -----
-    Only scans that overlap, or leave something out, by a part of a turn are told: of whole turns nothing wanders.
+    Works only where scans overlap, or leave something out, by a part of a turn: with whole turns nothing wanders.
     """
     ids = sample_pairs(sequence)
     for edges, sign in ((gap_edges, -1), (doubled_edges, 1)):
@@ -58,10 +58,10 @@ def _step(edges: tuple[float, float], following: tuple[float, float], sign: int)
     width = 0.5 * (edges[1] - edges[0] + following[1] - following[0])
     if not MIN_WIDTH < width < MAX_WIDTH:
         return 0.0
-    come = 0.5 * (following[0] + following[1] - edges[0] - edges[1])
+    shift = 0.5 * (following[0] + following[1] - edges[0] - edges[1])
     allowed = SAME_WIDTH * min(width, 1.0 - width)
     for turn in (1, -1):
-        step = sign * turn * come
+        step = sign * turn * shift
         step -= round(step - width)  # of all that are the same on the circle, the one next to the width
         if -allowed < step - width < allowed + STAGGER:
             return turn * step

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from automos.odometry.missing_scans import FacingGaps, find_missing
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
-from automos.odometry.timing import choose_timing
+from automos.odometry.timing import TimingChoice, choose_timing
 from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
 from automos.scan import Points, Pose, Sequence
@@ -66,7 +65,7 @@ def estimate_trajectory(
     # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
         found = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
-        poses, timing = found.at_poses(known) if known is not None else found.from_scans()
+        poses, timing = (known, found.timing_at(known).timing) if known is not None else found.from_scans()
         warnings, figures, clock = found.warnings, found.figures, found.clock
         if "wall_thickness_m" not in figures:
             figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
@@ -81,7 +80,7 @@ def estimate_trajectory(
 
 
 class _Estimate:
-    """Poses and timing of one recording, and what is to be told of them: `warnings` and `figures`."""
+    """Poses and timing of one recording, with the `warnings` and `figures` that go with them."""
 
     def __init__(
         self,
@@ -96,51 +95,50 @@ class _Estimate:
         self.figures: dict[str, Any] = {}
         self._sequence, self._settings, self._pool, self._progress = sequence, settings, pool, progress
 
-    def at_poses(self, poses: Pose) -> tuple[Pose, SweepTiming]:
-        """Return the poses that are known already, and the timing."""
+    def timing_at(self, poses: Pose | None) -> TimingChoice:
+        """Return the timing under which scans align best, at (N, 4, 4) `poses` or, without, at poses of its own."""
         choice = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
         self.figures["timing"] = choice.to_dict()
-        return poses, choice.timing
+        return choice
 
     def from_scans(self) -> tuple[Pose, SweepTiming]:
         """Return (N, 4, 4) poses and the timing, from the scans alone."""
-        choice = choose_timing(self._sequence, self._settings, None, self.clock, self._pool)
-        poses = self._follow(choice.timing)
+        choice = self.timing_at(None)
+        poses = self._poses_under(choice.timing)
         if self._settings.time in ("auto", "azimuth") and not choice.suits(poses):
-            # Registrations had followed the traffic where timing was chosen: it can be chosen only now.
-            better = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
+            # The registrations on which timing was decided had followed the traffic: decide it again.
+            better = self.timing_at(poses)
             if better.timing != choice.timing:
                 self.warnings = []
-                poses = self._follow(better.timing)
+                poses = self._poses_under(better.timing)
             choice = better
-        self.figures["timing"] = choice.to_dict()
         return poses, choice.timing
 
-    def _follow(self, timing: SweepTiming) -> Pose:
-        """Return the (N, 4, 4) poses under a timing; the clock is corrected for scans that are missing."""
+    def _poses_under(self, timing: SweepTiming) -> Pose:
+        """Return (N, 4, 4) poses under a timing; corrects the clock where scans are missing."""
         names, given = self._sequence.names, self.clock.gaps
-        first = self._register(timing)
+        steps, held, refinement = self._register(timing)
         if len(missing := np.flatnonzero(self.clock.gaps != given)):
             self.warnings.append(
                 f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}), "
-                "and no stamps tell how many; the motion does, and they were counted in."
+                "and no stamps say how many; the motion does, and they were counted in."
             )
-        if first.held:
+        if held:
             self.warnings.append(
-                f"scans with too few points to register: {len(first.held)} (first: {names[first.held[0]]}); their "
+                f"scans with too few points to register: {len(held)} (first: {names[held[0]]}); their "
                 "poses are extrapolated."
             )
         if not self._settings.refine:
-            return chain(np.eye(4), first.steps)
-        poses, before, after = first.refinement.finish()
+            return chain(np.eye(4), steps)
+        poses, before, after = refinement.finish()
         self.figures.update(summarize(after))
         self.figures["before_refinement"] = summarize(before)
-        self.figures["lengthened_m"] = first.refinement.lengthened
-        self.figures.update(speed_figures(first.refinement.searches))
+        self.figures["lengthened_m"] = refinement.lengthened
+        self.figures.update(speed_figures(refinement.searches))
         return poses
 
     def _register(self, timing: SweepTiming) -> _FirstPoses:
-        """Return every scan registered to the ones before; anew if some turn out to be missing."""
+        """Return every scan registered to the ones before; once more if some turn out to be missing."""
         if self.clock.has_stamps:
             return self._register_once(timing)
         at_gaps = FacingGaps(timing.share, self._settings, self._pool)
@@ -152,7 +150,7 @@ class _Estimate:
         return self._register_once(timing)
 
     def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> _FirstPoses:
-        """Return every scan registered to the ones before, and show it to `at_gaps`."""
+        """Return every scan registered to the ones before; `at_gaps` is given each, too."""
         gaps, steps, held = self.clock.gaps, [], []
         refinement = RollingRefinement(self.clock.period, timing.share, self._settings, self._pool)
         for i, scan in enumerate(register_scans(self._sequence, self._settings, timing, gaps)):
@@ -170,9 +168,8 @@ class _Estimate:
         return _FirstPoses(np.array(steps[1:]).reshape(-1, 4, 4), held, refinement)
 
 
-@dataclass(frozen=True, eq=False)
-class _FirstPoses:
-    """Steps (N - 1, 4, 4) between scans, the scans whose motion is only held, and all of them for refinement."""
+class _FirstPoses(NamedTuple):
+    """Steps (N - 1, 4, 4) between scans, the scans whose motion is extrapolated, and all scans for refinement."""
 
     steps: Pose
     held: list[int]
@@ -184,7 +181,7 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
     if poses.shape != (n, 4, 4):
         raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
     R = poses[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):  # told below
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
         error = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
         is_rigid = (error < 1e-2) & (np.linalg.det(R) > 0) & np.isfinite(poses).all(axis=(1, 2))
     if not is_rigid.all():

@@ -1,4 +1,4 @@
-"""How much of the surface that faces along the path is found again, as a function of the distance come."""
+"""How much of the surface that faces along the path is found again, as a function of the distance travelled."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ Array = npt.NDArray[np.float64]
 
 
 def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
-    """Return (...,) metres come, negative backwards, and the (..., 3) direction that is forwards."""
-    come = T_start_end[..., :3, 3]
-    length = np.linalg.norm(come, axis=-1)
-    sign = np.where(come @ forward < 0.0, -1.0, 1.0)
-    direction = sign[..., None] * come / np.maximum(length, 1e-9)[..., None]
+    """Return (...,) metres travelled, negative backwards, and the (..., 3) direction that is forwards."""
+    travelled = T_start_end[..., :3, 3]
+    length = np.linalg.norm(travelled, axis=-1)
+    sign = np.where(travelled @ forward < 0.0, -1.0, 1.0)
+    direction = sign[..., None] * travelled / np.maximum(length, 1e-9)[..., None]
     return sign * length, np.where((length > 0.5)[..., None], direction, forward)
 
 
@@ -57,7 +57,7 @@ def score_distances(
     per_sweep: float,
     overhead: float,
 ) -> Array:
-    """Return how much surface facing along the path `surfels` find again, had they come `distances` (D,) metres.
+    """Return how much surface facing along the path is found again, had the sensor travelled `distances` (D,) metres.
 
     Returned as (3, D): of what may be vehicles that keep pace, of what is too far beside the path for these, and of
     what is higher than any, `overhead` metres over the sensor. The surfels' own compensation follows: `per_sweep` is
@@ -113,7 +113,7 @@ def stands(refound: Array, whole: Array) -> bool:
 
 
 def expected_share(distances: Array) -> Array:
-    """Return how much of what faces along the path is found again at least, (D,), had the sensor come `distances`.
+    """Return how much of what faces along the path is found again at least, (D,), had the sensor travelled `distances`.
 
     From nearly the same place nearly all of it is: what stands with the traffic finds little beside the traffic.
     """

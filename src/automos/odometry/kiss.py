@@ -98,7 +98,7 @@ class KissOdometry:
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
         self._pose: Pose = np.eye(4)  # of the last scan
-        self.twist = twist  # forwards in time, whichever way the scans come
+        self.twist = twist  # forwards in time, also where scans are registered backwards
 
     def register(self, scan: Scan, gap: float) -> Registered:
         """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""

@@ -1,4 +1,4 @@
-"""Which way is up, and how high the sensor is: the ground near the sensor, wherever the sensor points.
+"""The vertical and the height of the sensor, from the ground near it, wherever the sensor points.
 
 In a handful of scans over the whole recording, the ground is the plane near the sensor that holds most of the surface
 seen there and has next to nothing behind it. It may lie below the sensor or, for one mounted upside down, above it.

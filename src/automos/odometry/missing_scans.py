@@ -25,7 +25,7 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 N_AROUND = 3
-"""Steps on either side that tell how fast the sensor was."""
+"""Steps on either side from which the usual speed is taken."""
 TRIED = np.arange(1.0, 7.0)
 """Gaps that a step may have: up to five scans in a row may be missing and still be counted."""
 LAGS = (1, 2)
@@ -50,10 +50,10 @@ CHANCE = 0.15
 
 
 def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
-    """Return (N - 1,) the gaps that the motion itself tells, where scans may be missing and no stamp says so.
+    """Return (N - 1,) the gaps between scans, estimated from the motion where there are no stamps.
 
     How many are missing is the hypothesis under which the speed changes least and most is found again. The less the
-    scans before and after agree on the speed, the less a step's length tells.
+    scans before and after agree on the speed, the less a step's length counts.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
     period : seconds between scans.
     refound : (N - 1, 6) how much of what faces along the path is found again, were each step of 1 to 6 gaps.
     """
-    come, found = steps[:, :3, 3], gaps
+    travelled, found = steps[:, :3, 3], gaps
     rarity = SELDOM + EACH * (TRIED - 1.0)
     certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
     for _ in range(2):  # neighbours may have gaps of their own
-        velocity, found = come / found[:, None], gaps.copy()
-        for k in range(len(come)):
+        velocity, found = travelled / found[:, None], gaps.copy()
+        for k in range(len(travelled)):
             sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
             medians = [np.median(side, axis=0) for side in sides if len(side) == N_AROUND]
             if not medians:
@@ -78,7 +78,7 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
             if length < LEAST_STEP:
                 continue  # twofold steps are hardly longer
             deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # both sides may be right
-            off = np.linalg.norm(come[k] - TRIED[:, None] * usual, axis=1) / deviation
+            off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
             cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
             if refound is not None:
                 cost -= REFOUND * np.maximum(refound[k] - CHANCE * (TRIED - 1.0), 0.0)
@@ -87,7 +87,7 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
 
 
 class FacingGaps:
-    """Asks, scan by scan, at how many gaps what faces along the path is found again; holds a few scans only."""
+    """Finds, scan by scan, at how many gaps what faces along the path is found again; holds a few scans only."""
 
     def __init__(self, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
         """Take the share of the time between scans that a sweep lasts, and threads to work with."""
@@ -126,9 +126,9 @@ class FacingGaps:
         self._found.append(_shares(*asked) if self._pool is None else self._pool.submit(_shares, *asked))
 
 
-def _usual(come: list[Array], k: int) -> Array:
+def _usual(travelled: list[Array], k: int) -> Array:
     """Return (3,) the metres per gap of the steps around the k-th."""
-    around = [*come[max(k - N_AROUND, 0) : k], *come[k + 1 : k + 1 + N_AROUND]]
+    around = [*travelled[max(k - N_AROUND, 0) : k], *travelled[k + 1 : k + 1 + N_AROUND]]
     return np.median(around, axis=0) if around else np.zeros(3)
 
 
@@ -152,9 +152,9 @@ def _shares(
     T = np.eye(4)
     for n in range(1, len(surfels)):
         T = T @ steps[n - 1]
-        come = np.array([step[:3, 3] @ forward for step in steps[:n]])
+        travelled = np.array([step[:3, 3] @ forward for step in steps[:n]])
         single = np.array([each @ forward for each in usual[:n]])
-        distances = (come.sum() - come + single * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
+        distances = (travelled.sum() - travelled + single * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
         scores = WEIGHTS @ score_distances(
             submap, surfels[n], T, forward, distances.ravel(), share / n, settings.overhead
         )

@@ -22,9 +22,9 @@ from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
 
 LONGEST_SWEEP = 1e4
-"""Seconds, times beyond which are no times within a sweep: the slowest surveying scanners take minutes."""
+"""Seconds; larger times are not times within a sweep: the slowest surveying scanners take minutes."""
 MIN_POINTS = 50
-"""Usable points of a scan without which it is not registered, and asked about no ground."""
+"""Usable points that a scan needs to be registered, and to be searched for ground."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class SweepTiming:
 
     Attributes
     ----------
-    source : "file": the scans carry times; "order": from how far the azimuth has come along the file; "azimuth": from
-        the direction of the point; "none": already compensated, or unknown.
+    source : "file": the scans carry times; "order": from how far the azimuth has advanced along the file; "azimuth":
+        from the direction of the point; "none": already compensated, or unknown.
     duration : seconds from a sweep's first point to its last ("file" only).
     turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
     seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y; None where it drifts from scan to
@@ -64,18 +64,18 @@ class SweepTiming:
         return SweepTiming(**{**fields, "order": None if order is None else PointOrder(**order)})
 
     def __str__(self) -> str:
-        """Say it in a few words."""
-        way = {1: "counter-clockwise", -1: "clockwise"}
+        """Return the timing in a few words."""
+        turning = {1: "counter-clockwise", -1: "clockwise"}
         if self.source == "none":
             return "none (compensated already, or unknown)"
         if self.source == "file":
             text = f"times in the file ({1e3 * self.duration:.0f} ms a scan)"
         elif self.order is not None:
-            text = f"order of the points ({way[self.order.turn]}, {self.order.turns:.2f} turns a scan)"
+            text = f"order of the points ({turning[self.order.turn]}, {self.order.turns:.2f} turns a scan)"
         else:
             is_fixed = self.seam_deg is not None
             seam = f"at {self.seam_deg:.0f} degrees" if is_fixed else f"drifting, {self.turns:.2f} turns a scan"
-            text = f"azimuth ({way[self.turn]}, seam {seam})"
+            text = f"azimuth ({turning[self.turn]}, seam {seam})"
         part = abs(self.share) / max(1.0 if self.order is None else self.order.span / self.order.turns_per_scan, 1e-9)
         if self.source != "file" and part < 0.6:
             text += f", {part:.2g} of the time between scans"
@@ -85,7 +85,7 @@ class SweepTiming:
 def recorded_duration(scan: Scan) -> float | None:
     """Return the seconds from a sweep's first point to its last, as the scan's own times say; None where they do not.
 
-    What is no number tells nothing, and no sweep lasts `LONGEST_SWEEP`.
+    NaN is ignored, and so is what exceeds `LONGEST_SWEEP`.
     """
     if scan.time is None or not scan.is_valid.any():
         return None

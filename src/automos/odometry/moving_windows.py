@@ -132,8 +132,8 @@ def _moving_window(
 
 def bend_of(T_world_sensor: Pose) -> float:
     """Return by how many metres the motion between neighbouring scans bends a sweep, on average."""
-    come, turned = np.split(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]), 2, axis=1)
-    bends = np.linalg.norm(come, axis=1) + NEAR * np.linalg.norm(turned, axis=1)
+    travelled, turned = np.split(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]), 2, axis=1)
+    bends = np.linalg.norm(travelled, axis=1) + NEAR * np.linalg.norm(turned, axis=1)
     return float(bends.mean()) if len(bends) else 0.0
 
 

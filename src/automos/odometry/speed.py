@@ -1,10 +1,10 @@
-"""The sensor's speed along its path, from how far things that face along the path have come.
+"""The sensor's speed along its path, from surfaces that face along it.
 
 In a street canyon whose traffic keeps pace with the sensor, façades and ground fit anywhere along the street, and the
 cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
-standing still. Only the few surfaces that face along the street (poles, recesses, corners) tell, and they do so sharply
-once only they are asked (`speed_scores`). The path of speeds over time with the greatest sum and possible accelerations
-is followed (Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
+standing still. Only the few surfaces that face along the street (poles, recesses, corners) show the true speed, and
+sharply so once all others are left out (`speed_scores`). The path of speeds over time with the greatest sum and possible
+accelerations is taken (Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
 
 Where most of what is seen is traffic, that wins. Its rival is the path of speeds under which landmarks alone are found
 again: what is higher than any vehicle, or farther beside the path than lanes of the same direction reach.
@@ -28,7 +28,7 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 PRIOR = 0.2
-"""Of a full score, that the registration's own speed has ahead."""
+"""Lead of the registration's own speed, as a share of a full score."""
 GAIN = 0.2
 """Share by which another speed must explain more."""
 ACCELERATION_COST = 0.3
@@ -38,15 +38,15 @@ MIN_RATIO = 0.8
 MIN_STEP = 0.1
 """Metres, shorter steps have no direction."""
 KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
-"""Surfels found again that tell a speed; the seconds and places next to an end where nothing tells, of which the
-acceleration there is told; how much that is at most, m/s²."""
+"""Surfels found again at which a speed is known; seconds and places from which the acceleration is taken where it is not
+at an end; the greatest such acceleration, m/s²."""
 MIN_STRAIGHTNESS = 0.8
 """How much steps agree on their direction in the sensor's frame, 0 to 1, to have one."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedSearch:
-    """What the surfaces that face along the path say of the speed.
+    """The speed according to the surfaces that face along the path.
 
     Attributes
     ----------
@@ -113,13 +113,13 @@ def _follow_speed(
         return nothing, 0.0
     is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (believed[rows, nearest] > GAIN)
     change = np.where(is_better, speeds[path] - present, 0.0)
-    is_known = is_better | is_right  # where nothing tells, the error is taken to be that of the places around
+    is_known = is_better | is_right  # elsewhere the error is interpolated from the places around
     change = np.interp(scores.times, scores.times[is_known], change[is_known])
     return _growth(scores.times, change, window), float(gain[is_better].sum())
 
 
 def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array) -> SpeedSearch:
-    """Return what landmarks alone tell along `forward` (3,)."""
+    """Return the speed along `forward` (3,) according to landmarks alone."""
     believed = scores.likely(scores.by_landmarks, 0.0)
     path = _best_path(believed, scores.speeds, scores.times, settings.usual_acceleration)
     here, there = scores.landmarks_along(scores.nearest), scores.landmarks_along(path)

@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 NEAR_STEPS = 2
 """Steps of speed that are still the same speed."""
 LAGS = (0.3, 0.8)
-"""Seconds over which things come by: what moves has no common peak over both."""
+"""Seconds over which things are passed: what moves has no common peak over both."""
 EVERY = 0.5
 """Seconds between the places asked."""
 STEP = 0.125
@@ -147,9 +147,9 @@ def score_speeds(
         whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
         ends = start + np.array(lags)
         seconds = clock[ends] - clock[start]
-        come = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
+        travelled = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
         # Who brakes has another mean speed over each lag: another speed is a change that all of them share.
-        distances = come[:, None] + (speeds - come[-1] / seconds[-1]) * seconds[:, None]
+        distances = travelled[:, None] + (speeds - travelled[-1] / seconds[-1]) * seconds[:, None]
         found = np.array([
             score_distances(
                 submap, surfels[end], inverse(T[start]) @ T[end], forward, distance, window.share * period / passed,

@@ -1,9 +1,9 @@
 """When each point was measured, from the order of a scan's points.
 
-Drivers append what the sensor fires: along the file the azimuth runs on, turn after turn, and how far it has come is
-the time, wherever the driver cut its stream. Some files are sorted by beam instead: then it runs on within each beam.
-Beams that look aside blur the azimuth but not its progress, so that is read from blocks of neighbours. A file
-that was shuffled, or sorted otherwise, shows no progress and says nothing.
+Drivers append points as the sensor fires: along the file the azimuth advances, turn after turn, and how far it has
+advanced is the time, wherever the driver cut its stream. Some files are sorted by beam instead: then it advances within
+each beam. Beams with an azimuth offset blur the azimuth but not its progress, which is read from blocks of neighbours.
+A file that was shuffled, or sorted otherwise, shows no progress and gives no times.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ By = Literal["firing", "beam"]
 N_BLOCKS = 400
 """Blocks a scan is read in: a thousandth of a turn's time matters little, and a block still holds every beam."""
 MIN_BLOCK = 128
-"""Points in a block, at least: beams that look aside must even out."""
+"""Points in a block, at least: beams with an azimuth offset must even out."""
 SAMPLES = 5
 """Neighbouring scans of a recording that are read to learn its order."""
 MIN_CONCENTRATION = 0.9
 """Length of the mean direction within a block, at least: 1 where all look the same way, 0 where a file is shuffled."""
 MIN_STEADY = 0.95
-"""Share of blocks that must go on in the same direction as all."""
+"""Share of blocks that must advance in the direction of the whole."""
 FIXED = 0.005
 """Turns by which the start may drift from one scan to the next and still be the same."""
 BACKWARD = 0.03
@@ -43,7 +43,7 @@ TURNS = (0.2, 3.0)
 
 @dataclass(frozen=True)
 class PointOrder:
-    """How the azimuth runs along the files of a recording.
+    """How the azimuth advances along the files of a recording.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class PointOrder:
 
 
 def learn_order(sequence: Sequence) -> PointOrder | None:
-    """Return how the azimuth runs along the files of `sequence`; None where order says nothing of time."""
+    """Return how the azimuth advances along the files of `sequence`; None where the order gives no times."""
     firsts = sample_pairs(sequence)
     found: list[tuple[By, int, float, float, float]] = []
     for n_seen, i in enumerate(firsts):
-        if n_seen - len(found) >= len(firsts) / 2:  # the others cannot make up for it
+        if n_seen - len(found) >= len(firsts) / 2:  # no majority is possible any more
             return None
         first = _read(sequence[i])
         second = None if first is None else _read(sequence[i + 1])
@@ -119,7 +119,7 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 
 
 def _read(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return what one scan's order says: by what, which way, azimuth of the first point and turns spanned (turns)."""
+    """Return by what a scan is ordered, the sense of rotation, its first point's azimuth and its span, both in turns."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
@@ -136,7 +136,7 @@ def _read(scan: Scan) -> tuple[By, int, float, float] | None:
 
 
 def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return the same of a file sorted by beam whose beams span more than a turn; others tell nothing new."""
+    """Return the same of a file sorted by beam whose beams span more than a turn; others have a fixed seam."""
     valid = np.flatnonzero(scan.is_valid)
     if len(valid) < N_BLOCKS:
         return None
@@ -176,7 +176,7 @@ def _at_points(turned: Array, block: int, n: int) -> npt.NDArray[np.float32]:
 
 
 def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: npt.NDArray[np.float32]) -> None:
-    """Correct `turned` where a block reaches across a sector without points: there a point's own azimuth tells more."""
+    """Correct `turned` where a block reaches across a sector without points, by the azimuth of each point."""
     known = np.flatnonzero(np.isfinite(azimuth))
     if len(known) < 3:
         return

@@ -1,9 +1,9 @@
-"""Finding out when in the sweep each point was measured, where the recording does not say.
+"""The timing of a sweep: when in it each point was measured, where the recording does not say.
 
-Wrongly timed sweeps are bent, and the poses made from them are wrong in a way that suits them: a driver that cuts its
-stream every 1.09 turns makes every step 8 % too short, and neighbouring scans agree perfectly. So each hypothesis about
-the times is carried through registration anew: a few seconds of scans are laid on their neighbours, then on what was
-seen half a second to two apart, and the hypothesis under which walls are thinnest and best met is taken.
+Wrongly timed sweeps are bent, and poses estimated from them are biased to match: a driver that cuts its stream every
+1.09 turns makes every step 8 % too short, and neighbouring scans agree perfectly. So each hypothesis about the times is
+registered anew: a few seconds of scans are aligned with their neighbours, then with what was seen half a second to two
+apart, and the hypothesis under which walls are thinnest and best met is taken.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _log = logging.getLogger(__name__)
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
 SAME_TIME = 0.02
-"""Of the time between scans, by which two ways to time a point may differ and still say the same."""
+"""Share of the time between scans by which two timings of a point may differ and still agree."""
 OTHER_MOTION = 0.2
-"""Of the motion in a window, by which it may turn out to have been different: timing changes it by a tenth."""
+"""Share of the motion in a window that final poses may change: timing changes it by a tenth."""
 MOSTLY = 0.95
-"""Of a scan's points that must."""
+"""Share of a scan's points for which two timings must agree."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds in which sensors turn."""
 N_LIKELY = 3
-"""Of them, looked at closely."""
+"""Seams that are compared closely."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class TimingChoice:
     timing : the best.
     misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met,
         less that of the first; empty where nothing had to be, or could be, decided.
-    rough : what it was decided on: the first scan of each window, and (n, 4, 4) its poses as they were taken to be.
+    rough : what it was decided on: the first scan of each window and the (n, 4, 4) rough poses of its scans.
     """
 
     timing: SweepTiming
@@ -56,7 +56,7 @@ class TimingChoice:
     rough: tuple[tuple[int, Pose], ...] = ()
 
     def suits(self, poses: Pose) -> bool:
-        """Return whether the sensor moved in the windows, or nowhere, as all (N, 4, 4) `poses` now say."""
+        """Whether the final (N, 4, 4) `poses` confirm the motion in the windows, or that there was none."""
         if not self.rough:
             return bend_of(poses) < MIN_BEND
         bends = [(bend_of(T), bend_of(poses[first : first + len(T)])) for first, T in self.rough]
@@ -106,7 +106,7 @@ def choose_timing(
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear:
             break
-    if best is None:  # nothing bends where nothing moves, or nothing is there to tell
+    if best is None:  # nothing moves, so nothing bends, or there is too little to see
         from_file = [timing for timing in timed if timing.source == "file"]
         return TimingChoice([*from_file, *untimed, *timed, rear_seam()][0])
     choice = TimingChoice(best, search.misfits, tuple((w.first, w.T_world_sensor) for w in search.windows))
@@ -180,7 +180,7 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
 
 
 def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
-    """Return whether two ways to time the points of a scan say the same."""
+    """Whether two timings agree on the points of a scan."""
     in_a, in_b = sweep_times(scan, a), sweep_times(scan, b)
     if in_a is None or in_b is None:
         return False
@@ -189,7 +189,7 @@ def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
 
 
 def _drifting_timing(sequence: Sequence) -> SweepTiming | None:
-    """Return the timing that a sector which wanders from scan to scan gives, None where none does."""
+    """Return the timing by a sector that wanders from scan to scan, None where there is none."""
     found = learn_drifting_seam(sequence)
     return None if found is None else SweepTiming("azimuth", turn=found[0], seam_deg=None, turns=found[1], share=1.0)
 
@@ -207,7 +207,7 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
 
 
 def sees_all_round(sequence: Sequence) -> bool:
-    """Return whether a scan has points in nearly all directions, as a sensor that spins about its z axis has."""
+    """Whether a scan has points in nearly all directions, as that of a sensor that spins about its z axis."""
     scan = sequence[len(sequence) // 2]
     x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30

@@ -38,8 +38,8 @@ class Trajectory:
     diagnostics: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        way = np.linalg.norm(np.diff(self.T_world_sensor[:, :3, 3], axis=0), axis=1).sum()
-        return f"<Trajectory: {len(self.stamps)} poses, {way:.1f} m in {np.ptp(self.stamps) if way else 0.0:.1f} s>"
+        path = np.linalg.norm(np.diff(self.T_world_sensor[:, :3, 3], axis=0), axis=1).sum()
+        return f"<Trajectory: {len(self.stamps)} poses, {path:.1f} m in {np.ptp(self.stamps) if path else 0.0:.1f} s>"
 
     def __post_init__(self) -> None:
         n = len(self.T_world_sensor)
