@@ -175,11 +175,8 @@ class RollingRefinement:
         self.searches.append(search)
         window, *seen = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
         self._seen.append((seen[0], seen[1]))
-        self._surfels, self._twists, self._poses = (
-            list(window.surfels),
-            list(window.twists),
-            list(window.T_world_sensor),
-        )
+        self._surfels, self._twists = list(window.surfels), list(window.twists)
+        self._poses = list(window.T_world_sensor)
 
     def _settle_speed(self, window: Window, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
         """Return the window at the speed that is found from its poses, the last search, and the metres added."""

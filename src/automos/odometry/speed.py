@@ -3,8 +3,8 @@
 In a street canyon whose traffic keeps pace with the sensor, façades and ground fit anywhere along the street, and the
 cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
 standing still. Only the few surfaces that face along the street (poles, recesses, corners) show the true speed, and
-sharply so once all others are left out (`speed_scores`). The path of speeds over time with the greatest sum and possible
-accelerations is taken (Viterbi); the registration's own speed is somewhat ahead, driving backwards somewhat behind.
+sharply so once all others are left out (`speed_scores`). The path of speeds over time with the greatest sum and
+possible accelerations is taken (Viterbi); the registration's own speed is somewhat ahead, driving backwards behind.
 
 Where most of what is seen is traffic, that wins. Its rival is the path of speeds under which landmarks alone are found
 again: what is higher than any vehicle, or farther beside the path than lanes of the same direction reach.
@@ -38,8 +38,8 @@ MIN_RATIO = 0.8
 MIN_STEP = 0.1
 """Metres, shorter steps have no direction."""
 KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
-"""Surfels found again at which a speed is known; seconds and places from which the acceleration is taken where it is not
-at an end; the greatest such acceleration, m/s²."""
+"""Surfels found again at which a speed is known; the seconds and places next to an end where it is not, from which the
+acceleration there is taken; the greatest such acceleration, m/s²."""
 MIN_STRAIGHTNESS = 0.8
 """How much steps agree on their direction in the sensor's frame, 0 to 1, to have one."""
 

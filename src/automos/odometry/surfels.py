@@ -63,7 +63,10 @@ def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfe
         times = np.zeros(len(points), np.float32)
     size = 1 << max(int(np.ceil(np.log2(max(len(points), 16)))), 4)
     sums = _sum_moments(np.ascontiguousarray(points), times, size)
-    return Surfels(*_finish_moments(sums))
+    moments = sums[:, 1:] * (1.0 / sums[:, :1])
+    mean, second = moments[:, :3], moments[:, 3:9]
+    covariance = second - mean[:, [0, 0, 0, 1, 1, 2]] * mean[:, [0, 1, 2, 1, 2, 2]]
+    return Surfels(*(part.astype(np.float32) for part in (mean, covariance, sums[:, 0], moments[:, 9])))
 
 
 def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
@@ -122,30 +125,6 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         row[9] += z * z
         row[10] += times[i]
     return sums[:n]
-
-
-@kernel
-def _finish_moments(sums):  # type: ignore[no-untyped-def]
-    n = len(sums)
-    mean = np.empty((n, 3), np.float32)
-    covariance = np.empty((n, 6), np.float32)
-    count = np.empty(n, np.float32)
-    time = np.empty(n, np.float32)
-    for i in range(n):
-        row = sums[i]
-        w = 1.0 / row[0]
-        x, y, z = row[1] * w, row[2] * w, row[3] * w
-        mean[i, 0], mean[i, 1], mean[i, 2] = x, y, z
-        covariance[i, 0], covariance[i, 1], covariance[i, 2] = (
-            row[4] * w - x * x,
-            row[5] * w - x * y,
-            row[6] * w - x * z,
-        )
-        covariance[i, 3], covariance[i, 4] = row[7] * w - y * y, row[8] * w - y * z
-        covariance[i, 5] = row[9] * w - z * z
-        count[i] = row[0]
-        time[i] = row[10] * w
-    return mean, covariance, count, time
 
 
 @kernel

@@ -119,7 +119,7 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 
 
 def _read(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return by what a scan is ordered, the sense of rotation, its first point's azimuth and its span, both in turns."""
+    """Return by what a scan is ordered, its sense of rotation, its first azimuth and its span (both in turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
