@@ -79,9 +79,7 @@ def held_places(
     return np.unique(keys[(keys >= 0) & moves]), np.unique(keys[(keys >= 0) & stays])
 
 
-def count_places(
-    scans: Iterable[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]],
-) -> npt.NDArray[np.int64]:
+def count_places(scans: Iterable[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]) -> npt.NDArray[np.int64]:
     """Return the places, sorted, of those that anything moving held, that what stays has held in many more of `scans`.
 
     scans : per scan, the places that moving points held, and those that stay, as `held_places` returns them.

@@ -24,10 +24,7 @@ ACCELERATION = 1.5
 
 
 def smooth_tracks(
-    tracks: Tracks,
-    is_moving: npt.NDArray[np.bool_],
-    detections: Sequence[Detections],
-    stamps: npt.NDArray[np.float64],
+    tracks: Tracks, is_moving: npt.NDArray[np.bool_], detections: Sequence[Detections], stamps: npt.NDArray[np.float64]
 ) -> Tracks:
     """Return `tracks`, the moving ones with centres and velocities that all their observations agree on best.
 
