@@ -27,7 +27,7 @@ from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
-from automos.tracking import association, judge, places
+from automos.tracking import association, face_paths, places
 from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
@@ -82,9 +82,8 @@ def _erasor(points: np.ndarray) -> None:
 def _instances(points: np.ndarray) -> None:
     n, ids = len(points), (np.arange(len(points)) % 3 - 1).astype(np.int32)
     fit_boxes(points, ids, np.ones(ids.max() + 1))
-    segment_points(points, points[:, 2], points[:, 0], 0.02, 0.003, SETTINGS.instances.components.segments)
-    detect._summarise(ids, points, ids > 0, ids > 1)
-    detect._add_up(ids, points[:, 2], np.full(n, 255, np.uint8), np.zeros(2), np.full(2, np.inf))
+    segment_points(points, points[:, 2], (0.02, 0.003), SETTINGS.instances.components.segments)
+    detect._summarise(ids, points, points[:, 2], np.full(n, 255, np.uint8), ids > 0, ids > 1)
     hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
     hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
 
@@ -108,13 +107,11 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    judge._weigh_counts(np.abs(values), np.zeros(len(values)))
-    judge._weigh_counts(np.abs(values) * [1.0, 1.0, -1.0], np.zeros(len(values)))
     reach = np.abs(values[:, 0])
     association._near_pairs(values, reach, values[::-1].copy(), reach)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    judge._add_up(np.array([0, len(points)]), np.hstack([values, values]), values[:, 0].copy(), np.zeros((1, 6)))
+    face_paths.follow_faces(np.array([0, len(points)]), np.hstack([values, values]))
 
 
 def _odometry(points: np.ndarray) -> None:
