@@ -27,7 +27,7 @@ from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
-from automos.tracking import association, face_paths, places
+from automos.tracking import face_paths, places
 from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
@@ -107,8 +107,6 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    reach = np.abs(values[:, 0])
-    association._near_pairs(values, reach, values[::-1].copy(), reach)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
     face_paths.follow_faces(np.array([0, len(points)]), np.hstack([values, values]))
