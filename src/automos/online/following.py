@@ -158,7 +158,7 @@ class Following:
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
     """Return all rows of the tracks that are in step number `scan`, and the number of each track (T,)."""
     wanted = np.unique(steps[scan].entry[0])
-    number, seen_in, segment, mean = joined([(s.entry[0], k, *s.entry[2:]) for k, s in enumerate(steps)])
+    number, seen_in, segment, mean = joined([step.entry._replace(scan=k) for k, step in enumerate(steps)])
     rows = np.flatnonzero(np.isin(number, wanted))
     tracks = to_tracks(np.searchsorted(wanted, number[rows]), seen_in[rows], segment[rows], mean[rows])
     is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0

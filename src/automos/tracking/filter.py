@@ -40,11 +40,6 @@ class Beliefs:
         size = np.maximum(self.mean[:, SIZE], 1e-3)
         return Boxes(self.mean[:, :3], size, self.mean[:, YAW], np.ones(len(self)))
 
-    @staticmethod
-    def concatenate(parts: list[Beliefs]) -> Beliefs:
-        """Return the beliefs of all `parts`, in order."""
-        return Beliefs(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
-
 
 def measurements(boxes: Boxes) -> Array:
     """Return (K, 7) what is measured of each box: x, y, z, yaw, length, width, height."""
