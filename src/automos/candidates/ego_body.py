@@ -7,7 +7,7 @@ frame and in the world is the world. A few decimetres, or a boat's rolling at it
 And nobody drives beside another to the sensor's noise: a thing's edges and ranges must be in the last third of the
 recording where they were in the first. What returns from within arm's reach (legs, an operator) again and again
 rides along, however it moves. What hangs together with the body in a scan (a trailer in a bend) belongs to it. Where
-the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
+the sensor stands still nothing shows that, and nothing goes wrong: what never moves is static.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ LOOKS = 2.2
 MISJUDGED = 0.03
 """Share of what stays of which the evidence is wrong in all scans: the poses are off there, or it is thin and bare."""
 LEAST_SOLID = 0.02
-"""Share of the rays that meet a thing and end there, to its face's: less is not told from none."""
+"""Share of the rays that meet a thing and end there, to its face's: less is as good as none."""
 NOISE = 0.05
 """Metres, scatter that no face of a tracked box is without."""
 

@@ -80,7 +80,7 @@ class Objects:
 
 
 class LogEntry(NamedTuple):
-    """What became of the objects in a scan: numbers (K,), the scan, segments (K,), -1 if missed, their means (K, 10)."""
+    """What became of objects in a scan: numbers (K,), scan, segments (K,), -1 if missed, their means (K, 10)."""
 
     track: Rows
     scan: int
