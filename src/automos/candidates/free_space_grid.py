@@ -39,7 +39,7 @@ class BeamPattern(NamedTuple):
     row_height, column_width : radians between neighbouring rows (the median) and columns.
     row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
     sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along directions evenly spaced in
-        `free_space_sweep.rough_turn_of`; zeros where directions have no fixed time.
+        `cells.rough_turn_of`; zeros where directions have no fixed time.
     pyramid : coarser levels of the grid.
     """
 

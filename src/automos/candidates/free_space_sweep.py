@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.free_space_grid import N_DIRECTIONS
+from automos.cells import rough_turn_of
 from automos.geometry import se3_exp
 from automos.kernels import kernel
 from automos.scan import Frame, Mask, Points
@@ -72,14 +73,6 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
     seen = np.flatnonzero(n)
     mean = mean[seen[np.searchsorted(0.5 * (seen[1:] + seen[:-1]), np.arange(N_DIRECTIONS))]]
     return mean, is_last if mean.any() else unknown[1]
-
-
-@kernel
-def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
-    """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
-    share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
-    turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
 
 
 @kernel

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from automos.candidates.free_space_grid import BeamPattern
 from automos.candidates.free_space_image import UNIT, RangeImage
-from automos.candidates.free_space_sweep import rough_turn_of
-from automos.cells import turn_of
+from automos.cells import rough_turn_of, turn_of
 from automos.kernels import kernel
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)

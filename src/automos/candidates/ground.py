@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.height_map import HeightMap, fill_gaps, sample
+from automos.cells import rough_turn_of
 from automos.kernels import kernel
 from automos.scan import Mask
 from automos.settings import GroundSettings
@@ -116,27 +117,19 @@ def _start(lowest: npt.NDArray, cell: float) -> tuple[float, npt.NDArray[np.floa
 
 def _directions(n_sectors: int) -> npt.NDArray[np.float64]:
     """Return (S, 2) the unit vector through the middle of each sector, see `_sector_and_ring`."""
-    turn = (np.arange(n_sectors) + 0.5) / n_sectors
-    x = 1.0 - 4.0 * np.minimum(turn, 1.0 - turn)
-    y = np.where(turn < 0.5, 1.0, -1.0) * (1.0 - np.abs(x))
+    turn = (np.arange(n_sectors) + 0.5) / n_sectors - 0.5
+    x = 1.0 - 4.0 * np.abs(turn)
+    y = np.sign(turn) * (1.0 - np.abs(x))
     return np.column_stack([x, y]) / np.hypot(x, y)[:, None]
 
 
 @kernel
 def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped-def]
-    """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset.
-
-    The ring is `n_rings` for all that is further out, and for what is no number.
-    """
+    """Sector and ring of an offset; the ring is `n_rings` for all that is further out, and for what is no number."""
     far = np.sqrt(x * x + y * y) / ring
     if not far < n_rings:  # compared before it is made a whole number: huge ones have none
         return 0, n_rings
-    size = abs(x) + abs(y)
-    if size == 0.0:
-        return 0, 0
-    turn = 0.25 * (1.0 - x / size)
-    turn = turn if y >= 0.0 else 1.0 - turn
-    return min(int(turn * n_sectors), n_sectors - 1), int(far)
+    return int(rough_turn_of(x, y) * n_sectors), int(far)
 
 
 @kernel

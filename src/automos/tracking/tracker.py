@@ -79,13 +79,20 @@ class Objects:
         return Objects(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
-class LogEntry(NamedTuple):
-    """What became of objects in a scan: numbers (K,), scan, segments (K,), -1 if missed, their means (K, 10)."""
+class Log(NamedTuple):
+    """What became of objects, one row (R) for each in each scan, in the order of scans.
+
+    `track` is its number, `segment` what it was seen as, -1 if missed, `mean` (R, 10) that of its `kalman.Beliefs`.
+    """
 
     track: Rows
-    scan: int
+    scan: Rows
     segment: Rows
     mean: Array
+
+    def at(self, rows: npt.NDArray) -> Log:
+        """Return some of the rows."""
+        return Log._make(column[rows] for column in self)
 
 
 class Tracker:
@@ -108,7 +115,7 @@ class Tracker:
         """The numbers of all objects that may be seen again."""
         return np.concatenate([self._alive.track, self._resting.track])
 
-    def step(self, stamp: float, found: Detections) -> LogEntry:
+    def step(self, stamp: float, found: Detections) -> Log:
         """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
@@ -134,8 +141,9 @@ class Tracker:
         self._resting = _at_rest(alive[rests], settings).joined(resting[still])
         keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
         self._alive = alive[keep].joined(born)
-        scan, self._scan, self._last_stamp = self._scan, self._scan + 1, stamp
-        return LogEntry(self._alive.track, scan, np.concatenate([segment[keep], new]), self._alive.mean)
+        scan = np.full(len(self._alive), self._scan)
+        self._scan, self._last_stamp = self._scan + 1, stamp
+        return Log(self._alive.track, scan, np.concatenate([segment[keep], new]), self._alive.mean)
 
 
 def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
@@ -203,25 +211,19 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
     alive.has_moved[matched] |= alive.share[matched] > 0.5
 
 
-def as_table(log: list[LogEntry]) -> Tracks:
-    """Return the log as tracks, without the misses after each track's last observation."""
-    return to_tracks(*joined(log))
+def as_table(logs: list[Log]) -> Tracks:
+    """Return the logs of all scans as tracks, without the misses after each track's last observation."""
+    none = np.zeros(0, np.int64)
+    log = joined([Log(none, none, none, np.zeros((0, kalman.N_STATE))), *logs])
+    last_seen, is_seen = np.full(log.track.max(initial=-1) + 1, -1), log.segment >= 0
+    last_seen[log.track[is_seen]] = log.scan[is_seen]  # of several the last
+    keep = np.flatnonzero(log.scan <= last_seen[log.track])
+    log = log.at(keep[np.argsort(log.track[keep], kind="stable")])
+    center, size = log.mean[:, :3], np.maximum(log.mean[:, kalman.SIZE], 1e-3)
+    yaw, velocity = log.mean[:, kalman.YAW], log.mean[:, kalman.VELOCITY]
+    return Tracks(log.track, log.scan, log.segment, center, size, yaw, velocity)
 
 
-def joined(log: list[LogEntry]) -> tuple[Rows, Rows, Rows, Array]:
-    """Return the entries of `log` as one, the scan of each row in it."""
-    if not log:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, kalman.N_STATE))
-    tracks, scans, segments, means = zip(*log, strict=True)
-    scan = np.repeat(np.array(scans, np.int64), [len(track) for track in tracks])
-    return np.concatenate(tracks), scan, np.concatenate(segments), np.concatenate(means)
-
-
-def to_tracks(track: Rows, scan: Rows, segment: Rows, mean: Array) -> Tracks:
-    """Return rows (N,) of a log, in the order of scans, as tracks, without those after each one's last observation."""
-    last_seen, is_seen = np.full(track.max(initial=-1) + 1, -1), segment >= 0
-    last_seen[track[is_seen]] = scan[is_seen]  # of several the last
-    keep = np.flatnonzero(scan <= last_seen[track])
-    order = keep[np.argsort(track[keep], kind="stable")]  # the log is in the order of scans
-    center, yaw, size, velocity = (mean[order, part] for part in (slice(3), kalman.YAW, kalman.SIZE, kalman.VELOCITY))
-    return Tracks(track[order], scan[order], segment[order], center, np.maximum(size, 1e-3), yaw, velocity)
+def joined(logs: list[Log]) -> Log:
+    """Return `logs`, at least one, as one."""
+    return Log._make(np.concatenate(column) for column in zip(*logs, strict=True))
