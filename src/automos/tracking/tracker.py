@@ -37,12 +37,11 @@ REMEMBERED = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Objects:
-    """The objects that are followed at one time.
+class Objects(kalman.Beliefs):
+    """The objects that are followed at one time, and where they are.
 
     Attributes
     ----------
-    mean, covariance : (K, 10), (K, 10, 10), where they are, as `kalman.Beliefs` has them.
     track : (K,) int64, their numbers.
     unseen : (K,) seconds since each was last seen.   misses : (K,) scans since then.
     share : (K,) in [0, 1], what the evidence said of each: has moved, against has stayed.
@@ -50,29 +49,12 @@ class Objects:
     has_moved : (K,) bool, whether it ever said so.
     """
 
-    mean: Array
-    covariance: Array
     track: Rows
     unseen: Array
     misses: Rows
     share: Array
     count: Array
     has_moved: Mask
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    def __getitem__(self, rows: npt.NDArray) -> Objects:
-        return Objects(*(getattr(self, f.name)[rows] for f in fields(self)))
-
-    @property
-    def belief(self) -> kalman.Beliefs:
-        """Where they are."""
-        return kalman.Beliefs(self.mean, self.covariance)
-
-    def believed(self, belief: kalman.Beliefs) -> Objects:
-        """Return the same objects where `belief` (K) has them."""
-        return replace(self, mean=belief.mean, covariance=belief.covariance)
 
     def joined(self, other: Objects) -> Objects:
         """Return these objects, then those of `other`."""
@@ -119,8 +101,8 @@ class Tracker:
         """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
+        alive = kalman.predict(alive, dt, settings.filter)
         alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
-        alive = alive.believed(kalman.predict(alive.belief, dt, settings.filter))
         cost = _cost(alive, found, settings)
         matched, detected = assign(cost)
         woken, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
@@ -173,9 +155,10 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
 
 def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
     """Return objects that are not seen any more, as sure to be where they were as a measured box is."""
-    boxes = rest.belief.boxes()
+    boxes = rest.boxes()
     boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
-    return rest.believed(kalman.start(boxes, settings.filter, np.zeros(len(rest))))
+    belief = kalman.start(boxes, settings.filter, np.zeros(len(rest)))
+    return replace(rest, mean=belief.mean, covariance=belief.covariance)
 
 
 def _recognise(
@@ -196,14 +179,14 @@ def _recognise(
 
 def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> Array:
     if settings.method == "paper":
-        return association_cost(alive.belief.boxes(), found.boxes, settings.association)
+        return association_cost(alive.boxes(), found.boxes, settings.association)
     is_lost = alive.misses > 1  # this scan is counted
-    return motion_cost(alive.belief, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
+    return motion_cost(alive, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
 
 
 def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
     """Write into the `matched` of `alive` what was seen of them, the `detected` of `found`."""
-    after = kalman.update(alive.belief[matched], found.boxes[detected], settings.filter)
+    after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
     alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
