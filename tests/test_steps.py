@@ -42,11 +42,11 @@ def test_evidence_reads_no_further_than_its_part_may_ask(world, monkeypatch):
     settings = load_settings("default")
     steps = Steps(world.sequence, settings, world.poses, workers=1)
     about = settings.candidates
-    space = FreeSpace(steps.frames, steps.trajectory.stamps, about.free_space, about.ground, about.ego_body, 1)
+    space = FreeSpace(steps.frames, steps.trajectory.stamps, about, 1)
     asked = []
     partners = space.partners
     monkeypatch.setattr(space, "partners", lambda i: asked.append(i) or partners(i))
-    assert [i for i, _ in space.collect(3, 6)] == [3, 4, 5]
+    assert [i for i, _, _ in space.collect(3, 6)] == [3, 4, 5]
     assert asked == [3, 4, 5]
 
 

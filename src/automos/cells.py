@@ -37,3 +37,11 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     angle = -angle if y < np.float32(0.0) else angle
     turn = angle * np.float32(0.15915494) + np.float32(0.5)
     return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
+
+
+@kernel
+def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
+    """Return a number in [0, 1) that grows with the azimuth of (x, y) from -pi on; cheaper than `turn_of`."""
+    share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
+    turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)

@@ -63,6 +63,11 @@ class Detections:
         return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity)
 
     @staticmethod
+    def nothing() -> Detections:
+        """Return no segments."""
+        return Detections.of_objects(Boxes.empty(), *np.zeros((3, 0)))
+
+    @staticmethod
     def columns() -> tuple[str, ...]:
         """Return the names of the arrays that `to_arrays` gives."""
         return (*(f.name for f in fields(Boxes)), *_COLUMNS)

@@ -4,9 +4,9 @@ from free_space_worlds import HEIGHT, REACH, ListFrames, spin
 from scipy.spatial.transform import Rotation
 from worlds import Block, cast, van
 
-from automos.candidates.ego_body import find_ego_body
+from automos.candidates.ego_body import find_ego_body, is_on_body
 from automos.candidates.free_space_pattern import learn_pattern
-from automos.candidates.ground import segment_ground
+from automos.candidates.ground import find_ground
 from automos.geometry import inverse, make_transform
 from automos.scan import Frame
 from automos.settings import EgoBodySettings, GroundSettings
@@ -16,8 +16,9 @@ HOUSES = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in ra
 
 
 def body_points(frames, pattern, truth):
-    body = find_ego_body(frames, pattern, EgoBodySettings())
-    found = np.concatenate([body.covers(frames[i].points) for i in range(len(frames))])
+    reach = find_ego_body(frames, pattern, EgoBodySettings())
+    points = [frames[i].points for i in range(len(frames))]
+    found = np.concatenate([is_on_body(p, np.zeros(len(p), bool), reach, pattern) for p in points])
     return found, np.concatenate(truth)
 
 
@@ -213,11 +214,12 @@ def swinging_arms():
 
 def covered(frames, truth):
     """Return which points are body in every sixth scan of a ride, and what they lie on."""
-    body = find_ego_body(frames, learn_pattern([frames[i] for i in (0, 15, 30, 45, 59)]), EgoBodySettings())
+    pattern = learn_pattern([frames[i] for i in (0, 15, 30, 45, 59)])
+    reach = find_ego_body(frames, pattern, EgoBodySettings())
     found = []
     for i in range(0, len(frames), 6):
-        points, origin = frames[i].points_level, frames[i].origin_level
-        found.append(body.covers(frames[i].points, segment_ground(points, origin, GroundSettings())))
+        is_ground, _ = find_ground(frames[i].points_level, frames[i].origin_level, GroundSettings())
+        found.append(is_on_body(frames[i].points, is_ground, reach, pattern))
     return np.concatenate(found), np.concatenate(truth[::6])
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from automos.candidates.free_space_looks import rough_turn_of
-from automos.candidates.free_space_pattern import learn_pattern, raw_points
-from automos.cells import turn_of
+from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.free_space_sweep import raw_points
+from automos.cells import rough_turn_of, turn_of
 from automos.geometry import se3_exp, transform
 from automos.scan import Frame
 

@@ -5,7 +5,7 @@ from worlds import Block, cast, van
 from automos.candidates.free_space import FreeSpace
 from automos.geometry import make_transform
 from automos.scan import Frame
-from automos.settings import EgoBodySettings, FreeSpaceSettings, GroundSettings
+from automos.settings import CandidatesSettings
 
 MOUNTS = np.stack([make_transform(t=[0.0, 2.0, 0.0]), make_transform(t=[-6.0, -2.0, -0.6])])
 """Two LiDARs of a lorry: above the left door, and behind on the right."""
@@ -35,19 +35,18 @@ def merged(mounts, n_scans=30):
 
 
 def evidence_of(frames):
-    space = FreeSpace(frames, frames.stamps, FreeSpaceSettings(), GroundSettings(), EgoBodySettings())
-    return dict(space.collect())
+    return FreeSpace(frames, frames.stamps, CandidatesSettings()).collect()
 
 
 def moved_shares(frames):
     """Return the shares of the points of the van, and of all else, that have moved."""
     of_van, others = [], []
-    for i, evidence in evidence_of(frames).items():
+    for i, _, net in evidence_of(frames):
         on_van = within(frames[i], PASSING, frames[i].stamp)
-        of_van.append(evidence.net[on_van] >= 1.0)
+        of_van.append(net[on_van] >= 1.0)
         ahead = frames[i].points_level[:, 0] - (PASSING.center[0] + PASSING.velocity[0] * frames[i].stamp)
         on_its_lane = (np.abs(ahead) < 4.0) & (np.abs(frames[i].points_level[:, 1] - PASSING.center[1]) < 1.3)
-        others.append(evidence.net[~on_its_lane] >= 1.0)
+        others.append(net[~on_its_lane] >= 1.0)
     return np.concatenate(of_van).mean(), np.concatenate(others).mean()
 
 

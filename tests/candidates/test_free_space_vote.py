@@ -3,7 +3,7 @@ import pytest
 from free_space_worlds import HEIGHT, spin
 from worlds import Block
 
-from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
+from automos.candidates.free_space_image import find_neighbours, make_image, project
 from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.free_space_vote import (
     BLOCKED,
@@ -12,42 +12,36 @@ from automos.candidates.free_space_vote import (
     THROUGH,
     UNSEEN,
     WEAK,
+    Rays,
     look_through,
 )
-from automos.scan import GROUND, OBJECT
 
 TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.005, 0.2))
 NO_MOTION = np.zeros(6, np.float32)
 
 
-def image_of(points, kind, pattern, pyramid):
-    return make_image(project(points, np.ones(len(points), bool), pattern), kind, pyramid)
+def rays_of(points, is_object, pattern, motion=NO_MOTION):
+    return Rays(pattern, motion, make_image(project(points, pattern), pattern.pyramid, is_object))
 
 
 def scan_of(*blocks):
-    """The pattern, pyramid and image of one scan of `blocks` on a plane."""
+    """The frame and the rays of one scan of `blocks` on a plane."""
     frame, _, distance = spin(blocks)
     frame = frame(distance)
     pattern = learn_pattern([frame])
-    pyramid = pyramid_shape(pattern)
-    kind = np.where(frame.points_level[:, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
-    return frame, pattern, pyramid, image_of(frame.points, kind, pattern, pyramid)
+    return frame, rays_of(frame.points, frame.points_level[:, 2] >= 0.05, pattern)
 
 
-def looks(scan, *places, motion=NO_MOTION):
-    """What the scan says of `places`, (x, y, height above the ground)."""
-    _, pattern, pyramid, image = scan
+def looks(rays, *places):
+    """What a scan's rays say of `places`, (x, y, height above the ground)."""
     points = np.array(places, np.float32).T - np.array([[0.0], [0.0], [HEIGHT]], np.float32)
-    n = points.shape[1]
-    codes, ranges, misses = np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
-    T = np.eye(4, dtype=np.float32)[:3]
-    look_through(np.ascontiguousarray(points), T, motion, pattern, pyramid, image, TOLERANCES, codes, ranges, misses)
+    codes, _, _ = look_through(np.ascontiguousarray(points), np.eye(4, dtype=np.float32)[:3], rays, TOLERANCES)
     return codes.tolist()
 
 
 @pytest.fixture(scope="module")
 def wall_and_post():
-    return scan_of(Block((20.0, 0.0, 3.0), (1.0, 30.0, 6.0)), Block((10.0, 5.0, 2.0), (0.3, 0.3, 4.0)))
+    return scan_of(Block((20.0, 0.0, 3.0), (1.0, 30.0, 6.0)), Block((10.0, 5.0, 2.0), (0.3, 0.3, 4.0)))[1]
 
 
 def test_before_on_and_behind_a_wall_is_through_hit_and_blocked(wall_and_post):
@@ -64,20 +58,18 @@ def test_right_beside_a_post_is_only_weakly_through(wall_and_post):
     assert away == THROUGH
 
 
-def test_the_ground_is_hit_and_a_hand_above_it_is_not_seen_through(wall_and_post):
+def test_the_ground_is_hit_and_a_hand_above_it_is_not_observed_free(wall_and_post):
     on_ground, above = looks(wall_and_post, (8.0, 0.0, 0.0), (8.0, 0.0, 0.12))
     assert on_ground == HIT
     assert above != THROUGH
 
 
-def test_a_thing_that_returns_nothing_is_not_seen_through_by_rays_over_its_roof():
-    frame, pattern, pyramid, _ = scan_of(Block((30.0, 0.0, 3.0), (1.0, 40.0, 6.0)))
+def test_a_thing_that_returns_nothing_is_not_observed_free_by_rays_over_its_roof():
+    frame, rays = scan_of(Block((30.0, 0.0, 3.0), (1.0, 40.0, 6.0)))
     black = frame.points_level
     is_swallowed = (np.abs(black[:, 1]) < 0.09 * black[:, 0]) & (black[:, 2] < 1.4)  # a black car 10 m ahead
-    points = frame.points[~is_swallowed]
-    kind = np.where(black[~is_swallowed, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
-    scan = (frame, pattern, pyramid, image_of(points, kind, pattern, pyramid))
-    assert THROUGH not in looks(scan, (10.0, 0.0, 0.6), (10.0, 0.3, 0.9))
+    rays = rays_of(frame.points[~is_swallowed], black[~is_swallowed, 2] >= 0.05, rays.pattern)
+    assert THROUGH not in looks(rays, (10.0, 0.0, 0.6), (10.0, 0.3, 0.9))
 
 
 def test_the_sensors_own_motion_is_taken_into_account():
@@ -96,41 +88,37 @@ def test_the_sensors_own_motion_is_taken_into_account():
         motion,
     )
     pattern = learn_pattern([timed])
-    pyramid = pyramid_shape(pattern)
     # The image is as the moving sensor measured it; the place asked about is in the frame at mid-sweep.
-    image = image_of(frame.points, np.full(len(azimuth), OBJECT, np.uint8), pattern, pyramid)
+    rays = rays_of(frame.points, np.ones(len(azimuth), bool), pattern, motion.astype(np.float32))
     at = np.radians(40.0)
     seen = np.array([19.5, 19.5 * np.tan(at), 1.0])  # where the ray at 40 degrees ended
     shift = -at / (2.0 * np.pi) * motion[0]
-    scan = (timed, pattern, pyramid, image)
     places = (seen[0] + shift, *seen[1:]), (seen[0] + shift + 0.9, *seen[1:])
-    assert looks(scan, *places, motion=motion.astype(np.float32)) == [HIT, BLOCKED]
+    assert looks(rays, *places) == [HIT, BLOCKED]
 
 
 def test_walls_are_supported_and_wires_are_not():
     wire = Block((10.0, 0.0, 2.5), (0.02, 20.0, 0.16))
-    frame, pattern, _, _ = scan_of(wire, Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)))
+    frame, rays = scan_of(wire, Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)))
     level = frame.points_level
     on_wire = np.abs(level[:, 0] - 10.0) < 0.1
     on_wall = (
         (np.abs(level[:, 0] - 19.5) < 0.1) & (np.abs(level[:, 1]) < 10.0) & (level[:, 2] > 0.5) & (level[:, 2] < 3)
     )
-    kind = np.full(len(level), OBJECT, np.uint8)
-    supported = find_neighbours(project(frame.points, kind == OBJECT, pattern), kind)[0] == 2
+    supported = find_neighbours(project(frame.points, rays.pattern), np.ones(len(level), bool))[0] == 2
     assert on_wire.sum() > 50
     assert supported[on_wall].mean() > 0.99
     assert supported[on_wire & (level[:, 2] > 1.0)].mean() < 0.2
 
 
 def test_a_drop_in_the_air_is_met_by_one_ray_only_and_a_post_by_several():
-    frame, pattern, _, _ = scan_of(Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)), Block((10.0, 5.0, 2.0), (0.3, 0.3, 4.0)))
+    frame, rays = scan_of(Block((20.0, 0.0, 3.0), (1.0, 60.0, 6.0)), Block((10.0, 5.0, 2.0), (0.3, 0.3, 4.0)))
     points = frame.points.copy()
     drops = np.flatnonzero(np.abs(frame.points_level[:, 0] - 19.5) < 0.1)[::200]
     points[drops] *= 0.3
-    kind = np.full(len(points), OBJECT, np.uint8)
-    ways, solidity = find_neighbours(project(points, kind == OBJECT, pattern), kind)
+    n_directions, solidity = find_neighbours(project(points, rays.pattern), np.ones(len(points), bool))
     assert len(drops) > 10
-    assert (ways[drops] == 0).all()
+    assert (n_directions[drops] == 0).all()
     assert (solidity[drops] == 0).all()
     assert np.median(solidity[np.abs(frame.points_level[:, 0] - 19.5) < 0.1]) == 255
-    assert (ways[np.linalg.norm(frame.points_level[:, :2] - (10.0, 5.0), axis=1) < 0.25] > 0).all()
+    assert (n_directions[np.linalg.norm(frame.points_level[:, :2] - (10.0, 5.0), axis=1) < 0.25] > 0).all()

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.candidates.free_space_pattern import BeamPattern
+from automos.candidates.free_space_grid import BeamPattern
+from automos.candidates.free_space_grid import make_pattern as pattern_of
 from automos.scan import Frame
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
@@ -30,7 +31,8 @@ CLOUDS = st.integers(1, 40).flatmap(lambda n: hnp.arrays(np.float32, (n, 3), ele
 
 def make_pattern(row_of_sine: np.ndarray | None = None) -> BeamPattern:
     rows = np.linspace(-2.0, 18.0, 4097, dtype=np.float32) if row_of_sine is None else row_of_sine
-    return BeamPattern(16, 64, 0.02, 2.0 * np.pi / 64, rows, np.linspace(-0.5, 0.5, 360).astype(np.float32))
+    times = np.linspace(-0.5, 0.5, 360).astype(np.float32)
+    return pattern_of(0.02 * np.arange(16), 2.0 * np.pi / 64, times)._replace(row_of_sine=rows)
 
 
 def make_frame(points: np.ndarray) -> Frame:

@@ -9,14 +9,12 @@ from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_
 
 from automos.candidates import (
     ego_body_ranges,
-    ego_body_votes,
-    free_space_looks,
+    free_space_sweep,
     free_space_vote,
     free_space_weigh,
 )
-from automos.candidates.free_space_image import find_neighbours, make_image, project, pyramid_shape
-from automos.candidates.free_space_pattern import raw_points
-from automos.candidates.ground import fit_ground, is_on_ground
+from automos.candidates.free_space_image import find_neighbours, make_image, project
+from automos.candidates.ground import find_ground
 from automos.geometry import transform
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
@@ -29,7 +27,7 @@ from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
-from automos.tracking import association, judge, places
+from automos.tracking import face_paths, places
 from automos.tracking.completion import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
@@ -38,46 +36,28 @@ from automos.voxels import VoxelMap
 
 
 def _ground(points: np.ndarray) -> None:
-    surface = fit_ground(points, points[0], SETTINGS.candidates.ground)
-    is_on_ground(points, points[0], surface, SETTINGS.candidates.ground)
-    surface.height_at(points)
+    find_ground(points, points[0], SETTINGS.candidates.ground)
 
 
 def _free_space(points: np.ndarray) -> None:
-    raw_points(make_frame(points))
-    seen, _, _ = free_space_looks._latest_times(points, points[:, 2].copy(), 360)
-    free_space_looks.is_last_look(points, points[:, 2].copy(), seen)
-    pattern, kind = make_pattern(), np.zeros(len(points), np.uint8)
-    pyramid = pyramid_shape(pattern)
-    for shape in (make_pattern(np.resize(points[:, 0], 4097)), pattern):
-        projection = project(points, kind == 0, shape)
-        find_neighbours(projection, kind)
-        image = make_image(projection, kind, pyramid)
-    columns, motion, T = np.ascontiguousarray(points.T), np.resize(points, 6), np.resize(points, (3, 4))
-    n = len(points)
-    codes, ranges, misses = np.zeros(n, np.uint8), np.zeros(n, np.float32), np.zeros(n, np.float32)
-    for each in (T, np.eye(4, dtype=np.float32)[:3]):
-        for pattern in (make_pattern(), make_pattern(np.resize(points[:, 0], 4097))):
-            arguments = (pattern, pyramid, image, (np.float32(0.1),) * 5, codes, ranges, misses)
-            free_space_vote.look_through(columns, each, motion, *arguments)
-    votes = np.zeros((3, n), np.int8)
-    heights, own = points[:, 2], points[:, 1]
-    free_space_weigh.weigh_looks(codes, own, misses, own, heights, 0.02, 0.1, 0.5, np.arange(n), votes[0])
-    free_space_weigh.find_open(votes, np.ones(3, bool), 2)
-    ids = free_space_weigh.find_seen_through(votes)
-    free_space_weigh.weaken_lone(votes, ids, np.zeros(len(ids), bool), 0.5)
-    free_space_weigh.sum_votes(votes, 1, 0.5, own.copy(), codes, codes.copy())
+    free_space_sweep.raw_points(make_frame(points))
+    free_space_sweep.last_looks(np.tile(points, (100, 1)), np.tile(points[:, 2], 100))
+    n, motion, T = len(points), np.resize(points, 6), np.resize(points, (3, 4))
+    for pattern in (make_pattern(np.resize(points[:, 0], 4097)), make_pattern()):
+        projection = project(points, pattern, points[:, 0] == points[:, 0])
+        find_neighbours(projection, np.ones(n, bool))
+        rays = free_space_vote.Rays(pattern, motion, make_image(projection, pattern.pyramid, np.ones(n, bool)))
+        for each in (T, np.eye(4, dtype=np.float32)[:3]):
+            looks = free_space_vote.look_through(np.ascontiguousarray(points.T), each, rays, (np.float32(0.1),) * 5)
+            for ranges in (looks[1], points[:, 0].copy()):
+                about = (ranges, points[:, 1], points[:, 2], points[:, 0], np.ones(n), np.float32(0.02))
+                free_space_weigh.weigh_looks(looks[0], *about, 0.1, 0.5)
 
 
 def _ego_body(points: np.ndarray) -> None:
-    rows, image = make_pattern().row_of_sine, np.zeros((16, 64), np.float32)
-    ego_body_ranges._keep_nearest(points, np.float32(8.0), rows, image)
     ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body_votes.cells_within(points, rows, reach, np.full(len(points), -1))
-        for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
-            columns, meets = np.ascontiguousarray(points.T), np.zeros(len(points), bool)
-            ego_body_votes._meets(columns, T, rows, reach, np.float32(0.35), meets)
+        ego_body_ranges.cells_within(points, reach, make_pattern())
 
 
 def _erasor(points: np.ndarray) -> None:
@@ -102,9 +82,8 @@ def _erasor(points: np.ndarray) -> None:
 def _instances(points: np.ndarray) -> None:
     n, ids = len(points), (np.arange(len(points)) % 3 - 1).astype(np.int32)
     fit_boxes(points, ids, np.ones(ids.max() + 1))
-    segment_points(points, points[:, 2], points[:, 0], 0.02, 0.003, SETTINGS.instances.components.segments)
-    detect._summarise(ids, points, ids > 0, ids > 1)
-    detect._add_up(ids, points[:, 2], np.full(n, 255, np.uint8), np.zeros(2), np.full(2, np.inf))
+    segment_points(points, points[:, 2], (0.02, 0.003), SETTINGS.instances.components.segments)
+    detect._summarise(ids, points, points[:, 2], np.full(n, 255, np.uint8), ids > 0, ids > 1)
     hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
     hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
 
@@ -128,13 +107,9 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    judge._weigh_counts(np.abs(values), np.zeros(len(values)))
-    judge._weigh_counts(np.abs(values) * [1.0, 1.0, -1.0], np.zeros(len(values)))
-    reach = np.abs(values[:, 0])
-    association._near_pairs(values, reach, values[::-1].copy(), reach)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    judge._add_up(np.array([0, len(points)]), np.hstack([values, values]), values[:, 0].copy(), np.zeros((1, 6)))
+    face_paths.follow_faces(np.array([0, len(points)]), np.hstack([values, values]))
 
 
 def _odometry(points: np.ndarray) -> None:

@@ -16,7 +16,7 @@ def cloud(x, y, low=0.2, high=1.6, half=0.3, step=0.15):
 
 def segments(*clouds, settings=S, rows=ROWS):
     points = np.concatenate(clouds)
-    ids = segment_points(points, points[:, 2], np.linalg.norm(points, axis=1), rows, COLUMNS, settings)
+    ids = segment_points(points, points[:, 2], (rows, COLUMNS), settings)
     return ids, np.split(ids, np.cumsum([len(c) for c in clouds])[:-1])
 
 

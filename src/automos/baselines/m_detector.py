@@ -20,7 +20,7 @@ from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, shape_for, view_of
-from automos.candidates.ground import segment_ground
+from automos.candidates.ground import find_ground
 from automos.geometry import inverse
 from automos.scan import Frame, Frames, Mask
 from automos.settings import GroundSettings
@@ -44,7 +44,7 @@ def find_moving(
             past.popleft()
         images = [image for j in asked for i, image in past if i == j]
         is_event = tests.find_events(frame, float(stamps[k]), images)
-        is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
+        is_object = ~find_ground(frame.points_level, frame.origin_level, ground)[0]
         is_moving = complete_clusters(frame.points_level, is_event, is_object, parameters)
         past.append((k, draw(frame.points, is_moving, frame.T_level_sensor, float(stamps[k]), shape)))
         if k >= start:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.baselines import removert
 from automos.baselines.batches import is_within
-from automos.candidates.ground import segment_ground
+from automos.candidates.ground import find_ground
 from automos.paper.voxels import group_by_voxel
 from automos.parallel import map_in_order
 from automos.scan import Frames, Mask
@@ -57,7 +57,7 @@ def find_moving(
     def tasks() -> Iterator[_Task]:
         for k, is_seen_through in removert.find_moving(frames, parameters.visibility, start):
             frame = frames[k]
-            is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
+            is_object = ~find_ground(frame.points_level, frame.origin_level, ground)[0]
             eligible[k] = np.flatnonzero(is_object & is_within(frame, parameters.max_range))
             yield frame.points_level[eligible[k]], is_seen_through[eligible[k]]
 

@@ -19,7 +19,7 @@ from automos.baselines.batches import is_within
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for, shortest_around
 from automos.baselines.regions import grow_regions
-from automos.candidates.ground import segment_ground
+from automos.candidates.ground import find_ground
 from automos.geometry import inverse, transform
 from automos.kernels import kernel
 from automos.scan import Frame, Frames, Mask
@@ -76,7 +76,7 @@ def find_moving(
         is_seed = np.zeros(len(frame.points), bool)
         for j in others:
             is_seed |= _find_changed(frame, seen[j], shape, parameters)
-        is_object = ~segment_ground(frame.points_level, frame.origin_level, ground)
+        is_object = ~find_ground(frame.points_level, frame.origin_level, ground)[0]
         is_object &= is_within(frame, parameters.max_range)
         is_seed &= is_object
         is_seed &= _has_company(

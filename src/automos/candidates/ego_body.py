@@ -7,21 +7,20 @@ frame and in the world is the world. A few decimetres, or a boat's rolling at it
 And nobody drives beside another to the sensor's noise: a thing's edges and ranges must be in the last third of the
 recording where they were in the first. What returns from within arm's reach (legs, an operator) again and again
 rides along, however it moves. What hangs together with the body in a scan (a trailer in a bend) belongs to it. Where
-the sensor stands still nothing can be told, and nothing goes wrong: what never moves is static.
+the sensor stands still nothing shows that, and nothing goes wrong: what never moves is static.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
-from automos.candidates.ego_body_ranges import find_constant, find_near, nearest_ranges
-from automos.candidates.ego_body_votes import ask_others, cells_within, decide, parts_of
-from automos.candidates.free_space_pattern import BeamPattern, directions
+from automos.candidates.ego_body_ranges import Ranges, cells_within, find_constant, find_near, nearest_ranges
+from automos.candidates.ego_body_votes import ask_others, decide, parts_of
+from automos.candidates.free_space_grid import BeamPattern, directions
+from automos.candidates.free_space_image import over_neighbours
 from automos.geometry import inverse, se3_log
 from automos.scan import Frames, Mask, Points
 from automos.settings import EgoBodySettings
@@ -36,8 +35,6 @@ MIN_SCANS = 9
 """With fewer scans apart from each other nothing is called body."""
 MIN_STEP, ARM = 0.25, 5.0
 """Metres: how far what is `ARM` from the sensor must have moved about it between scans looked at."""
-NEAR_SHARE = 0.15
-"""Of the scans, that return from within arm's reach where an arm swings; the world, and others, pass there once."""
 MIN_UNEVENNESS = 0.15
 """Metres by which the sensor must have left even motion. Others do not brake, turn and roll along with it to
 centimetres, but keep its distance for seconds where it moves evenly; there a body is nearer than half the way gone."""
@@ -53,55 +50,40 @@ ATTACHED_SHARE = 0.15
 """Of what hangs together there, the share that must be on it for all to be."""
 
 
-@dataclass(frozen=True, eq=False)
-class EgoBody:
-    """How far the vehicle's own body reaches along each ray of the sensor.
+def is_on_body(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPattern) -> Mask:
+    """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or hang on it.
 
-    Attributes
-    ----------
-    reach : (H, W) float32, metres, on the pattern's grid; 0 where the body is not in the way.
-    pattern : the grid.
+    Ground, (M,) bool, is what nothing hangs together by.   `reach` (H, W) is that of `find_ego_body`.
     """
-
-    reach: npt.NDArray[np.float32]
-    pattern: BeamPattern
-
-    def covers(self, points: Points, is_ground: Mask | None = None) -> Mask:
-        """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or hang on it.
-
-        Ground, (M,) bool, is what nothing hangs together by.
-        """
-        cell = np.full(len(points), -1, np.int64)
-        cells_within(points, self.pattern.row_of_sine, self.reach, cell)
-        is_body = cell >= 0
-        if is_body.any():
-            is_ground = np.zeros_like(is_body) if is_ground is None else is_ground
-            _attach(points, is_body, is_ground, GOES_ON * float(self.reach.max()))
+    is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(reach.max())
+    if farthest == 0.0:
         return is_body
+    near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < farthest**2)
+    is_body[near] = cells_within(points[near], reach, pattern) >= 0
+    near = near[is_body[near] | ~is_ground[near]]
+    if is_body.any():
+        part, n_parts = parts_of(points[near])
+        total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
+        is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
+    return is_body
 
 
-def nobody(pattern: BeamPattern) -> EgoBody:
-    """Return the body of a sensor that none is in the way of."""
-    return EgoBody(np.zeros((pattern.n_rows, pattern.n_columns), np.float32), pattern)
-
-
-def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> EgoBody:
-    """Return the body that a handful of `frames`, spread over the recording, show."""
-    shape = (pattern.n_rows, pattern.n_columns)
+def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> Ranges:
+    """Return (H, W) how far the body that some of `frames` show reaches along each ray, metres; 0 where it does not."""
+    nothing = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
     sample = _scans_apart(frames)
     if len(sample) < MIN_SCANS:
-        return nobody(pattern)
+        return nothing
     T, max_range = frames.T_level_sensor[sample], settings.max_range
     if _unevenness(T, frames.stamps[sample]) < MIN_UNEVENNESS:
         max_range = min(max_range, 0.5 * float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))))
     if max_range < settings.near_reach:
-        return nobody(pattern)
+        return nothing
     with ThreadPoolExecutor(threads) as pool:
         ranges = np.stack(list(pool.map(lambda i: nearest_ranges(frames[i], pattern, max_range), sample)))
-    ends, slack, near = np.zeros((3, 2, *shape), np.float32)
-    for k, part in enumerate(np.array_split(ranges, 3)[::2]):
-        ends[k], slack[k] = find_constant(part, settings)
-        find_near(part, settings.near_reach, NEAR_SHARE, near[k])
+    first, _, last = np.array_split(ranges, 3)
+    ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
+    near = np.stack([find_near(part, settings.near_reach) for part in (first, last)])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     may_be = np.maximum(ends.max(axis=0), near)
     asked = [frames[sample[i]] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
@@ -109,7 +91,8 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     is_world = (may_be > 0.0) & ~is_body
-    return EgoBody(np.where(is_world, 0.0, _grow(reach)).astype(np.float32), pattern)
+    # Edges are hit and missed by turns: a cell to each side belongs to it.
+    return np.where(is_world, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
 
 
 def _scans_apart(frames: Frames) -> list[int]:
@@ -134,45 +117,23 @@ def _unevenness(T: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64]) -> 
     return float(np.sqrt((off[:, :3] ** 2 + (ARM * off[:, 3:]) ** 2).sum(axis=1).mean()))
 
 
-def _stays_put(
-    ends: npt.NDArray[np.float32], slack: npt.NDArray[np.float32], pattern: BeamPattern, settings: EgoBodySettings
-) -> Mask:
+def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
     """Return (H, W) bool: connected parts that are in the same place in both `ends` (2, H, W; 0 where not there).
 
     How far the parts have drifted is measured by `slack` (H, W), metres, the exactness of each ray's range.
     """
-    is_there = ends > 0.0
-    v, u = np.nonzero(is_there.any(axis=0))
-    is_part = np.zeros(is_there.shape[1:], np.bool_)
-    if len(v) == 0:
-        return is_part
+    is_part = np.logical_or(*(ends > 0.0))
+    v, u = np.nonzero(is_part)
     part, n_parts = parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
-    # A cell to each side is allowed for: edges are hit and missed by turns.
-    in_both = np.all([ndimage.binary_dilation(end, np.ones((3, 3), bool)) for end in is_there], axis=0)[v, u]
+    # A cell to each side is allowed for.
+    in_both = np.all([over_neighbours(end, np.maximum) > 0.0 for end in ends], axis=0)[v, u]
     size = np.bincount(part, minlength=n_parts)
     overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)
-    drift = np.where(is_there[:, v, u].all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
+    drift = np.where((ends[:, v, u] > 0.0).all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
     drift *= settings.tolerance / np.maximum(slack[v, u], settings.tolerance)
     is_body = (overlap >= MIN_OVERLAP) & (size >= MIN_CELLS)
     for k in np.flatnonzero(is_body):
-        of_part = drift[part == k]
-        of_part = of_part[np.isfinite(of_part)]
+        of_part = drift[(part == k) & np.isfinite(drift)]
         is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= MAX_DRIFT
     is_part[v, u] = is_body[part]
     return is_part
-
-
-def _attach(points: Points, is_body: Mask, is_ground: Mask, reach: float) -> None:
-    """Mark in `is_body` (M,) the points near the sensor that hang together with enough of what is marked."""
-    near = np.flatnonzero((np.einsum("ij,ij->i", points, points) < reach**2) & (is_body | ~is_ground))
-    if len(near) == 0:
-        return
-    part, n_parts = parts_of(points[near])
-    total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
-    is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
-
-
-def _grow(reach: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return `reach` grown by one cell to each side: the body's edges are hit and missed by turns."""
-    rows = np.maximum(reach, np.maximum(np.pad(reach[1:], ((0, 1), (0, 0))), np.pad(reach[:-1], ((1, 0), (0, 0)))))
-    return np.maximum(rows, np.maximum(np.roll(rows, 1, axis=1), np.roll(rows, -1, axis=1)))

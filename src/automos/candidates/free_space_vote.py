@@ -1,17 +1,20 @@
-"""What one scan says about the points of another: seen through, hit again, or nothing.
+"""What one scan says about the places of another's points: observed free, hit, or nothing.
 
-A point was *seen through* when the rays beside it went on behind it and nothing but ground came nearer within a palm's
+A place was *observed free* when the rays beside it went on behind it and nothing but ground came nearer within a palm's
 width; *weakly* so when only the rays right beside it did. It was *hit* when one of these rays ended at its range. Rays
 that ended before it say nothing, and neither do places without rays: a missing return has too many reasons.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from automos.candidates.free_space_image import UNIT
-from automos.candidates.free_space_looks import rough_turn_of
-from automos.cells import turn_of
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.free_space_grid import BeamPattern
+from automos.candidates.free_space_image import UNIT, RangeImage
+from automos.cells import rough_turn_of, turn_of
 from automos.kernels import kernel
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
@@ -19,6 +22,14 @@ UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 """All liberties of fast arithmetic but those that take every number for finite."""
+
+
+class Rays(NamedTuple):
+    """The rays of one sweep of a LiDAR: how they lie, how it moved meanwhile (6,) float32, and how far they went."""
+
+    pattern: BeamPattern
+    motion: npt.NDArray[np.float32]
+    image: RangeImage
 
 
 @kernel
@@ -91,30 +102,34 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
 
 
 @kernel
-def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, ranges, misses):  # type: ignore[no-untyped-def]
-    """Write for each of `points` what the scan of `image` says, and its range from there.
+def look_through(points, T, rays, tolerances):  # type: ignore[no-untyped-def]
+    """Return for each point what another scan says of its place, and how its rays passed.
 
     Parameters
     ----------
     points : (3, K) float32, contiguous.
-    T : (3, 4) float32, from their frame to the image's sensor at mid-sweep.
-    motion : (6,) float32, of the image's sensor during its sweep; zeros where unknown.
-    pattern, pyramid, image : of the other scan.
+    T : (3, 4) float32, from their frame to the other sensor's at mid-sweep.
+    rays : `Rays` of the other scan.
     tolerances : float32: margin behind a point, hit, both with their growth per metre, and width that must be clear.
-    codes, ranges, misses : (K,) uint8, float32 metres from the other sensor, float32 metres between the point and the
-        nearest row of rays; written.
+
+    Returns
+    -------
+    codes : (K,) uint8.   ranges : (K,) float32, metres from the other sensor.
+    misses : (K,) float32, metres between the point and the nearest row of rays, where the code is not `UNSEEN`.
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
-    h, w, per_unit = pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
-    buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
+    pattern, image = rays.pattern, rays.image
+    pyramid, h, w, per_unit = pattern.pyramid, pattern.n_rows, pattern.n_columns, np.float32(1.0 / UNIT)
     n_points = points.shape[1]
+    codes = np.zeros(n_points, np.uint8)
+    ranges, misses = np.empty(n_points, np.float32), np.empty(n_points, np.float32)
+    buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
     for start in range(0, n_points, _BLOCK):
         stop = min(start + _BLOCK, n_points)
-        _aim(points, start, stop - start, T, motion, pattern, buffers, bins, columns)
+        _aim(points, start, stop - start, T, rays.motion, pattern, buffers, bins, columns)
         for i in range(start, stop):
             r, row, u = buffers[3, i - start], buffers[4, i - start], columns[i - start]
             ranges[i] = r
-            codes[i] = UNSEEN
             if not (r >= np.float32(1.0) and np.float32(0.0) <= row < h):
                 continue
             v = int(row)
@@ -137,3 +152,4 @@ def look_through(points, T, motion, pattern, pyramid, image, tolerances, codes, 
                     level += 1
                 cell = (v >> pyramid.shifts[level, 0]) * pyramid.shapes[level, 1] + (u >> pyramid.shifts[level, 1])
                 codes[i] = THROUGH if behind < image.clear[pyramid.offsets[level] + cell] else WEAK
+    return codes, ranges, misses

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.height_map import GroundSurface, fill_gaps, sample
+from automos.candidates.height_map import HeightMap, fill_gaps, sample
+from automos.cells import rough_turn_of
 from automos.kernels import kernel
 from automos.scan import Mask
 from automos.settings import GroundSettings
@@ -40,83 +41,66 @@ MAX_DEPTH = 0.3
 """Metres: points further below the surface than this are not ground."""
 
 
-def fit_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings) -> GroundSurface:
-    """Return the ground around the sensor.
+def find_ground(
+    points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings
+) -> tuple[Mask, npt.NDArray[np.float32]]:
+    """Return which of a scan's points are on the ground, and how high above it all are.
+
+    What lies far below it is not called ground: beyond a crest the surface is a guess. Nor is what lies beyond
+    `settings.max_range`.
 
     Parameters
     ----------
     points_level : (M, 3) float32, metres, level frame (z up).
     origin_level : (3,) metres, where the sensor was.
+
+    Returns
+    -------
+    is_ground : (M,) bool.   height : (M,) float32, metres.
     """
-    origin = np.asarray(origin_level, np.float64)
-    n_rings = int(np.ceil(settings.max_range / settings.cell))
+    origin, cell = np.asarray(origin_level, np.float64), settings.cell
+    corner, surface = fit_ground(points_level, origin, settings)
+    is_ground, height = np.empty(len(points_level), np.bool_), np.empty(len(points_level), np.float32)
+    tolerances = (settings.tolerance, settings.tolerance_per_metre)
+    _measure(points_level, origin, corner, 1.0 / cell, surface, *tolerances, is_ground, height)
+    return is_ground, height
+
+
+def fit_ground(
+    points_level: npt.NDArray, origin: npt.NDArray[np.float64], settings: GroundSettings
+) -> tuple[npt.NDArray[np.float64], HeightMap]:
+    """Return the ground around the sensor as a height map; parameters as of `find_ground`.
+
+    Returns
+    -------
+    corner : (2,) float64, metres, level frame: x, y of the map's lower corner.
+    surface : (H, W) float32, metres, level frame, at the middles of cells (rows along y); known everywhere.
+    """
+    cell, n_rings = settings.cell, int(np.ceil(settings.max_range / settings.cell))
     lowest = np.full((SECTORS, n_rings), np.float32(np.inf))
     highest = np.full_like(lowest, -np.inf)
-    _fill_sectors(points_level, origin, settings.cell, lowest, highest)
+    _fill_sectors(points_level, origin, cell, lowest, highest)
     is_ground = np.zeros(lowest.shape, np.bool_)
-    _walk_outwards(
-        lowest,
-        highest,
-        *_start(lowest, settings),
-        settings.cell,
-        STEP,
-        MAX_BEND,
-        MAX_STEP,
-        MAX_SLOPE,
-        GHOST_DEPTH,
-        is_ground,
-    )
+    _walk_outwards(lowest, highest, *_start(lowest, cell), cell, is_ground)
     # A whole number of cells, so that the map does not shift under the world from scan to scan.
-    n = 2 * n_rings
-    corner = (np.floor(origin[:2] / settings.cell) - n_rings) * settings.cell
-    sums, counts = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
-    _add_ground_points(points_level, origin, lowest, is_ground, STEP, corner, settings.cell, sums, counts)
-    height = fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
-    return GroundSurface(corner, settings.cell, height)
+    corner = (np.floor(origin[:2] / cell) - n_rings) * cell
+    sums, counts = np.zeros((2, 2 * n_rings, 2 * n_rings), np.float32)
+    _add_ground_points(points_level, origin, lowest, is_ground, corner, cell, sums, counts)
+    return corner, fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
 
 
-def segment_ground(points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings) -> Mask:
-    """Return (M,) bool: which of `points_level` (M, 3), level frame, lie on the ground (or just beneath it).
-
-    `origin_level` (3,) is where the sensor was. Points beyond `settings.max_range` are not ground.
-    """
-    return is_on_ground(points_level, origin_level, fit_ground(points_level, origin_level, settings), settings)
-
-
-def is_on_ground(
-    points_level: npt.NDArray, origin_level: npt.NDArray, surface: GroundSurface, settings: GroundSettings
-) -> Mask:
-    """Return (M,) bool: which of `points_level` (M, 3) are within tolerance of `surface`.
-
-    What lies far below it is not called ground: beyond a crest the surface is a guess.
-    """
-    is_ground = np.empty(len(points_level), np.bool_)
-    _is_low(
-        points_level,
-        np.asarray(origin_level, np.float64),
-        surface.corner,
-        1.0 / surface.cell,
-        surface.height,
-        settings.tolerance,
-        settings.tolerance_per_metre,
-        MAX_DEPTH,
-        is_ground,
-    )
-    return is_ground
-
-
-def _start(lowest: npt.NDArray, settings: GroundSettings) -> tuple[float, npt.NDArray[np.float64]]:
+def _start(lowest: npt.NDArray, cell: float) -> tuple[float, npt.NDArray[np.float64]]:
     """Return the height from which the walk begins, low among what each sector has near the sensor, and its slopes.
 
     The slope in each sector (S,) is that of the plane around the sensor: a vehicle on a hill stands on such a plane.
     """
-    near = lowest[:, : max(int(START_RANGE / settings.cell), 1)]
+    near = lowest[:, : max(int(START_RANGE / cell), 1)]
     sectors, rings = np.nonzero(np.isfinite(near))
     level = np.zeros(len(lowest))
     if len(sectors) == 0:
         return 0.0, level
     directions = _directions(len(lowest))
-    ground = np.column_stack([directions[sectors] * (settings.cell * (rings[:, None] + 0.5)), np.ones(len(rings))])
+    ground = np.column_stack([directions[sectors] * (cell * (rings[:, None] + 0.5)), np.ones(len(rings))])
     heights, weights = near[sectors, rings].astype(np.float64), np.ones(len(sectors))
     for _ in range(PLANE_ROUNDS):
         weighted = ground * weights[:, None]
@@ -133,32 +117,24 @@ def _start(lowest: npt.NDArray, settings: GroundSettings) -> tuple[float, npt.ND
 
 def _directions(n_sectors: int) -> npt.NDArray[np.float64]:
     """Return (S, 2) the unit vector through the middle of each sector, see `_sector_and_ring`."""
-    turn = (np.arange(n_sectors) + 0.5) / n_sectors
-    x = 1.0 - 4.0 * np.minimum(turn, 1.0 - turn)
-    y = np.where(turn < 0.5, 1.0, -1.0) * (1.0 - np.abs(x))
+    turn = (np.arange(n_sectors) + 0.5) / n_sectors - 0.5
+    x = 1.0 - 4.0 * np.abs(turn)
+    y = np.sign(turn) * (1.0 - np.abs(x))
     return np.column_stack([x, y]) / np.hypot(x, y)[:, None]
 
 
 @kernel
 def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped-def]
-    """Sector (by a number that grows with the angle: cheaper than an arctan, nearly even) and ring of an offset.
-
-    The ring is `n_rings` for all that is further out, and for what is no number.
-    """
+    """Sector and ring of an offset; the ring is `n_rings` for all that is further out, and for what is no number."""
     far = np.sqrt(x * x + y * y) / ring
     if not far < n_rings:  # compared before it is made a whole number: huge ones have none
         return 0, n_rings
-    size = abs(x) + abs(y)
-    if size == 0.0:
-        return 0, 0
-    turn = 0.25 * (1.0 - x / size)
-    turn = turn if y >= 0.0 else 1.0 - turn
-    return min(int(turn * n_sectors), n_sectors - 1), int(far)
+    return int(rough_turn_of(x, y) * n_sectors), int(far)
 
 
 @kernel
 def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-untyped-def]
-    """Heights above the sensor of the lowest and highest point per sector and ring."""
+    """Write the heights above the sensor of the lowest and highest point per sector and ring."""
     n_sectors, n_rings = lowest.shape
     for i in range(len(points)):
         j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, n_rings, ring)
@@ -169,9 +145,7 @@ def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-unt
 
 
 @kernel
-def _walk_outwards(  # type: ignore[no-untyped-def]
-    lowest, highest, start, slopes, ring, step, max_bend, max_step, max_slope, ghost_depth, is_ground
-):
+def _walk_outwards(lowest, highest, start, slopes, ring, is_ground):  # type: ignore[no-untyped-def]
     """Mark the cells that continue the ground walked so far."""
     n_sectors, n_rings = lowest.shape
     for j in range(n_sectors):
@@ -188,31 +162,32 @@ def _walk_outwards(  # type: ignore[no-untyped-def]
                 continue
             ahead = r - r_last
             expected = z + slope * ahead
-            rise = min(step + max_bend * ahead, max_step)
-            fall = step + max_slope * ahead  # nothing but ground lies lower than the ground, so less is asked of it
+            rise = min(STEP + MAX_BEND * ahead, MAX_STEP)
+            fall = STEP + MAX_SLOPE * ahead  # nothing but ground lies lower than the ground, so less is asked of it
             if not expected - fall <= low <= expected + rise:
-                is_flat = highest[j, k] - low < 2.0 * step
-                follows = run > 0 and abs(low - z_run) <= step + max_slope * (r - r_run) and r - r_run < 10.0 * ring
+                is_flat = highest[j, k] - low < 2.0 * STEP
+                follows = run > 0 and abs(low - z_run) <= STEP + MAX_SLOPE * (r - r_run) and r - r_run < 10.0 * ring
                 run = (run + 1 if follows else 1) if is_flat else 0
                 z_run, r_run = low, r
                 if run < 5 or abs(low - expected) > fall:
                     continue
             run = 0
             is_ground[j, k] = True
-            new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -max_slope), max_slope)
+            new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -MAX_SLOPE), MAX_SLOPE)
             weight = min(ahead / 4.0, 0.5)
             slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else slopes[j]
             z, r_last = low, r
-            sight = max(sight, (low - ghost_depth) / r)
+            sight = max(sight, (low - GHOST_DEPTH) / r)
 
 
 @kernel
-def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, sums, counts):  # type: ignore[no-untyped-def]
+def _add_ground_points(points, origin, lowest, is_ground, corner, cell, sums, counts):  # type: ignore[no-untyped-def]
+    """Add the height of each point just above ground cells to its cell of the map."""
     n_sectors, n_rings = lowest.shape
     h, w = sums.shape
     for i in range(len(points)):
         j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_sectors, n_rings, cell)
-        if k >= n_rings or not is_ground[j, k] or points[i, 2] - origin[2] - lowest[j, k] > step:
+        if k >= n_rings or not is_ground[j, k] or points[i, 2] - origin[2] - lowest[j, k] > STEP:
             continue
         u, v = int((points[i, 0] - corner[0]) / cell), int((points[i, 1] - corner[1]) / cell)
         if 0 <= u < w and 0 <= v < h:
@@ -221,13 +196,13 @@ def _add_ground_points(points, origin, lowest, is_ground, step, corner, cell, su
 
 
 @kernel
-def _is_low(points, origin, corner, per_cell, height, tolerance, tolerance_per_metre, max_depth, out):  # type: ignore[no-untyped-def]
-    h, w = height.shape
+def _measure(points, origin, corner, per_cell, surface, tolerance, tolerance_per_metre, is_ground, height):  # type: ignore[no-untyped-def]
+    """Write which points are on the `surface`, and how high above it they are."""
+    h, w = surface.shape
     for i in range(len(points)):
         u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
-        if not (0.0 <= u < w and 0.0 <= v < h):
-            out[i] = False
-            continue
         x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
-        above = points[i, 2] - sample(height, u - 0.5, v - 0.5)
-        out[i] = -max_depth < above < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        beneath = sample(surface, u - 0.5, v - 0.5)
+        is_low = -MAX_DEPTH < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h
+        height[i] = points[i, 2] - np.float32(beneath)

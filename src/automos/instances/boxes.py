@@ -79,14 +79,10 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
 def _best_angle(points):  # type: ignore[no-untyped-def]
     """Return the angle in [0, pi/2) of greatest closeness: 3 degrees apart first, then 0.5 around the best."""
     best_angle, best = 0.0, -1.0
-    for k in range(30):
-        angle = np.deg2rad(3.0 * k)
-        value = _closeness(points, angle)
-        if value > best:
-            best_angle, best = angle, value
-    coarse = best_angle
-    for k in range(-5, 6):
-        angle = coarse + np.deg2rad(0.5 * k)
+    for k in range(41):
+        if k == 30:
+            coarse = best_angle
+        angle = np.deg2rad(3.0 * k) if k < 30 else coarse + np.deg2rad(0.5 * (k - 35))
         value = _closeness(points, angle)
         if value > best:
             best_angle, best = angle, value

@@ -5,9 +5,10 @@ Seen from above, points fall into small cells; in a cell, points that follow eac
 meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds. What lies
 deep under the ground is a mirror image and joins nothing.
 
-A ray that grazes an edge returns a point between what is before and behind it; such points hang between two vehicles
-that pass each other like a curtain, which one ray in a few has woven. A stack is *thin* if it holds fewer points than
-rows of rays went through it. Thin stacks join each other and one thing of full stacks, the nearest, but never two.
+A ray that grazes an edge returns a mixed pixel, between what is before and behind it; such points hang between two
+vehicles that pass each other like a curtain, which one ray in a few has woven. A stack is *thin* if it holds fewer
+points than rows of rays went through it. Thin stacks join each other and one thing of full stacks, the nearest, but
+never two.
 """
 
 from __future__ import annotations
@@ -20,23 +21,18 @@ from automos.settings import SegmentSettings
 
 _BINS = 64
 _NONE = np.iinfo(np.int64).max
-HEIGHT_BIN = 0.1
+HEIGHT_BIN = np.float32(0.1)
 """Metres: resolution in height; 64 bins from the ground up."""
 DEPTH = 1.5
 """Metres under the ground from which on a point is a mirror image, in a window or on a wet road, of nothing there."""
 THIN_SHARE = 0.25
 """Points per row of rays: a stack of fewer joins no two things."""
 THIN_ROWS = 6
-"""Rows of rays through a stack, from which on that can be told."""
+"""Rows of rays through a stack, from which on it can be thin."""
 
 
 def segment_points(
-    points: npt.NDArray,
-    heights: npt.NDArray,
-    ranges: npt.NDArray,
-    row_height: float,
-    column_width: float,
-    settings: SegmentSettings,
+    points: npt.NDArray, heights: npt.NDArray, ray_steps: tuple[float, float], settings: SegmentSettings
 ) -> npt.NDArray[np.int32]:
     """Return (M,) int32 segment ids, 0, 1, 2 ... in the order of their first point.
 
@@ -44,29 +40,30 @@ def segment_points(
 
     Parameters
     ----------
-    points : (M, 2 or more) metres, seen from above, relative to the sensor.
+    points : (M, 3) float32 metres, z up, relative to the sensor.
     heights : (M,) metres above the ground.
-    ranges : (M,) metres from the sensor.
-    row_height, column_width : radians between neighbouring rays, up and sideways.
+    ray_steps : radians between neighbouring rays, up and sideways.
     """
-    n = 2 * int(np.ceil(settings.max_range / settings.cell))
+    s, (row_height, column_width) = settings, (np.float32(step) for step in ray_steps)
+    cell, height_gap, n = np.float32(s.cell), np.float32(s.height_gap), 2 * int(np.ceil(s.max_range / s.cell))
+    slot_of_cell = np.full(n * n, -1, np.int32)
+    ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
+    slot_of, bin_of, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n, slot_of_cell)
+    allowed = ((height_gap + np.float32(s.height_gap_rows) * row_height * reach) / HEIGHT_BIN).astype(np.int64) + 1
+    first, low, high = _stack(masks, allowed, len(points))
+    stack_of, count = _count(slot_of, bin_of, first, high)
+    row_gap = np.repeat(row_height * reach, np.diff(first))
+    n_rows = ((high - low) * HEIGHT_BIN + height_gap) / np.maximum(row_gap, np.float32(1e-6))
+    is_thin = (n_rows >= THIN_ROWS) & (count < THIN_SHARE * n_rows)
+    radius = np.maximum(np.float32(s.gap), np.float32(s.gap_columns) * column_width * reach) / cell
+    root = _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin)
+    inside = np.flatnonzero(stack_of >= 0)
+    first_point = np.full(len(low), len(points))
+    first_point[root[stack_of[inside[::-1]]]] = inside[::-1]  # of several the last that is written stays
+    number = np.empty(len(low), np.int32)
+    number[np.argsort(first_point, kind="stable")] = np.arange(len(low))
     ids = np.full(len(points), -1, np.int32)
-    _segment(
-        points,
-        heights,
-        ranges,
-        np.float32(settings.cell),
-        n,
-        np.float32(HEIGHT_BIN),
-        np.float32(settings.gap),
-        np.float32(settings.gap_columns * column_width),
-        np.float32(settings.height_gap),
-        np.float32(settings.height_gap_rows * row_height),
-        np.float32(row_height),
-        np.float32(THIN_SHARE),
-        THIN_ROWS,
-        ids,
-    )
+    ids[inside] = number[root[stack_of[inside]]]
     return ids
 
 
@@ -79,52 +76,16 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _segment(  # type: ignore[no-untyped-def]
-    points, heights, ranges, cell, n, height_bin, gap, gap_per_metre, height_gap, height_gap_per_metre, row_height,
-    thin_share, thin_rows, ids,
-):  # fmt: skip
-    slot_of_cell = np.full(n * n, -1, np.int32)
-    cell_of, bin_of, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell)
-    allowed = np.empty(len(cells), np.int64)
-    for slot in range(len(cells)):
-        allowed[slot] = int((height_gap + height_gap_per_metre * reach[slot]) / height_bin) + 1
-    first, low, high = _stack(masks, allowed, len(points))
-    stack_of, count = _count(cell_of, bin_of, first, high)
-    is_thin = np.zeros(len(low), np.bool_)
-    for slot in range(len(cells)):
-        for s in range(first[slot], first[slot + 1]):
-            rows = ((high[s] - low[s]) * height_bin + height_gap) / max(row_height * reach[slot], np.float32(1e-6))
-            is_thin[s] = rows >= thin_rows and count[s] < thin_share * rows
-    radius = np.empty(len(cells), np.float32)
-    for slot in range(len(cells)):
-        radius[slot] = max(gap, gap_per_metre * reach[slot]) / cell
-    joined = _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin)
-    number = np.full(len(low), -1, np.int32)
-    n_segments = 0
-    for i in range(len(points)):
-        if stack_of[i] < 0:
-            continue
-        root = joined[stack_of[i]]
-        if number[root] < 0:
-            number[root] = n_segments
-            n_segments += 1
-        ids[i] = number[root]
+def _fill_cells(points, heights, ranges, cell, n, slot_of_cell):  # type: ignore[no-untyped-def]
+    """Return the slot and height bin of each point (-1 outside), and of each slot its cell, bins taken and reach.
 
-
-@kernel
-def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # type: ignore[no-untyped-def]
-    """Return which cell and height bin each point is in (-1 outside), and of each cell number, bins taken and reach.
-
-    `slot_of_cell` (n * n,) is filled with the order in which cells were found, -1 for empty ones.
+    Slots are the cells that hold points, in the order in which they were found; `slot_of_cell` (n * n,) is filled.
     """
-    m = len(points)
-    cell_of = np.full(m, -1, np.int32)
-    bin_of = np.empty(m, np.int64)
-    cells = np.empty(m, np.int32)
-    masks = np.zeros(m, np.uint64)
-    farthest = cell * np.float32(n)  # from corner to corner and more: what is further off is so by its height
-    reach = np.empty(m, np.float32)
-    n_cells = 0
+    m, n_cells = len(points), 0
+    slot_of, bin_of = np.full(m, -1, np.int32), np.empty(m, np.int64)
+    cells, masks = np.empty(m, np.int32), np.zeros(m, np.uint64)
+    # From corner to corner and more: what is further off is so by its height.
+    reach = np.full(m, cell * np.float32(n))
     for i in range(m):
         x, y = points[i, 0] / cell, points[i, 1] / cell
         if not (abs(x) < n and abs(y) < n):  # compared before they are made whole numbers: huge ones have none
@@ -140,14 +101,13 @@ def _fill_cells(points, heights, ranges, cell, n, height_bin, slot_of_cell):  # 
             slot = n_cells
             slot_of_cell[c] = slot
             cells[slot] = c
-            reach[slot] = farthest
             n_cells += 1
         reach[slot] = min(reach[slot], ranges[i])
-        steps = heights[i] / height_bin
-        b = int(min(steps, np.float32(63.0))) if steps > 0.0 else 0
-        cell_of[i], bin_of[i] = slot, b
+        steps = heights[i] / HEIGHT_BIN
+        b = int(min(steps, np.float32(_BINS - 1))) if steps > 0.0 else 0
+        slot_of[i], bin_of[i] = slot, b
         masks[slot] |= np.uint64(1) << np.uint64(b)
-    return cell_of, bin_of, cells[:n_cells], masks[:n_cells], reach[:n_cells]
+    return slot_of, bin_of, cells[:n_cells], masks[:n_cells], reach[:n_cells]
 
 
 @kernel
@@ -160,7 +120,7 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
     for slot in range(n_cells):
         first[slot] = n_stacks
         last = -1
-        for b in range(64):
+        for b in range(_BINS):
             if (masks[slot] >> np.uint64(b)) & np.uint64(1):
                 if last < 0 or b - last > allowed[slot]:
                     low[n_stacks] = b
@@ -172,12 +132,12 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _count(cell_of, bin_of, first, high):  # type: ignore[no-untyped-def]
+def _count(slot_of, bin_of, first, high):  # type: ignore[no-untyped-def]
     """Return the stack of each point, -1 for none, and how many points each stack has."""
-    stack_of = np.full(len(cell_of), -1, np.int32)
+    stack_of = np.full(len(slot_of), -1, np.int32)
     count = np.zeros(len(high), np.int64)
-    for i in range(len(cell_of)):
-        slot = cell_of[i]
+    for i in range(len(slot_of)):
+        slot = slot_of[i]
         if slot < 0:
             continue
         s = first[slot]

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
-from automos.candidates.free_space_ask import SPAN_TOLERANCE, Evidence, ask, partners_of
+from automos.candidates.free_space_ask import SPAN_TOLERANCE, ask, partners_of
 from automos.candidates.free_space_view import Seen, View
 from automos.scan import Pose
 from automos.settings import FreeSpaceSettings
@@ -45,7 +46,7 @@ class EvidenceWindow:
             known = seen.get(look.stamp, look.seen)
             look.seen = (known if len(look.seen.kind) else as_partner(known)).moved(T_after_before)
 
-    def question(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], Evidence]:
+    def question(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], npt.NDArray[np.float32]]:
         """Return what asks all scans that are remembered now about the one at `stamp`, which saw `mine`.
 
         It takes threads to share the work, or None in one of these threads. Whenever it is called, it asks the same.
@@ -53,7 +54,6 @@ class EvidenceWindow:
         stamps = np.array([look.stamp for look in self._looks])
         is_far = np.array([look.is_far for look in self._looks], np.bool_)
         chosen = partners_of(stamp, stamps, is_far, self._settings)
-        chosen = chosen[stamps[chosen] != stamp]
         others = [self._looks[k].seen for k in chosen]
         return partial(ask, mine, others, stamps[chosen] - stamp, self._settings)
 

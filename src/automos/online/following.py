@@ -18,7 +18,7 @@ from automos.detections import Detections
 from automos.settings import TrackingSettings
 from automos.tracking.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
 from automos.tracking.smoothing import smooth_tracks
-from automos.tracking.tracker import LogEntry, Tracker, joined, to_tracks
+from automos.tracking.tracker import Log, Tracker, as_table, joined
 from automos.tracking.tracks import Tracks
 from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdict, Verdicts
@@ -78,7 +78,7 @@ class Followed:
 class _Step:
     stamp: float
     found: Detections
-    entry: LogEntry
+    log: Log
     terms: SegmentTerms
     shift: float
 
@@ -157,9 +157,9 @@ class Following:
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
     """Return all rows of the tracks that are in step number `scan`, and the number of each track (T,)."""
-    wanted = np.unique(steps[scan].entry[0])
-    number, seen_in, segment, mean = joined([(s.entry[0], k, *s.entry[2:]) for k, s in enumerate(steps)])
-    rows = np.flatnonzero(np.isin(number, wanted))
-    tracks = to_tracks(np.searchsorted(wanted, number[rows]), seen_in[rows], segment[rows], mean[rows])
+    wanted = np.unique(steps[scan].log.track)
+    log = joined([step.log._replace(scan=np.full(len(step.log.track), k)) for k, step in enumerate(steps)])
+    log = log.at(np.isin(log.track, wanted))
+    tracks = as_table([log._replace(track=np.searchsorted(wanted, log.track))])
     is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0
     return replace(tracks, track=(np.cumsum(is_there) - 1)[tracks.track]), wanted[is_there]

@@ -168,7 +168,7 @@ class Segmenting:
 
         def recounted(segments: Arrays = held.segments) -> Found:
             ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
-            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None).net, about), asked
+            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None), about), asked
 
         return [self._pool.submit(recounted)]
 
@@ -181,9 +181,8 @@ class Segmenting:
         if held.seen is None:
             return
         held.n_asked = len(self._window) - 1
-        evidence = self._window.question(held.stamp, held.seen)(self._pool)
-        steps = ray_steps(self._lidars)
-        held.about = candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, steps)
+        net, seen = self._window.question(held.stamp, held.seen)(self._pool), held.seen
+        held.about = candidates_of(net, seen.kind, seen.height, seen.solidity, ray_steps(self._lidars))
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give(self, now: float, renewed: list[Future[Found]]) -> Segmented:

@@ -12,7 +12,8 @@ from automos.baselines.methods import BASELINES
 from automos.candidates.cue import add_cue, read_cue
 from automos.candidates.free_space import FreeSpace
 from automos.candidates.free_space_pattern import learn_pattern
-from automos.candidates.ground import fit_ground, is_on_ground
+from automos.candidates.free_space_view import ray_steps
+from automos.candidates.ground import find_ground
 from automos.paper.erasor import PUBLISHED
 from automos.parallel import available_cores
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
@@ -58,24 +59,20 @@ def candidates_of(
 
 
 def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
-    about = settings.candidates
-    space = FreeSpace(frames, stamps, about.free_space, about.ground, about.ego_body, workers or available_cores())
-    ray_steps = space.ray_steps
-    for i, evidence in space.collect(scans.start, scans.stop):
-        yield i, candidates_of(evidence.net, evidence.kind, evidence.height, evidence.solidity, ray_steps)
+    space = FreeSpace(frames, stamps, settings.candidates, workers or available_cores())
+    for i, seen, net in space.collect(scans.start, scans.stop):
+        yield i, candidates_of(net, seen.kind, seen.height, seen.solidity, ray_steps(space.lidars))
 
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     """Yield what ERASOR or another published method calls moving."""
     pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
-    ray_steps = np.array([pattern.row_height, pattern.column_width])
+    steps = np.array([pattern.row_height, pattern.column_width])
     find_moving = BASELINES[settings.candidates.method].find_moving
     for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
         frame = frames[i]
-        points, ground = frame.points_level, settings.candidates.ground
-        surface = fit_ground(points, frame.origin_level, ground)
-        kind = np.where(is_on_ground(points, frame.origin_level, surface, ground), GROUND, OBJECT).astype(np.uint8)
+        is_ground, height = find_ground(frame.points_level, frame.origin_level, settings.candidates.ground)
+        kind = np.where(is_ground, GROUND, OBJECT).astype(np.uint8)
         kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
-        height = points[:, 2] - surface.height_at(points)
         solidity = np.full(len(kind), 255, np.uint8)
-        yield i, candidates_of(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, ray_steps)
+        yield i, candidates_of(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, steps)

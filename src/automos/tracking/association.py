@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from automos.detections import Detections
-from automos.kernels import kernel
+from automos.scan import Mask
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 from automos.tracking import filter as kalman
 from automos.upright_boxes import Boxes, iou_3d
 
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5
 """Metres between predicted and seen height, at most."""
 MAX_SIZE_CHANGE = 0.7
@@ -34,7 +34,7 @@ OTHER_EVIDENCE = 0.75
 """Of the evidence, by which what has stayed is no mover that went out of sight: others saw it there before."""
 
 
-def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> npt.NDArray[np.float64]:
+def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
     """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
     c_d = cdist(tracked.center, detected.center)
     c_o = 1.0 - iou_3d(tracked, detected)
@@ -48,13 +48,13 @@ def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSetti
 
 def motion_cost(
     alive: kalman.Beliefs,
-    share: npt.NDArray[np.float64],
-    count: npt.NDArray[np.float64],
+    share: Array,
+    count: Array,
     seen: Detections,
     noise: FilterSettings,
     settings: GateSettings,
-    is_lost: npt.NDArray[np.bool_],
-) -> npt.NDArray[np.float64]:
+    is_lost: Mask,
+) -> Array:
     """Return the (K, M) cost of taking detection j for object i, inf where a gate forbids it (`default`).
 
     The paper's gates are metres per scan: an object faster than 2 m a scan never gets a second observation, and one
@@ -69,58 +69,30 @@ def motion_cost(
     noise : of measured boxes.
     is_lost : (K,) which of them the scan before did not show.
     """
-    reach = settings.gate * np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
-    spread = noise.measurement_variance * np.eye(2)
-    spread_reach = np.full(len(seen), settings.gate * np.sqrt(noise.measurement_variance))
-    k, j = _near_pairs(alive.mean, reach, seen.boxes.center, spread_reach)  # most pairs are far apart
-    offset = seen.boxes.center[j] - alive.mean[k, :3]
-    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + spread)
-    overlap = _overlap(alive.mean[k], offset, seen.boxes.yaw[j], seen.boxes.size[j])
+    cost = np.full((len(alive), len(seen)), np.inf)
+    deviation = np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    reach = 1.5 * settings.gate * (deviation + np.sqrt(noise.measurement_variance))[:, None]
+    (x, y), (seen_x, seen_y) = alive.mean[:, :2].T, seen.boxes.center[:, :2].T
+    # Most pairs are far apart.
+    k, j = np.nonzero((np.abs(x[:, None] - seen_x) < reach) & (np.abs(y[:, None] - seen_y) < reach))
+    mean, size, offset = alive.mean[k], seen.boxes.size[j], seen.boxes.center[j] - alive.mean[k, :3]
+    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2))
+    overlap = _overlap(mean, offset, seen.boxes.yaw[j], size)
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
-    size_before = np.sort(np.maximum(alive.mean[k, 4:6], 0.1), axis=-1)
-    size_now = np.sort(np.maximum(seen.boxes.size[j, :2], 0.1), axis=-1)
-    growth = (np.abs(size_before - size_now) / (1.0 + np.maximum(size_before, size_now))).max(axis=-1, initial=0.0)
+    before, now = (np.sort(np.maximum(sides, 0.1), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
+    growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # A few points more or less say nothing of something that has a few points.
     thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
     settling = share[k] - seen.moving_share[j]
-    is_possible = (
-        (squared < settings.gate**2)
-        & (climb < MAX_CLIMB)
-        & (growth < MAX_SIZE_CHANGE)
-        & (thinning < np.log(MAX_COUNT_RATIO))
-        & ~(is_lost[k] & (settling > OTHER_EVIDENCE))
-    )
-    cost = np.full((len(alive), len(seen)), np.inf)
-    cost[k, j] = np.where(
-        is_possible,
-        squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling),
-        np.inf,
-    )
+    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB) & (growth < MAX_SIZE_CHANGE)
+    is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~(is_lost[k] & (settling > OTHER_EVIDENCE))
+    price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 
 
-@kernel
-def _near_pairs(a, reach_a, b, reach_b):  # type: ignore[no-untyped-def]
-    """Return the rows of `a` and of `b` whose first two coordinates are within a box around the gate's ellipse."""
-    pairs = [(0, 0) for _ in range(0)]
-    for k in range(len(a)):
-        for j in range(len(b)):
-            reach = 1.5 * (reach_a[k] + reach_b[j])
-            if abs(b[j, 0] - a[k, 0]) < reach and abs(b[j, 1] - a[k, 1]) < reach:
-                pairs.append((k, j))
-    rows, columns = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.int64)
-    for i in range(len(pairs)):
-        rows[i], columns[i] = pairs[i]
-    return rows, columns
-
-
-def _overlap(
-    mean: npt.NDArray[np.float64],
-    offset: npt.NDArray[np.float64],
-    yaw: npt.NDArray[np.float64],
-    size: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64]:
+def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
     """Return (P,) what two boxes share of their length times what they share of their width, as of the longer of both.
 
     mean : (P, 10) of predicted objects.   offset : (P, 3) from them to the boxes of `yaw` (P,) and `size` (P, 3).
@@ -138,43 +110,19 @@ def _overlap(
     return share
 
 
-def _mahalanobis(offset: npt.NDArray[np.float64], spread: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _mahalanobis(offset: Array, spread: Array) -> Array:
     """Return the squared length (P,) of `offset` (P, 2) in standard deviations of `spread` (P, 2, 2)."""
     x, y, a, b, c = offset[:, 0], offset[:, 1], spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
     return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
 
 
-def assign(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def assign(cost: Array) -> tuple[Rows, Rows]:
     """Return rows and columns of the assignment with the most pairs and, among those, the least total cost.
 
-    cost : (K, M), inf where a pair is forbidden. Objects that share no detection do not compete: each group of those
-    that do is solved by itself (Hungarian method).
+    cost : (K, M), inf where a pair is forbidden. SciPy refuses rows of inf, so these have a finite stand-in.
     """
-    n_rows, n_columns = cost.shape
-    row, column = np.nonzero(np.isfinite(cost))
-    n = n_rows + n_columns
-    graph = coo_array((np.ones(len(row)), (row, n_rows + column)), shape=(n, n))
-    group = connected_components(graph, directed=False)[1][row] if len(row) else row
-    is_alone = np.bincount(group)[group] == 1 if len(group) else np.zeros(0, np.bool_)
-    pairs = [(row[is_alone], column[is_alone])]
-    rest = np.flatnonzero(~is_alone)
-    rest = rest[np.argsort(group[rest], kind="stable")]
-    for members in np.split(rest, np.flatnonzero(np.diff(group[rest])) + 1):
-        rows, columns = np.unique(row[members]), np.unique(column[members])
-        chosen = _assign_all(cost[np.ix_(rows, columns)]) if len(members) else (rows, columns)
-        pairs.append((rows[chosen[0]], columns[chosen[1]]))
-    rows, columns = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    order = np.argsort(rows)
-    return rows[order], columns[order]
-
-
-def _assign_all(cost: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return rows and columns of the best assignment; a finite stand-in, since SciPy refuses rows of inf."""
-    if 1 in cost.shape:
-        row, column = divmod(int(np.argmin(cost)), cost.shape[1])
-        return np.array([row]), np.array([column])
     is_allowed = np.isfinite(cost)
-    forbidden = (cost[is_allowed].max() + 1.0) * (min(cost.shape) + 1)
+    forbidden = (cost.max(initial=0.0, where=is_allowed) + 1.0) * (min(cost.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))
     keep = is_allowed[rows, columns]
     return rows[keep], columns[keep]

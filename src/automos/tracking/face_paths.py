@@ -1,4 +1,4 @@
-"""How far a face of a tracked box goes, and how it scatters about its path, for compiled loops.
+"""How far the faces of tracked boxes go, and how they scatter about their paths.
 
 Medians of a few values are kept by inserting them in order: numba's own takes a second to compile.
 """
@@ -14,10 +14,26 @@ _ENDS, _AROUND = 5, 3
 
 
 @kernel
-def distance_gone(faces, a, b, face):  # type: ignore[no-untyped-def]
-    """Return how far a face goes in rows `a` to `b`: one observation of something else at an end is no way."""
-    n = max(1, min(_ENDS, (b - a) // 3))
-    return _median(faces, b - n, b, face) - _median(faces, a, a + n, face)
+def follow_faces(first, faces):  # type: ignore[no-untyped-def]
+    """Return how far each face of each track goes, and the mean square of its path about its running median.
+
+    Parameters
+    ----------
+    first : (T + 1,) where the observations of each track begin.   faces : (R, F) float64, metres, coordinate of each.
+
+    Returns
+    -------
+    gone, scatter : (T, F) metres, and square metres. One observation of something else at an end is no path.
+    """
+    n_tracks, n_faces = len(first) - 1, faces.shape[1]
+    gone, scatter = np.empty((n_tracks, n_faces)), np.empty((n_tracks, n_faces))
+    for k in range(n_tracks):
+        a, b = first[k], first[k + 1]
+        n = max(1, min(_ENDS, (b - a) // 3))
+        for face in range(n_faces):
+            gone[k, face] = _median(faces, b - n, b, face) - _median(faces, a, a + n, face)
+            scatter[k, face] = _scatter(faces, a, b, face)
+    return gone, scatter
 
 
 @kernel
@@ -29,7 +45,7 @@ def _median(faces, a, b, face):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def scatter(faces, a, b, face):  # type: ignore[no-untyped-def]
+def _scatter(faces, a, b, face):  # type: ignore[no-untyped-def]
     """Return the mean square of a face's path, rows `a` to `b`, about its running median."""
     window = np.empty(2 * _AROUND + 1)  # sorted: one value comes and one goes, which takes a tenth
     m, total = np.int64(0), 0.0

@@ -8,7 +8,8 @@ compared. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,7 @@ YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
 
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10)."""
+    """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10); derived ones have more columns."""
 
     mean: Array
     covariance: Array
@@ -32,18 +33,16 @@ class Beliefs:
     def __len__(self) -> int:
         return len(self.mean)
 
-    def __getitem__(self, rows: npt.NDArray) -> Beliefs:
-        return Beliefs(self.mean[rows], self.covariance[rows])
+    def __getitem__(self, rows: npt.NDArray) -> Self:
+        return type(self)(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def boxes(self) -> Boxes:
         """Return the expected boxes."""
         size = np.maximum(self.mean[:, SIZE], 1e-3)
         return Boxes(self.mean[:, :3], size, self.mean[:, YAW], np.ones(len(self)))
 
-    @staticmethod
-    def concatenate(parts: list[Beliefs]) -> Beliefs:
-        """Return the beliefs of all `parts`, in order."""
-        return Beliefs(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
+
+Some = TypeVar("Some", bound=Beliefs)
 
 
 def measurements(boxes: Boxes) -> Array:
@@ -66,17 +65,17 @@ def start(boxes: Boxes, settings: FilterSettings, velocity_variance: npt.ArrayLi
     return Beliefs(mean, covariance)
 
 
-def predict(beliefs: Beliefs, dt: float, settings: FilterSettings) -> Beliefs:
+def predict(beliefs: Some, dt: float, settings: FilterSettings) -> Some:
     """Return `beliefs` `dt` seconds later."""
     F = np.eye(N_STATE)
     F[:3, VELOCITY] = dt * np.eye(3)
     noise = np.r_[np.full(N_MEASURED, settings.process_variance), np.full(3, settings.process_velocity_variance)]
     # The noise rates are per second of travel, so two short steps are as uncertain as one long one.
     Q = np.diag(noise * dt)
-    return Beliefs(beliefs.mean @ F.T, F @ beliefs.covariance @ F.T + Q)
+    return replace(beliefs, mean=beliefs.mean @ F.T, covariance=F @ beliefs.covariance @ F.T + Q)
 
 
-def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
+def update(beliefs: Some, boxes: Boxes, settings: FilterSettings) -> Some:
     """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
     P, R = beliefs.covariance, settings.measurement_variance * np.eye(N_MEASURED)
     S = P[:, :N_MEASURED, :N_MEASURED] + R
@@ -87,7 +86,7 @@ def update(beliefs: Beliefs, boxes: Boxes, settings: FilterSettings) -> Beliefs:
     left = np.eye(N_STATE) - np.concatenate([gain, np.zeros((len(P), N_STATE, 3))], axis=2)
     # Joseph's form stays symmetric and positive through thousands of updates.
     covariance = left @ P @ np.swapaxes(left, -1, -2) + gain @ R @ np.swapaxes(gain, -1, -2)
-    return Beliefs(mean, covariance)
+    return replace(beliefs, mean=mean, covariance=covariance)
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:

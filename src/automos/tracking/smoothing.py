@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from automos.detections import Detections
 from automos.kernels import kernel
+from automos.scan import Mask
 from automos.tracking.tracks import Tracks
 
 NOISE = 0.15
@@ -24,10 +25,7 @@ ACCELERATION = 1.5
 
 
 def smooth_tracks(
-    tracks: Tracks,
-    is_moving: npt.NDArray[np.bool_],
-    detections: Sequence[Detections],
-    stamps: npt.NDArray[np.float64],
+    tracks: Tracks, is_moving: Mask, detections: Sequence[Detections], stamps: npt.NDArray[np.float64]
 ) -> Tracks:
     """Return `tracks`, the moving ones with centres and velocities that all their observations agree on best.
 
@@ -36,14 +34,11 @@ def smooth_tracks(
     center, velocity = tracks.center.copy(), tracks.velocity.copy()
     for track in np.flatnonzero(is_moving):
         rows = tracks.rows_of(int(track))
-        measured = np.full((rows.stop - rows.start, 3), np.nan)
-        for i, (scan, segment) in enumerate(zip(tracks.scan[rows], tracks.segment[rows], strict=True)):
-            if segment >= 0:
-                measured[i] = detections[scan].boxes.center[segment]
-        t = stamps[tracks.scan[rows]]
-        for axis in range(3):
-            z = np.ascontiguousarray(measured[:, axis])
-            center[rows, axis], velocity[rows, axis] = smooth(t, z, NOISE**2, ACCELERATION**2)
+        seen_as = zip(tracks.scan[rows], tracks.segment[rows], strict=True)
+        measured = np.array([detections[i].boxes.center[k] if k >= 0 else [np.nan] * 3 for i, k in seen_as]).T.copy()
+        for axis, z in enumerate(measured):
+            smoothed = smooth(stamps[tracks.scan[rows]], z, NOISE**2, ACCELERATION**2)
+            center[rows, axis], velocity[rows, axis] = smoothed
     return replace(tracks, center=center, velocity=velocity)
 
 

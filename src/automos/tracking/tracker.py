@@ -14,16 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
+from automos.scan import Mask
 from automos.settings import TrackingSettings
 from automos.tracking import filter as kalman
 from automos.tracking.association import assign, association_cost, motion_cost
 from automos.tracking.tracks import Tracks
 
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
 _MEMORY = 0.7
 """How much of an object's evidence is kept when it is seen again."""
 STAYED = 0.1
@@ -33,12 +37,11 @@ REMEMBERED = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Objects:
-    """The objects that are followed at one time.
+class Objects(kalman.Beliefs):
+    """The objects that are followed at one time, and where they are.
 
     Attributes
     ----------
-    belief : where they are, (K).
     track : (K,) int64, their numbers.
     unseen : (K,) seconds since each was last seen.   misses : (K,) scans since then.
     share : (K,) in [0, 1], what the evidence said of each: has moved, against has stayed.
@@ -46,29 +49,32 @@ class Objects:
     has_moved : (K,) bool, whether it ever said so.
     """
 
-    belief: kalman.Beliefs
-    track: npt.NDArray[np.int64]
-    unseen: npt.NDArray[np.float64]
-    misses: npt.NDArray[np.int64]
-    share: npt.NDArray[np.float64]
-    count: npt.NDArray[np.float64]
-    has_moved: npt.NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    def __getitem__(self, rows: npt.NDArray) -> Objects:
-        return Objects(*(getattr(self, f.name)[rows] for f in fields(self)))
+    track: Rows
+    unseen: Array
+    misses: Rows
+    share: Array
+    count: Array
+    has_moved: Mask
 
     def joined(self, other: Objects) -> Objects:
         """Return these objects, then those of `other`."""
-        columns = [f.name for f in fields(self) if f.name != "belief"]
-        belief = kalman.Beliefs.concatenate([self.belief, other.belief])
-        return Objects(belief, *(np.concatenate([getattr(self, c), getattr(other, c)]) for c in columns))
+        return Objects(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
-LogEntry = tuple[npt.NDArray, int, npt.NDArray, npt.NDArray]
-"""Of one scan: the objects' numbers (K,), the scan, the segment of each (K,), -1 if missed, their means (K, 10)."""
+class Log(NamedTuple):
+    """What became of objects, one row (R) for each in each scan, in the order of scans.
+
+    `track` is its number, `segment` what it was seen as, -1 if missed, `mean` (R, 10) that of its `kalman.Beliefs`.
+    """
+
+    track: Rows
+    scan: Rows
+    segment: Rows
+    mean: Array
+
+    def at(self, rows: npt.NDArray) -> Log:
+        """Return some of the rows."""
+        return Log._make(column[rows] for column in self)
 
 
 class Tracker:
@@ -83,23 +89,20 @@ class Tracker:
         """Begin with no objects; the first new one gets the number `first_track`."""
         self.next_track = first_track
         self._settings, self._scan = settings, 0
-        self._alive: Objects | None = None
-        self._resting: Objects | None = None
+        self._alive = self._resting = _start(Detections.nothing(), settings)
         self._last_stamp: float | None = None
 
     @property
-    def numbers(self) -> npt.NDArray[np.int64]:
+    def numbers(self) -> Rows:
         """The numbers of all objects that may be seen again."""
-        known = [objects.track for objects in (self._alive, self._resting) if objects is not None]
-        return np.concatenate([np.zeros(0, np.int64), *known])
+        return np.concatenate([self._alive.track, self._resting.track])
 
-    def step(self, stamp: float, found: Detections) -> LogEntry:
+    def step(self, stamp: float, found: Detections) -> Log:
         """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
-        settings, born = self._settings, _start(found, self._settings)
-        nobody = born[np.zeros(0, np.int64)]
-        alive, resting = self._alive or nobody, self._resting or nobody
-        dt = 0.0 if self._last_stamp is None else stamp - self._last_stamp
-        alive, resting = _predict(alive, dt, settings), replace(resting, unseen=resting.unseen + dt)
+        settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
+        alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
+        alive = kalman.predict(alive, dt, settings.filter)
+        alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
         cost = _cost(alive, found, settings)
         matched, detected = assign(cost)
         woken, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
@@ -112,18 +115,17 @@ class Tracker:
         segment[matched] = detected
 
         new = np.setdiff1d(np.arange(len(found)), detected)
-        born = born[new]
+        born = _start(found[new], settings)
         born.track[:] = self.next_track + np.arange(len(new))
         self.next_track += len(new)
         rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
         still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), woken)
-        self._resting = _at_rest(alive[np.flatnonzero(rests)], settings).joined(resting[still])
-        is_near = (alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)
-        keep = np.flatnonzero(is_near & ~rests)
-        alive = alive[keep].joined(born)
-        scan, self._scan = self._scan, self._scan + 1
-        self._alive, self._last_stamp = alive, stamp
-        return alive.track, scan, np.concatenate([segment[keep], new]), alive.belief.mean.copy()
+        self._resting = _at_rest(alive[rests], settings).joined(resting[still])
+        keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
+        self._alive = alive[keep].joined(born)
+        scan = np.full(len(self._alive), self._scan)
+        self._scan, self._last_stamp = self._scan + 1, stamp
+        return Log(self._alive.track, scan, np.concatenate([segment[keep], new]), self._alive.mean)
 
 
 def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
@@ -142,37 +144,26 @@ def track_objects(detections: Iterable[tuple[float, Detections]], settings: Trac
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
     """Return all of `found` as new objects: what the evidence says has moved may be as fast as traffic is."""
-    n = len(found)
+    n, share = len(found), found.moving_share
     variance = np.full(n, settings.filter.initial_velocity_variance)
     if settings.method == "evidence":
-        variance[found.moving_share > 0.5] = settings.gates.speed**2
-    belief = kalman.start(found.boxes, settings.filter, variance)
+        variance[share > 0.5] = settings.gates.speed**2
+    belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
     count = found.n_points.astype(np.float64)
-    share = found.moving_share
-    return Objects(belief, np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64), share, count, share > 0.5)
-
-
-def _predict(alive: Objects, dt: float, settings: TrackingSettings) -> Objects:
-    """Return `alive` a scan and `dt` seconds later."""
-    belief = kalman.predict(alive.belief, dt, settings.filter)
-    return replace(alive, belief=belief, unseen=alive.unseen + dt, misses=alive.misses + 1)
+    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count, share > 0.5)
 
 
 def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
     """Return objects that are not seen any more, as sure to be where they were as a measured box is."""
-    boxes = rest.belief.boxes()
-    boxes.center[:] -= rest.unseen[:, None] * rest.belief.mean[:, kalman.VELOCITY]
-    return replace(rest, belief=kalman.start(boxes, settings.filter, np.zeros(len(rest))))
+    boxes = rest.boxes()
+    boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
+    belief = kalman.start(boxes, settings.filter, np.zeros(len(rest)))
+    return replace(rest, mean=belief.mean, covariance=belief.covariance)
 
 
 def _recognise(
-    resting: Objects,
-    found: Detections,
-    share: npt.NDArray[np.float64],
-    cost: npt.NDArray[np.float64],
-    pairs: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]],
-    settings: TrackingSettings,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    resting: Objects, found: Detections, share: Array, cost: Array, pairs: tuple[Rows, Rows], settings: TrackingSettings
+) -> tuple[Rows, Rows]:
     """Return which of `resting` are seen again as which of `found`.
 
     These are segments that have stayed, too, and that nobody has, or that were taken, at a higher price, for something
@@ -186,54 +177,36 @@ def _recognise(
     return assign(np.where(price < limit, price, np.inf))
 
 
-def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> npt.NDArray[np.float64]:
+def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> Array:
     if settings.method == "paper":
-        return association_cost(alive.belief.boxes(), found.boxes, settings.association)
+        return association_cost(alive.boxes(), found.boxes, settings.association)
     is_lost = alive.misses > 1  # this scan is counted
-    return motion_cost(alive.belief, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
+    return motion_cost(alive, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
 
 
-def _update(
-    alive: Objects, found: Detections, matched: npt.NDArray, detected: npt.NDArray, settings: TrackingSettings
-) -> None:
+def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
     """Write into the `matched` of `alive` what was seen of them, the `detected` of `found`."""
-    after = kalman.update(alive.belief[matched], found.boxes[detected], settings.filter)
-    alive.belief.mean[matched], alive.belief.covariance[matched] = after.mean, after.covariance
+    after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
+    alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
     alive.has_moved[matched] |= alive.share[matched] > 0.5
 
 
-def as_table(log: list[LogEntry]) -> Tracks:
-    """Return the log as tracks, without the misses after each track's last observation."""
-    return to_tracks(*joined(log))
+def as_table(logs: list[Log]) -> Tracks:
+    """Return the logs of all scans as tracks, without the misses after each track's last observation."""
+    none = np.zeros(0, np.int64)
+    log = joined([Log(none, none, none, np.zeros((0, kalman.N_STATE))), *logs])
+    last_seen, is_seen = np.full(log.track.max(initial=-1) + 1, -1), log.segment >= 0
+    last_seen[log.track[is_seen]] = log.scan[is_seen]  # of several the last
+    keep = np.flatnonzero(log.scan <= last_seen[log.track])
+    log = log.at(keep[np.argsort(log.track[keep], kind="stable")])
+    center, size = log.mean[:, :3], np.maximum(log.mean[:, kalman.SIZE], 1e-3)
+    yaw, velocity = log.mean[:, kalman.YAW], log.mean[:, kalman.VELOCITY]
+    return Tracks(log.track, log.scan, log.segment, center, size, yaw, velocity)
 
 
-def joined(log: list[LogEntry]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Return the entries of `log` as one, the scan of each row in it."""
-    if not log:
-        log = [(np.zeros(0, np.int64), 0, np.zeros(0, np.int64), np.zeros((0, 10)))]
-    tracks, scans, segments, means = zip(*log, strict=True)
-    scan = np.repeat(np.array(scans, np.int64), [len(track) for track in tracks])
-    return np.concatenate(tracks), scan, np.concatenate(segments), np.concatenate(means)
-
-
-def to_tracks(
-    track: npt.NDArray[np.int64], scan: npt.NDArray[np.int64], segment: npt.NDArray[np.int64], mean: npt.NDArray
-) -> Tracks:
-    """Return rows (N,) of a log, in the order of scans, as tracks, without those after each one's last observation."""
-    last_seen, is_seen = np.full(track.max(initial=-1) + 1, -1), segment >= 0
-    last_seen[track[is_seen]] = scan[is_seen]  # of several the last
-    keep = np.flatnonzero(scan <= last_seen[track])
-    order = keep[np.argsort(track[keep], kind="stable")]  # the log is in the order of scans
-    mean = mean[order]
-    return Tracks(
-        track[order],
-        scan[order],
-        segment[order],
-        mean[:, :3].copy(),
-        np.maximum(mean[:, kalman.SIZE], 1e-3),
-        mean[:, kalman.YAW].copy(),
-        mean[:, kalman.VELOCITY].copy(),
-    )
+def joined(logs: list[Log]) -> Log:
+    """Return `logs`, at least one, as one."""
+    return Log._make(np.concatenate(column) for column in zip(*logs, strict=True))

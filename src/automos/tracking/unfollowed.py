@@ -1,4 +1,4 @@
-"""Scans too far apart to follow anything from one to the next: what moves is told scan by scan, by the evidence alone.
+"""Scans too far apart to follow anything from one to the next: the evidence alone decides, scan by scan.
 
 At one or two scans a second a car advances by more than its own length between scans, and any car of the lane may be
 taken for the one before. But what was seen to be empty before and after, and was taken in between, has moved. Tracks

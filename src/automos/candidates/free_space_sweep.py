@@ -1,0 +1,94 @@
+"""One sweep: its points as the moving sensor saw them, and when it last looked along each direction.
+
+Where every scan begins at the same azimuth, a direction is looked at at the same time in all. A driver that cuts
+its stream by time begins each scan elsewhere, and one of more than a turn looks twice into a sector.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.free_space_grid import N_DIRECTIONS
+from automos.cells import rough_turn_of
+from automos.geometry import se3_exp
+from automos.kernels import kernel
+from automos.scan import Frame, Mask, Points
+
+MIN_POINTS = 100
+"""Points of a scan, below which nothing is learnt from it."""
+_STEPS = 64
+"""Parts of a sweep with a pose each: sweeps turn by a few degrees, which is under a centimetre at 50 m."""
+_SAME_LOOK = 0.5
+"""Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
+_FIXED = 0.1
+"""Of a sweep: deviation of a direction's times beyond which the pattern does not turn with time."""
+
+
+def raw_points(frame: Frame) -> Points:
+    """Return (M, 3) float32: the frame's points as the moving sensor saw them, motion compensation taken back."""
+    if frame.sweep_time is None or frame.sweep_motion is None:
+        return frame.points
+    steps = (np.arange(_STEPS) + 0.5) / _STEPS - 0.5
+    T_raw_frame = se3_exp(-steps[:, None] * frame.sweep_motion).astype(np.float32)
+    out = np.empty_like(frame.points)
+    _transform_by_step(frame.points, frame.sweep_time, T_raw_frame, out)
+    return out
+
+
+def motion_of(frame: Frame) -> npt.NDArray[np.float32]:
+    """Return (6,) float32, twist of the sensor over the sweep; zeros where that or the points' times are unknown."""
+    is_known = frame.sweep_motion is not None and frame.sweep_time is not None
+    return np.asarray(frame.sweep_motion if is_known else np.zeros(6), np.float32)
+
+
+def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.NDArray[np.float32], Mask]:
+    """Return when a scan last looked along each direction, and which of its points it saw then.
+
+    A scan of more than a turn looks twice into a sector, from two places. One range image can show only one of them.
+
+    Parameters
+    ----------
+    raw : (M, 3) float32, the scan's `raw_points`.
+    times : (M,) float32 in [-0.5, 0.5], or None.
+
+    Returns
+    -------
+    sweep_time : (360,) float32, mean time of each direction's last look; zeros where that is not fixed.
+    is_last : (M,) bool, all true where it is not, or where no sector was seen twice.
+    """
+    unknown = np.zeros(N_DIRECTIONS, np.float32), np.ones(len(raw), np.bool_)
+    if times is None or len(raw) < MIN_POINTS:
+        return unknown
+    direction = _directions_of(raw, N_DIRECTIONS)
+    latest = np.full(N_DIRECTIONS, np.float32(-1.0))
+    np.maximum.at(latest, direction, times)
+    is_last = times > latest[direction] - np.float32(_SAME_LOOK)
+    t, of = times[is_last].astype(np.float64), direction[is_last]
+    n, total, squares = (np.bincount(of, weights, N_DIRECTIONS) for weights in (None, t, t**2))
+    mean = (total / np.maximum(n, 1)).astype(np.float32)
+    spread = np.sqrt(np.maximum(squares / np.maximum(n, 1) - mean.astype(np.float64) ** 2, 0.0))
+    if not (n > 1).any() or np.median(spread[n > 1]) > _FIXED:
+        return unknown
+    seen = np.flatnonzero(n)
+    mean = mean[seen[np.searchsorted(0.5 * (seen[1:] + seen[:-1]), np.arange(N_DIRECTIONS))]]
+    return mean, is_last if mean.any() else unknown[1]
+
+
+@kernel
+def _directions_of(raw, n):  # type: ignore[no-untyped-def]
+    out = np.empty(len(raw), np.int64)
+    for i in range(len(raw)):
+        out[i] = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n))
+    return out
+
+
+@kernel
+def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
+    n = len(T)
+    for i in range(len(points)):
+        step = (time[i] + 0.5) * n
+        M = T[int(min(step, n - 1.0)) if step > 0.0 else 0]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(3):
+            out[i, k] = M[k, 0] * x + M[k, 1] * y + M[k, 2] * z + M[k, 3]
