@@ -13,6 +13,7 @@ BASE = {
     "labels",
     "label_files",
     "scan",
+    "frames",
     "array_sequence",
     "own_sequence",
     "arrays",
@@ -50,7 +51,7 @@ MAY_IMPORT = {
     "results": {
         *BASE,
         "results",
-        "pipeline",
+        "result",
         "evaluation",
         "datasets",
         "odometry",

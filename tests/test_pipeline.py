@@ -11,7 +11,8 @@ from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.labels import Label
-from automos.pipeline import Result, label, stage_keys
+from automos.pipeline import label, stage_keys
+from automos.result import Result
 from automos.scan import Scan
 from automos.settings import LabelsSettings, Settings, load_settings
 from automos.tracking.verdict import Verdict

@@ -14,7 +14,8 @@ from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
 from automos.odometry.trajectory import SequenceFrames
-from automos.pipeline import Result, label
+from automos.pipeline import label
+from automos.result import Result
 from automos.scan import Scan, Sequence
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate

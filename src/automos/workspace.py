@@ -14,16 +14,16 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
 
 from automos.arguments import given_path
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
 from automos.reading import DAMAGE, parsed_again, read_json, require_regular
+from automos.run_record import RunRecord
 
 Arrays = Mapping[str, npt.NDArray]
 PerScan = Iterable[tuple[int, Arrays]]
@@ -32,48 +32,6 @@ RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""
 LONGEST_NAME = 230
 """Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a process's number, too."""
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True)
-
-
-class _Recording(_Strict):
-    name: str = ""
-    scans: int = 0
-    source: str | None = None
-    warnings: list[str] = []
-
-
-class _Told(_Strict):
-    warnings: list[str] = []
-    lost: list[str] = []
-
-
-class _Warning(_Strict):
-    kind: str = ""
-    sentence: str = ""
-    scan: str = ""
-    track: int = 0
-    segment: int = 0
-    points: int = 0
-    at: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 0.0]
-
-
-class _Run(_Strict):
-    """What run.json says, as far as it is read again; all of it may be absent."""
-
-    fingerprint: str = ""
-    recording: _Recording = _Recording()
-    points: dict[str, int] = {}
-    tracks: dict[str, int] = {}
-    seconds: dict[str, float] = {}
-    odometry: _Told = _Told()
-    stages: dict[str, Annotated[str, Field(pattern=r"^\w+$")]] = {}  # they are parts of folders' names
-    versions: dict[str, str] = {}
-    warnings: list[_Warning] = []
-    review: _Told = _Told()
-    quality: dict[str, Any] = {}
 
 
 def fingerprint(*parts: object) -> str:
@@ -196,10 +154,31 @@ def _is_file_name(name: str) -> bool:
 
 
 class Workspace:
-    """Where a run keeps its results: in `root`, or in memory where there is none."""
+    """Storage for the results of a run: a folder, or memory.
+
+    Parameters
+    ----------
+    root : str or Path, optional
+        The results folder, created at the first write. Results are kept in memory if not given.
+
+    Raises
+    ------
+    InputError
+        `root` cannot be the name of a folder.
+
+    Examples
+    --------
+    With a workspace, a second call finds the results of the first and does only what is missing:
+
+    >>> import automos
+    >>> recording = automos.open_sequence("my_log")
+    >>> result = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> again = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> sum(again.seconds.values())
+    0.0
+    """
 
     def __init__(self, root: str | Path | None = None):
-        """Take the results folder; it is made when first written to."""
         self.root = None if root is None else given_path(root, "the folder of a Workspace")
         self._in_memory: dict[str, Stage] = {}
 
@@ -244,7 +223,7 @@ class Workspace:
             return {}
         try:
             run: dict[str, Any] = read_json(self.root / RUN_FILE)
-            _Run.model_validate(run)
+            RunRecord.model_validate(run)
         except (ValueError, OSError):  # InputError and pydantic's errors are ValueErrors
             return {}  # the run is made again
         return run

@@ -15,8 +15,8 @@ from automos.geometry import make_transform
 from automos.labels import Label, to_mos
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.pipeline import Result
 from automos.pose_files import read_poses
+from automos.result import Result
 from automos.results import point_files
 from automos.results.writing import write_results
 from automos.settings import load_settings

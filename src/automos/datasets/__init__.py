@@ -50,13 +50,29 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
 
     Parameters
     ----------
-    path : a recording, or a dataset root that holds only one.
-    format : a layout (`FORMATS`) or a codec of the point files (`CODECS`), where the guess is not what you want.
+    path : str or Path
+        A recording, or the root of a data set that holds only one.
+    format : str, optional
+        Layout (one of `FORMATS`) or codec of the point files (one of `CODECS`). Guessed if not given.
+
+    Returns
+    -------
+    Sequence
+        The recording. Scans are read when they are asked for.
 
     Raises
     ------
     InputError
-        No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
+        The path does not exist, holds no recording or several, the format is unknown, or a file cannot be used.
+
+    Examples
+    --------
+    >>> import automos
+    >>> recording = automos.open_sequence("my_log")
+    >>> len(recording)
+    12
+    >>> recording[0].points.shape[1]
+    3
     """
     found = _find(given_path(path, "a recording"), format)
     if len(found) > 1:
@@ -66,7 +82,7 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
 
 
 def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
-    """Return what `open_sequence` takes of each recording at `path`, without opening any; in the order of their names.
+    """Return the path of each recording at `path`, sorted by name, as `open_sequence` takes it; opens none.
 
     Parameters and errors are those of `open_sequence`.
     """
@@ -74,9 +90,30 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
-    """Return all recordings at `path`: those of a dataset root (`sequences/*`) in order of name, or the one that it is.
+    """Return all recordings at `path`.
 
-    Parameters and errors are those of `open_sequence`.
+    Parameters
+    ----------
+    path : str or Path
+        A recording, or a folder that holds recordings, such as the root of a data set.
+    format : str, optional
+        As for `open_sequence`.
+
+    Returns
+    -------
+    list of Sequence
+        The recordings, sorted by name; at least one.
+
+    Raises
+    ------
+    InputError
+        As for `open_sequence`, except that there may be several recordings.
+
+    Examples
+    --------
+    >>> import automos
+    >>> [recording.name for recording in automos.open_recordings("my_log")]
+    ['my_log']
     """
     return [one.open() for one in _find(given_path(path, "a recording"), format)]
 

@@ -1,4 +1,4 @@
-"""What goes out: files that other tools read, one module per format, imported when used."""
+"""Export of results to the files that other tools read: one module per format, imported when used."""
 
 from __future__ import annotations
 
@@ -48,21 +48,41 @@ def export_run(
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     deskewed: bool = False,
 ) -> list[Path]:
-    """Write the results in `folder` in another format; return the files or folders that were written.
+    """Write the results in `folder` in another format.
 
     Parameters
     ----------
-    folder : a results folder; of several recordings, the folder that holds one results folder of each one's name.
-    sequences : the recordings that the results were made from.
-    format : one of `EXPORTS`.
-    out : file or folder to write; for several recordings the folder to write one of each name into, a zip excepted,
-        which takes them all. Where not given, `folder / "export" / format`.
-    deskewed : write points as seen from their scan's pose, the sensor's motion during the sweep taken out.
+    folder : str or Path
+        Results folder. For several recordings, the folder that holds a results folder for each, named after it.
+    sequences : list of Sequence
+        The recordings that were labelled.
+    format : str
+        One of `automos.export.EXPORTS`.
+    out : str or Path, optional
+        File or folder to write. For several recordings, the folder that gets one entry for each; a zip file takes
+        all of them. `folder / "export" / format` if not given.
+    progress : callable, optional
+        Called as `progress(what, done, total)` after each scan.
+    deskewed : bool, default False
+        Write motion-compensated points: as seen from the pose of their scan.
+
+    Returns
+    -------
+    list of Path
+        The files or folders that were written.
 
     Raises
     ------
     InputError
-        Results that do not belong to the recordings, an unknown format, or a place that cannot be written.
+        The results do not belong to the recordings, the format is unknown, or `out` cannot be written.
+
+    Examples
+    --------
+    >>> import automos
+    >>> recordings = automos.open_recordings("my_log")
+    >>> written = automos.export_run("automos_runs/my_log", recordings, "pcd", out="clouds")
+    >>> len(list(written[0].glob("*.pcd")))
+    12
     """
     from automos.results.claiming import refuse_folders_of, refuse_results
     from automos.results.run_files import RunFiles

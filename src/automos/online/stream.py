@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
+from automos.errors import InputError
 from automos.labels import Label
 from automos.online.following import Followed, Following
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
@@ -89,3 +90,14 @@ def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:
     """Return the boxes and velocities of the tracks `moving` in this scan."""
     here = followed.here[np.flatnonzero(np.isin(followed.here.track, moving))]
     return objects_of(replace(here, track=followed.numbers[here.track]))
+
+
+def require_online_methods(settings: Settings) -> None:
+    """Raise InputError if `settings` choose a method that needs the whole recording."""
+    chosen = {"candidates": settings.candidates.method, "tracking": settings.tracking.method}
+    able = {"candidates": "free_space", "tracking": "evidence"}
+    for stage, method in chosen.items():
+        if method != able[stage]:
+            raise InputError(
+                f"{stage}.method {method} needs the whole recording: set it to {able[stage]}, or lag to math.inf"
+            )
