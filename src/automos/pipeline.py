@@ -70,7 +70,7 @@ def label(
     Returns
     -------
     Result
-        Labels, confidences and track numbers per point; trajectory, tracks and verdicts.
+        Label, confidence and track number of each point; trajectory, tracks and verdicts.
 
     Raises
     ------
@@ -85,25 +85,20 @@ def label(
     >>> room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (2000, 3))
     >>> scans = [room + noise.normal(0.0, 0.01, room.shape) for _ in range(10)]
     >>> result = automos.label(scans, workers=1)
-    >>> result.labels(0).shape
-    (2000,)
-    >>> int((result.labels(0) == automos.Label.MOVING).sum())
+    >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
     0
     """
     if workspace is None:
         workspace = Workspace()
     require_kind(workspace, Workspace, "workspace", "automos.Workspace(folder)")
-    settings = given_settings(settings)
     if progress is not None:
         require_kind(progress, Callable, "progress", "a function of stage, done and total, as print")
-    steps = Steps(as_sequence(recording), settings, poses, workspace, workers, progress)
+    steps = Steps(as_sequence(recording), given_settings(settings), poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
-    objects, run = steps.objects, steps.run
-    warnings = [*recording_warnings(steps.sequence), *steps.trajectory.diagnostics.get("warnings", [])]
-    return Result(
-        steps.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels, warnings
-    )
+    path, found, run = steps.trajectory, steps.objects, steps.run
+    warnings = [*recording_warnings(steps.sequence), *path.diagnostics.get("warnings", [])]
+    return Result(path, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels, warnings)
 
 
 class Steps:

@@ -49,11 +49,6 @@ class Boxes:
         """(M,) cubic metres."""
         return self.size.prod(axis=1)
 
-    @property
-    def longest_side(self) -> Array:
-        """(M,) metres."""
-        return self.size.max(axis=1, initial=0.0)
-
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
         return {f.name: getattr(self, f.name) for f in fields(self)}

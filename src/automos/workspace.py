@@ -64,10 +64,6 @@ class Stage:
         """Return the arrays saved under `name`: those named by `keys`, all where none is named."""
         raise NotImplementedError
 
-    def missing(self, names: list[str]) -> list[int]:
-        """Return the indices of `names` that were not saved yet."""
-        return [i for i, name in enumerate(names) if not self.has(name)]
-
 
 class _MemoryStage(Stage):
     def __init__(self) -> None:

@@ -19,7 +19,7 @@ from automos import __version__, cli, labeling
 from automos.cli import main
 from automos.cli.consoles import output
 from automos.labels import Label, to_mos
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings
 
 

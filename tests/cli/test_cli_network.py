@@ -11,7 +11,7 @@ from worlds import lane, write_bins
 
 from automos.cli import main
 from automos.labels import pack
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 
 HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()
 TINY = [

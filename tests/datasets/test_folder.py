@@ -11,7 +11,7 @@ from automos.datasets import open_recordings, open_sequence
 from automos.datasets.folder import FolderSequence
 from automos.errors import InputError
 from automos.geometry import make_transform
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 
 T_CAMERA_SENSOR = make_transform([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.0, -0.1, -0.3])
 

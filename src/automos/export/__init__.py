@@ -53,14 +53,14 @@ def export_run(
     Parameters
     ----------
     folder : str or Path
-        Results folder. For several recordings, the folder that holds a results folder for each, named after it.
+        Results folder. For several recordings, a folder with a results folder for each, named after it.
     sequences : list of Sequence
         The recordings that were labelled.
     format : str
         One of `automos.export.EXPORTS`.
     out : str or Path, optional
-        File or folder to write. For several recordings, the folder that gets one entry for each; a zip file takes
-        all of them. `folder / "export" / format` if not given.
+        File or folder to write; `folder / "export" / format` if not given. For several recordings, the folder that
+        gets one entry for each, or a zip file for all of them.
     progress : callable, optional
         Called as `progress(what, done, total)` after each scan.
     deskewed : bool, default False
@@ -84,28 +84,38 @@ def export_run(
     >>> len(list(written[0].glob("*.pcd")))
     12
     """
-    from automos.results.claiming import refuse_folders_of, refuse_results
     from automos.results.run_files import RunFiles
 
     export, folder = load_export(format), given_path(folder, "a results folder")
-    if deskewed and not export.is_of_points:
-        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
-        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
+    if deskewed:
+        _require_points(export, format)
     target = folder / "export" / format if out is None else given_path(out, "where to export to")
     require_kind(sequences, Sequence, "sequences", "a list of the recordings that were labelled")
-    written = []
+    written: dict[Path, None] = {}
     for sequence in map(as_sequence, sequences):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
-        if place.exists() and not (place.is_file() if export.suffix else place.is_dir()):
-            kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
-            raise InputError(f"{place} is {kind}: choose another --out")
-        refuse_folders_of(sequence, place.parent if export.suffix else place)
-        refuse_results(place)
+        _require_free(place, sequence, is_file=bool(export.suffix))
         export.write(run, place)
-        if place not in written:
-            written.append(place)
-    return written
+        written[place] = None  # each once, in order
+    return list(written)
+
+
+def _require_points(export: Export, format: str) -> None:
+    if not export.is_of_points:
+        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
+        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
+
+
+def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
+    """Raise InputError if `place` is part of a recording or of a run's results, or is of another kind."""
+    from automos.results.claiming import refuse_folders_of, refuse_results
+
+    if place.exists() and not (place.is_file() if is_file else place.is_dir()):
+        kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
+        raise InputError(f"{place} is {kind}: choose another --out")
+    refuse_folders_of(sequence, place.parent if is_file else place)
+    refuse_results(place)
 
 
 def _place(out: Path, export: Export, name: str, n_recordings: int) -> Path:

@@ -79,7 +79,6 @@ class LabeledRecording:
     ):
         """Take the labels of `results`, else the recording's own; raise InputError where there are none."""
         self.sequence, self.trajectory, self.settings = sequence, trajectory, settings
-        self._results = results
         self._predictions = None if results is None else find_predictions(results, sequence.name, is_only=True)
         if results is None and all(sequence.truth(i) is None for i in range(min(len(sequence), 10))):
             raise InputError(

@@ -16,7 +16,7 @@ from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
 from automos.online.segment import stamped
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.results.claiming import claimed
 from automos.run import Progress
 from automos.scan import Sequence

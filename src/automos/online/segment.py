@@ -18,7 +18,7 @@ from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry, write_tracks

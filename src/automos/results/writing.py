@@ -22,7 +22,7 @@ from typing import Any
 
 from automos import __version__
 from automos.atomic import remove_parts, write_text
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
 from automos.result import Result
 from automos.results.point_files import count_points, no_points, write_points

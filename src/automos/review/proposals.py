@@ -7,7 +7,6 @@ another that moves, it ends.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -229,12 +228,6 @@ class Proposer:
 
 def _proposed(parts: dict[str, Part]) -> Amendment:
     return Amendment("", now(), "added", "moving", dict(sorted(parts.items())))
-
-
-def shortened(amendment: Amendment, names: list[str]) -> Amendment:
-    """Return `amendment` in the scans called `names` alone."""
-    kept = set(names)
-    return replace(amendment, parts={name: part for name, part in amendment.parts.items() if name in kept})
 
 
 def _inside(points: npt.NDArray, box: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

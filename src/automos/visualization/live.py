@@ -11,15 +11,8 @@ from automos.geometry import transform
 from automos.labeler import LabelledScan
 from automos.labels import Label
 from automos.scan import Pose, Scan
-from automos.visualization.rerun_log import (
-    COLORS,
-    KINDS,
-    VERDICT_COLORS,
-    load_rerun,
-    point_kinds,
-    thin_rows,
-    world_view,
-)
+from automos.visualization.rerun_layout import load_rerun, world_view
+from automos.visualization.rerun_log import COLORS, KINDS, VERDICT_COLORS, point_kinds, thin_rows
 from automos.visualization.viewer import Viewer
 
 EYE = (-28.0, 0.0, 24.0)

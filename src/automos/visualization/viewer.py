@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
-from automos.visualization.rerun_log import load_rerun, log_run, make_recording
+from automos.visualization.rerun_layout import load_rerun
+from automos.visualization.rerun_log import log_run, make_recording
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
