@@ -133,7 +133,7 @@ def test_a_las_file_cut_between_two_points_is_told(tmp_path):
     las.x, las.y, las.z = np.random.default_rng(0).normal(0, 9, (3, 100))
     las.write(tmp_path / "a.las")
     (tmp_path / "a.las").write_bytes((tmp_path / "a.las").read_bytes()[: -28 * 40])
-    with pytest.raises(InputError, match=r"a\.las is cut short or damaged: its header tells of 100 points"):
+    with pytest.raises(InputError, match=r"a\.las is cut short or damaged: its header announces 100 points"):
         open_sequence(tmp_path)[0]
 
 

@@ -1,4 +1,4 @@
-"""What callers in Python give as paths and objects of ours: told in a sentence where it is something else."""
+"""Checks of paths and objects that callers pass: InputError with a sentence if they are something else."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def given_path(value: str | os.PathLike[str], what: str) -> Path:
         path = Path(value)
         path.lstat()
     except (TypeError, ValueError) as error:
-        raise InputError(f"{what} is no path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
+        raise InputError(f"{what} is not a path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
     except OSError as error:  # what is not there yet may be made
         if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
             raise InputError(f"{what} {value!s:.80} cannot be used ({error.strerror}): give another path") from None

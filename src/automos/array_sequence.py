@@ -1,4 +1,4 @@
-"""A recording held in memory: scans or plain arrays, as a sequence like any that is read."""
+"""A recording in memory: scans or plain arrays, with the same interface as any other recording."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 
     Raises
     ------
-    InputError : it is a path, one single array of points, empty, or holds what is no scan.
+    InputError : it is a path, one single array of points, empty, or holds what is not a scan.
     """
     if isinstance(recording, Sequence):
         is_ours = type(recording).__module__.partition(".")[0] == __name__.partition(".")[0]
@@ -127,7 +127,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
     except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
         raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
     if not len(sequence):
-        raise InputError("a list without scans is no recording: give an array for each scan")
+        raise InputError("a list without scans is not a recording: give an array for each scan")
     return sequence
 
 

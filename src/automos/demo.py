@@ -1,4 +1,4 @@
-"""The first minute: simulate a street, label it, score it, draw it."""
+"""The demo: simulate a street, label it, score the labels and draw them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one scan offers to the tracker: boxes, and how the evidence speaks of each."""
+"""The segments of one scan as the tracker sees them: boxes, and what the evidence says of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames: what a stage sees of a scan, which is its valid points, motion-compensated, with their pose."""
+"""Frames: the valid points of a scan, motion-compensated, with their pose. Stages work on these."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One recording into one results folder: what `automos label` does, and what a cluster's workers do."""
+"""Labels one recording into one results folder, for `automos label` and for the workers of a cluster."""
 
 from __future__ import annotations
 

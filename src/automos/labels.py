@@ -1,4 +1,4 @@
-"""Label ids and what they mean (SemanticKITTI's numbers)."""
+"""The labels and their numbers (SemanticKITTI's)."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
 
 LATEST = 1e11
-"""Seconds: three thousand years. Larger numbers count milliseconds or less, and are no times."""
+"""Seconds: three thousand years. Larger numbers count milliseconds or less, and are not times."""
 
 
 @dataclass(frozen=True, eq=False)

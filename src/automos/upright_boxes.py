@@ -1,4 +1,4 @@
-"""Upright boxes, turned about the vertical: corners, overlap, and the points inside."""
+"""Upright boxes, rotated about the vertical: corners, overlap, and the points inside."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A run's folder: what each stage found, kept so that a second run does only what is missing.
+"""The folder of a run: the results of each stage, kept so that a second run does only what is missing.
 
-A stage's results live under the fingerprint of everything that shaped them (recording, settings, version, the stages
-before), one file per scan, each written to the side and moved into place: what is there is whole, and what other
-settings made is never read. The same interface keeps results in memory for callers that want no files.
+The results of a stage are stored under a fingerprint of their inputs (recording, settings, version, earlier stages),
+one file per scan, written under a temporary name and then renamed. So existing files are complete, and results of other
+settings are never read. The same interface keeps results in memory for callers that want no files.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class _FolderStage(Stage):
 
 
 class _Found(dict[str, npt.NDArray]):
-    """The arrays in a file, which is told where one of them is not there."""
+    """The arrays in a file; an error that names the file if one is missing."""
 
     path: Path
 
@@ -119,7 +119,7 @@ class _Found(dict[str, npt.NDArray]):
 
 def _damage(path: Path, why: object) -> InputError:
     return InputError(
-        f"{path} is damaged ({why}): delete {path.parent} and run again what wrote it, which is automos label mostly"
+        f"{path} is damaged ({why}): delete {path.parent} and repeat the command that wrote it (usually automos label)"
     )
 
 

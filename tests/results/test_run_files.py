@@ -27,7 +27,7 @@ def test_labels_and_instances_are_those_of_the_run(run):
 
 def test_instances_are_read_from_the_labels_where_they_are(run):
     (run.folder / "stages").rename(run.folder / "gone")
-    with pytest.raises(InputError, match=r"does not tell which object .* --set output.track_ids=true"):
+    with pytest.raises(InputError, match=r"does not say which object .* --set output.track_ids=true"):
         run.instances(0, 6)
     packed = np.array([9, 251 | 7 << 16, 251 | 7 << 16, 0, 9, 251], np.uint32)
     packed.tofile(run.folder / "predictions" / "000000.label")

@@ -36,7 +36,7 @@ def strictly(text: str):
     """Return JSON as other languages read it: without NaN and infinity."""
 
     def refuse(constant):
-        raise ValueError(f"{constant} is no JSON")
+        raise ValueError(f"{constant} is not JSON")
 
     return json.loads(text, parse_constant=refuse)
 

@@ -140,7 +140,7 @@ def turn_between(a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # type: ignore[no-untyped-def]
-    """Tell whether a point that stands lies in that direction at that range; `start` is one image's."""
+    """Return whether a point that stands lies in that direction at that range; `start` is one image's."""
     width = max(window.width, window.metres / max(r, 0.3))
     height = max(window.height, window.metres / max(r, 0.3))
     first, last, left, right = pixels_around(azimuth, elevation, width, height, shape)
@@ -157,7 +157,7 @@ def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # typ
 
 @kernel
 def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
-    """Tell whether the points around that are within `reach` of range `r` differ from it little, on average."""
+    """Return whether the points around that are within `reach` of range `r` differ from it little, on average."""
     n, sum_ = 0, np.float32(0.0)
     first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
     for v in range(first, last + 1):

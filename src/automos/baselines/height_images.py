@@ -25,7 +25,7 @@ class HeightImages:
     cells : metres, pixels of the images.
     low, high : metres, black and white.
     weak_edge, strong_edge : grey values, Canny's thresholds.
-    max_ground : metres, what is higher is no ground.
+    max_ground : metres, what is higher is not ground.
     share : of the images that must call a point ground.
     """
 

@@ -4,7 +4,7 @@ Our reading of Bhandari, James, Phillips, McAree, "Moving Object Segmentation in
 Models" (IROS workshop, 2024). Every voxel is unobserved, free or occupied; what a scan says of the voxels that its rays
 went through or ended in follows from their distance to the nearest voxel that was hit. Hit voxels that were free are
 counted over a neighbourhood, in which what is unobserved counts against them; a median takes out single ones, the last
-scans are summed, and Otsu's threshold tells motion from flicker. Only the past is used, as in the paper.
+scans are summed, and Otsu's threshold separates motion from flicker. Only the past is used, as in the paper.
 """
 
 from __future__ import annotations

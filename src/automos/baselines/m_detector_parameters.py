@@ -20,8 +20,8 @@ class Parameters:
     images : past depth images asked.
     gap : seconds between them.
     row, column : rad, pixel of a depth image in elevation and azimuth.
-    min_range : metres, nearer points are no events: the vehicle itself.
-    edge : share of a scan's points at the top and at the bottom of the view that are no events: past images see but
+    min_range : metres, nearer points are not events: the vehicle itself.
+    edge : share of a scan's points at the top and at the bottom of the view that are not events: past images see but
         one side of them. The authors give elevations (for KITTI -23 to 2 degrees), this is what these leave out.
     crossing, away, nearer : the tests; windows are for pixels of `row` x `column`.
     cluster_voxel : metres.

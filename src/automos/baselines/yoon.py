@@ -94,7 +94,7 @@ def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, parameters: Par
     there = transform(inverse(other.frame.T_level_sensor) @ frame.T_level_sensor, frame.points)
     is_changed = np.zeros(len(there), bool)
     _find_free(there, other.shortest, shape, parameters.margin, parameters.max_range, is_changed)
-    rows = np.flatnonzero(is_changed)  # free space first: it is quicker to tell
+    rows = np.flatnonzero(is_changed)  # free space first: it is quicker to test
     residual, _ = other.tree.query(frame.points_level[rows], distance_upper_bound=parameters.residual)
     is_changed[rows] = np.isinf(residual)
     return is_changed

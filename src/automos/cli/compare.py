@@ -1,4 +1,4 @@
-"""The commands that set methods side by side and make maps: parse, call one function, print."""
+"""The commands `compare` and `map`: compare methods on one recording, and make maps."""
 
 from __future__ import annotations
 
@@ -170,9 +170,9 @@ def _named_folders(given: list[str]) -> dict[str, Path]:
 def _say_when_started() -> Callable[[str, int, int], None]:
     said: set[str] = set()
 
-    def tell(what: str, done: int, total: int) -> None:
+    def report(what: str, done: int, total: int) -> None:
         if what not in said:
             said.add(what)
             console.print(f"{what}: {total} scans")
 
-    return tell
+    return report

@@ -1,4 +1,4 @@
-"""The commands about what comes in and what goes out: parse, call one function, print."""
+"""The commands `formats`, `export` and `merge`: list formats, write results in them, and read corrections back."""
 
 from __future__ import annotations
 

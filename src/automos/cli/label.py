@@ -1,4 +1,4 @@
-"""The commands that label: one recording or thousands, and how far that is. Parse, call one function, print."""
+"""The commands `label`, `status` and `settings`: label one recording or thousands, and show the progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command for a sensor that is running: parse, start what was asked for, label until the end."""
+"""The command `live`: label the scans of a running sensor."""
 
 from __future__ import annotations
 

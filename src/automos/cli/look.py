@@ -1,4 +1,4 @@
-"""The commands that show results: parse, call one function, print."""
+"""The commands `report`, `review` and `view`: show results."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def review(
     port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     sample: Annotated[
-        int | None, typer.Option(help="draw so many random looks, which tell precision and recall")
+        int | None, typer.Option(help="number of random looks, which estimate precision and recall")
     ] = None,
     format: Format = None,
 ) -> None:

@@ -1,4 +1,4 @@
-"""The commands of the network: parse, call one function, print."""
+"""The commands of the network: train, run online, export, and reproduce the paper's experiments."""
 
 from __future__ import annotations
 
@@ -122,8 +122,8 @@ def segment(
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:
-            told = run_one(sequence, folder, progress)
-        output.print(told)
+            summary = run_one(sequence, folder, progress)
+        output.print(summary)
 
 
 def _with_network(

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, each with one name and one help text."""
+"""Arguments and options shared by several commands, each with one name and one help text."""
 
 from __future__ import annotations
 

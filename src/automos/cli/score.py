@@ -1,4 +1,4 @@
-"""The commands that score labels and poses against a truth: parse, call one function, print."""
+"""The commands `evaluate` and `drift`: score labels and poses against ground truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands that simulate: parse, call one function, print."""
+"""The commands `demo` and `simulate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far methods agree on what moves, with or without truth."""
+"""How far methods agree on which points move, with or without ground truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Table I of the paper on any recording: every method scored, timed, compared with each other."""
+"""Table I of the paper on any recording: every method is scored, timed and compared with the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a method took on a recording, once for each time it was run."""
+"""Time and memory that a method took on a recording, for each of its runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALONE = 0.1
 
 @dataclass(frozen=True)
 class Cost:
-    """What a method took, once for each time it was run. Bytes, seconds and cores are nan where they cannot be told.
+    """What a method took, once for each time it was run. Bytes, seconds and cores are nan if unknown.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a process and its children take: memory, processor time, and whether others were at work meanwhile."""
+"""Memory and processor time of a process and its children, and the load by other processes meanwhile."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Effort:
     Attributes
     ----------
     seconds : by the clock.
-    peak : bytes at most (shared pages counted in part, so that nothing is counted twice), nan where it cannot be told.
-    busy : seconds of processor time, nan where it cannot be told.
-    others : processor cores that others kept busy on average, nan where it cannot be told.
+    peak : bytes at most (shared pages counted in part, so that nothing is counted twice), nan if unknown.
+    busy : seconds of processor time, nan if unknown.
+    others : processor cores that others kept busy on average, nan if unknown.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Every method that can be compared: the baselines and the pipeline's presets, as labels of scans."""
+"""All methods that can be compared, the baselines and the presets, with one interface: labels of scans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fig. 4 of the paper: one scan, one picture per method, the same view."""
+"""Fig. 4 of the paper: one scan, one picture per method, from the same view."""
 
 from __future__ import annotations
 

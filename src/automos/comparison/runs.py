@@ -1,10 +1,10 @@
-"""Methods run on one recording, each in a process of its own, their labels and cost kept in a folder.
+"""Runs each method on one recording, in its own process, and keeps labels and cost in a folder.
 
-    FOLDER/poses/...              the poses that methods are given, found once for each way to find them
+    FOLDER/poses/...              the poses given to the methods, one set for each way of finding them
     FOLDER/METHOD/predictions/    a label file per scan
-    FOLDER/METHOD/cost.json       seconds, memory, processor time, and the fingerprint of what made them
+    FOLDER/METHOD/cost.json       seconds, memory, processor time, and the fingerprint of the inputs
 
-What is there already, made with the same settings, is not made again. Labels that another program made stand beside.
+Results that exist and were made with the same settings are kept. Labels of other programs can be compared, too.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class MethodRuns:
         """Take a recording and where results are kept.
 
         `overrides` are settings that differ from the presets' ("candidates.ground.cell": 0.4); `poses` (N, 4, 4)
-        T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is no preset is
+        T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is not a preset is
         given the default's; `shared`: all are. Without `own_process` methods run in this one: short recordings take
         less time, but what they cost is not known. `repeats` is how often each is run. `predictions` are
         folders of label files that other programs made, by name.

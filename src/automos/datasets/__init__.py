@@ -1,8 +1,8 @@
-"""What comes in: recordings found by looking at a path, one module per format, imported when used.
+"""Readers of recordings, one module per format, imported when used. The format is recognised from the path.
 
 A format module declares its :class:`~automos.datasets.formats.Format` as `FORMAT`. Formats are tried in the order of
-`FORMATS`, from those that nothing else looks like to the plain folder; the codec of point files is guessed unless the
-user names it. A recording inside a file or a set of tables is named as if it lay in a folder: `log.mcap/front/points`.
+`FORMATS`, from the most specific to the plain folder. The codec of point files is guessed unless the user names it. A
+recording inside a file or a set of tables has a path as if it were in a folder: `log.mcap/front/points`.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class _Found(NamedTuple):
 
     def open(self) -> Sequence:
         if not is_text(str(self.path)):
-            raise InputError(f"{str(self.path)!a} is no UTF-8; rename what is not")
+            raise InputError(f"{str(self.path)!a} is not UTF-8; rename what is not")
         with damage_told(self.path), limited(self.path) if self.reader.needs else nullcontext():
             return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 
@@ -178,7 +178,7 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
 
 
 def _beside(path: Path, format: str | None) -> list[_Found]:
-    """Return the recordings at `path`, none where it only looks like one: text beside recordings tells of them."""
+    """Return the recordings at `path`, none if it only looks like one, as text files that describe recordings do."""
     from automos.datasets.files import holds_point_files, holds_scans
 
     if not path.is_dir() or (holds_point_files(path) and not holds_scans(path)):
@@ -204,7 +204,7 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
 def _nothing_found(path: Path, format: str | None) -> str:
     if path.is_file():
         if format in FORMATS:
-            return f"{path} is no recording of format {format!r} ({load_format(format).layout}); leave --format out"
+            return f"{path} is not a recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
     from automos.datasets.files import holds_point_files
 

@@ -45,7 +45,7 @@ class Table(dict[str, npt.NDArray]):
     """The columns of a file; a missing column or one of another type is an error that names the file."""
 
     def __init__(self, path: Path, columns: dict[str, npt.NDArray]):
-        with damage_told(path, "has names that are no text"):  # lists
+        with damage_told(path, "has names that are not text"):  # lists
             words = {name: values.astype(str) for name, values in columns.items() if name in _WORDS}
         super().__init__(columns | words)
         self.path = path

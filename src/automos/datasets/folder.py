@@ -185,7 +185,7 @@ class FolderSequence(Sequence):
             raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
         is_time = np.abs(times) < LATEST
         if not is_time.all():
-            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is no number of seconds")
+            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
         return times
 

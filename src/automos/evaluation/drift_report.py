@@ -1,4 +1,4 @@
-"""Estimated poses against reference poses, as a table."""
+"""Errors of estimated poses against reference poses, as a table."""
 
 from __future__ import annotations
 

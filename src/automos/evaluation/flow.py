@@ -1,10 +1,10 @@
-"""Scene flow: how far off the motion of single points is, each in metres until the next scan.
+"""End-point errors of scene flow, in metres until the next scan.
 
-Only what points move themselves is compared, the sensor's own motion taken out of both. Two ways of counting are in
-use. *Three-way*: the mean error of moving points of objects, of standing points of objects, and of the background, each
-by itself, because nine points in ten stand. *Bucket-normalised*: moving points by their true speed, the error of each
-bucket divided by its speed, so that a pedestrian counts as much as a car; 0 is exact, 1 is what "nothing moves" gets.
-(Argoverse 2's first and second scene-flow challenge; labels here have no classes, so buckets are of all objects.)
+Only the points' own motion is compared; the sensor's motion is removed from both. Two metrics are in use. *Three-way*:
+the mean errors of moving object points, static object points and background points, each on its own, because nine
+points in ten are static. *Bucket-normalised*: moving points by their true speed, the error of each bucket divided by
+its speed, so that a pedestrian counts as much as a car; 0 is exact, 1 is the score of "nothing moves". (Argoverse 2's
+first and second scene-flow challenge; labels here have no classes, so each bucket covers all objects.)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Recall of moving objects, where the truth has instance ids.
+"""Recall of moving objects, if the ground truth has instance ids.
 
-IoU counts points, and a near van has a hundred times the points of a far pedestrian. Recall per object says how many of
-those that move were found at all.
+IoU counts points, and a near van has a hundred times the points of a far pedestrian. Recall per object says how many
+moving objects were found at all.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Errors of a trajectory against a reference: absolute (ATE), relative (RPE) and KITTI's drift per length driven.
+"""Errors of a trajectory against a reference: absolute (ATE), relative (RPE) and KITTI's drift per length.
 
 All functions take poses `T_world_sensor` (N, 4, 4) of the same N scans in both trajectories. Relative errors need no
-common world; absolute ones align the two first.
+common world frame; for absolute errors the two trajectories are aligned first.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The labels of one scan after its boxes were corrected.
 
-Only what a correction concerns changes: points of an object whose box was moved, removed or given another verdict, and
-points that came to lie in a moving box. The ground under a moving object does not move with it.
+A correction changes only the points of an object whose box was moved, removed or given another verdict, and points that
+are now in a moving box. The ground under a moving object is not changed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Room for one scan between the thread that receives and the one that labels."""
+"""A buffer for one scan between the receiving and the labelling thread."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class OusterAssembler:
             self._format = self._core.PacketFormat.from_info(self._info)
         except Exception as error:  # the library raises what it likes
             raise InputError(
-                f"{metadata} is no metadata of an Ouster ({error}); save it from the sensor: "
+                f"{metadata} is not metadata of an Ouster ({error}); save it from the sensor: "
                 "http://SENSOR/api/v1/sensor/metadata"
             ) from None
         self._to_points = make_to_points(self._info, metadata)

@@ -1,4 +1,4 @@
-"""Packets of one sensor from UDP: received on one address, told from whatever else comes there."""
+"""Packets of one sensor over UDP: received on one address, separated from other packets."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def parse_address(text: str) -> tuple[str, int]:
     except ValueError:
         port = None
     if parts.scheme != "udp" or port is None or parts.path not in ("", "/"):
-        raise InputError(f"{text} is no address: write udp://127.0.0.1:2368, or udp://0.0.0.0:2368 for every network")
+        raise InputError(
+            f"{text} is not an address: write udp://127.0.0.1:2368, or udp://0.0.0.0:2368 for all networks"
+        )
     return parts.hostname or LOCAL, port
 
 
@@ -148,5 +150,5 @@ class UdpFeed(Feed):
             return
         raise InputError(
             f"no packets of a {self._assembler.kind} came to udp://{self._where} for {seconds}{others or ';'} look at "
-            "the address and port that the sensor sends to, or listen on every network, udp://0.0.0.0:PORT"
+            "the address and port that the sensor sends to, or listen on all networks, udp://0.0.0.0:PORT"
         )

@@ -1,4 +1,4 @@
-"""The map of a recording without what moves, written while it is made."""
+"""Builds the map of a recording without moving objects and writes it piece by piece."""
 
 from __future__ import annotations
 

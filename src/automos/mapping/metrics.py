@@ -1,10 +1,9 @@
-"""How well a cleaned map keeps what stands and loses what moved, as the field counts it.
+"""Metrics of a cleaned map: how much of the static world it keeps, and how much of the moving points it removes.
 
-Preservation and rejection rate (Lim et al., ERASOR): of the 0.2 m voxels that hold static points by the truth, the
-share that a kept point lies in; of those that hold nothing but moving points, the share that no kept point lies in;
-F1 is their harmonic mean. Static, dynamic and associated accuracy (Zhang et al., DynamicMap): SA, of static points
-the share kept; DA, of moving points the share removed; AA, the square root of their product. Points without truth
-do not count.
+Preservation and rejection rate (Lim et al., ERASOR): of the 0.2 m voxels with truly static points, the share that still
+has a point; of the voxels with truly moving points only, the share that has none. F1 is their harmonic mean. Static,
+dynamic and associated accuracy (Zhang et al., DynamicMap): SA, the share of static points kept; DA, the share of moving
+points removed; AA, the square root of their product. Points without ground truth do not count.
 """
 
 from __future__ import annotations

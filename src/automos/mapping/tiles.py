@@ -1,7 +1,7 @@
-"""Voxels of a map in square tiles, of which only those near the sensor are kept.
+"""Voxels of a map in square tiles, of which only those near the sensor are in memory.
 
-A tile that is out of the sensor's reach is complete and can be written. Memory is that of the tiles in reach, however
-long the drive; a place that is come back to later is another tile, so a few of its voxels are written twice.
+A tile out of the sensor's range is complete and can be written, so memory does not grow with the drive. A place that is
+visited again later is another tile, so a few of its voxels are written twice.
 """
 
 from __future__ import annotations

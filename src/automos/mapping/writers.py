@@ -1,4 +1,4 @@
-"""Point clouds written piece by piece, as they come: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
+"""Point cloud writers that append: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
 
 @kernel
 def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
-    """Tell in which windows pixels that show something differ."""
+    """Return in which windows pixels that show something differ."""
     height, width = seen.shape
     for row in range(height):
         for column in range(width):

@@ -104,7 +104,13 @@ def train_network(
     best = ModelCheckpoint(out, "best-{epoch}", monitor=MONITORED, mode="max", enable_version_counter=False)
     latest = ModelCheckpoint(out, "last", enable_version_counter=False)  # of every epoch, whether it got better or not
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
-    callbacks = [best, stop, latest, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
+    callbacks = [
+        best,
+        stop,
+        latest,
+        _Kept(out / "epochs", settings.training.keep, card),
+        *_progress_of(progress),
+    ]
     data = _Data(train, validation, settings.training.batch, loaders)
     last = out / "last.ckpt"
     with _quiet():
@@ -184,7 +190,7 @@ def read_curve(out: Path) -> list[dict[str, float]]:
     return [rows[epoch] for epoch in sorted(rows)]
 
 
-def _told(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
+def _progress_of(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
     return [] if progress is None else [_Told(progress)]
 
 

@@ -1,8 +1,8 @@
-"""The sensor's poses from the scans so far, and their correction once more is known.
+"""Poses of the sensor from the scans so far, and their correction when more is known.
 
-How sweeps are timed and how fast the sensor was at first are found out from some scans, beside the stream. Where the
-answer is not what was believed, the last scans are followed once more under it, a few with every scan that comes, until
-they have caught up; then the new path is taken over.
+The timing of sweeps and the initial speed are determined in the background from some scans. If the result differs from
+the assumption, the last scans are registered again, a few with every new scan, until they have caught up; then the new
+path replaces the old one.
 """
 
 from __future__ import annotations

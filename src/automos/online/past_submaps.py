@@ -1,8 +1,8 @@
-"""Where a scan lies on what was seen half a second to two before it.
+"""Registers a scan to submaps of the scans half a second to two seconds before it.
 
-Registration to the scans just before lets errors add up, and rings of a spinning sensor lie on rings wherever it goes:
-it would rather stand still. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; of that, this
-is the part that needs no future.
+Registration to the scans just before accumulates errors, and the rings of a spinning sensor coincide wherever it goes,
+which pulls the motion towards zero. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; this
+is the part of it that needs no future.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Come:
     def evenness(self, off: Array, settings: OdometrySettings) -> Array:
         """Return (6,) weights of even motion against a motion that is `off` (6,) from what is expected.
 
-        What was expected is as uncertain as the motion that it was taken from: where little tells how fast the sensor
+        The prediction is as uncertain as the motion it is based on: where little shows how fast the sensor
         is, it is not held to a guess. Tails are heavy (Cauchy), so that who brakes hard among traffic is not either.
         """
         usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])

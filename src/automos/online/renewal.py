@@ -1,4 +1,4 @@
-"""What earlier scans saw, made anew a few at a time while another path of the sensor catches up."""
+"""Computes the evidence of earlier scans again, a few at a time, after the path of the sensor was corrected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order in which labelled scans are returned: that in which they arrived, those that cannot be used among them."""
+"""Returns labelled scans in the order of their arrival, including those that could not be used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`automos segment`: a recording labelled as a robot would have labelled it, results as `automos label` writes them."""
+"""`automos segment`: labels a recording online, as on a robot, and writes results like `automos label`."""
 
 from __future__ import annotations
 

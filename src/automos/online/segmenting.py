@@ -1,8 +1,8 @@
-"""The part of the method that looks at one scan after the other: what others saw of its places, and its segments.
+"""The per-scan part of the method: evidence and segments.
 
-A scan is looked at twice. When it arrives, the past alone says which of its points have moved; when later scans have
-seen its places, too, the evidence is made again. With no lag the first is all. None of it needs to know which objects
-there are: so the next scan may be segmented while those of the last one are followed.
+A scan is processed twice. When it arrives, only the past says which of its points have moved; when later scans have
+seen its places, the evidence is computed again. With no lag, only the first pass is done. Neither needs the tracks, so
+the next scan can be segmented while the objects of the last one are tracked.
 """
 
 from __future__ import annotations

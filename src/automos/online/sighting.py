@@ -1,4 +1,4 @@
-"""Where each scan was taken from, and what it saw: all that it tells by itself, before others are asked about it."""
+"""The pose of each scan and what it saw: all that is known of it without other scans."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from automos.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What a scan tells.
+    """What a scan shows on its own.
 
     Attributes
     ----------

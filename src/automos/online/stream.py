@@ -1,4 +1,4 @@
-"""The stages of the method over scans as they come: the same functions, on a window instead of a recording."""
+"""The stages of the method on a stream of scans: the same functions, on a window instead of a recording."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def open_run(
     """
     folder = given_path(folder, "a results folder")
     if not folder.is_dir():
-        raise InputError(f"{folder} is no folder; give the results folder of automos label")
+        raise InputError(f"{folder} is not a folder; give the results folder of automos label")
     if recording is not None:
         return RunFiles(folder, open_sequence(recording, format), progress)
     about = Workspace(folder).read_run()
@@ -64,7 +64,7 @@ def open_run(
         raise InputError(f"{folder} holds no results of automos label ({RUN_FILE} is missing or damaged){there}")
     source = about.get("recording", {}).get("source")
     if source is None:
-        raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
+        raise InputError(f"{folder} does not say which recording it was made from; give its path after {folder}")
     try:
         sequence = open_sequence(source, format)
     except InputError as error:

@@ -1,7 +1,7 @@
-"""A results folder and the recording it was made from, read back for everything that is written from them.
+"""A results folder together with its recording: labels, boxes and poses, scan by scan.
 
-Boxes of annotation tools stand upright, but a sensor may be mounted at a tilt. They are therefore given in the scan's
-*upright* frame: the sensor's without roll and pitch. Its origin and heading are the sensor's, and z points up.
+Boxes of annotation tools are upright, but a sensor may be mounted at a tilt. Boxes are therefore given in the scan's
+*upright* frame: the sensor frame without roll and pitch. Its origin and heading are the sensor's, and z points up.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class RunFiles:
         Raises
         ------
         InputError
-            The folder holds no labels, or those of a recording of other scans; or it does not tell how to deskew.
+            The folder holds no labels, or those of a recording of other scans; or does not say how to deskew.
         """
         self.folder = folder
         self.sequence = sequence
@@ -86,7 +86,7 @@ class RunFiles:
             )
 
         if deskewed and self._trajectory is None:
-            raise InputError(f"{folder} does not tell how the sensor moved during its sweeps; label again to deskew")
+            raise InputError(f"{folder} does not say how the sensor moved during its sweeps; label again to deskew")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -119,7 +119,7 @@ class RunFiles:
         Raises
         ------
         InputError
-            Neither the label files nor the run's stages tell.
+            Neither the label files nor the run's stages say so.
         """
         packed = self.packed(index, n_points)
         if (packed >> 16).any():
@@ -132,7 +132,7 @@ class RunFiles:
         path = self.folder / "stages" / f"labels-{key}" / f"{self.names[index]}.npz"
         if not path.exists():
             raise InputError(
-                f"{self.folder} does not tell which object each moving point is on; label again with "
+                f"{self.folder} does not say which object each moving point belongs to; label again with "
                 "--set output.track_ids=true"
             )
         tracks = Workspace(self.folder).stage("labels", str(key)).load(self.names[index], "track")["track"]
@@ -142,7 +142,7 @@ class RunFiles:
         """Return the (N, 3) points of `scan` as seen from its pose: the sensor's motion during the sweep taken out.
 
         Boxes were fitted to these. Points that could not be used stay as they are, NaN included; so do all where the
-        run does not tell any more how the sensor moved.
+        run no longer says how the sensor moved.
         """
         if self._trajectory is None:
             return scan.points
@@ -152,7 +152,7 @@ class RunFiles:
         return points
 
     def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
-        """Return (N,) which points of `scan` lie on the ground; none where the run does not tell any more."""
+        """Return (N,) which points of `scan` lie on the ground; none if the run no longer says so."""
         is_ground = np.zeros(len(scan), bool)
         key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
         if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():

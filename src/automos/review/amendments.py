@@ -1,8 +1,8 @@
-"""Objects that a person made: added where none was found, or cut, split or joined from those that were.
+"""Objects made by a person: added where none was found, or cut, split or joined from found ones.
 
-Such an object is its points and its box, scan by scan. The points are rows of the recording's scans and the box is in
-the scan's own sensor frame, so that neither depends on what a run with other settings finds, or where it puts its
-poses. What a person made replaces whatever holds its points in a run: a track that was cut is two such objects.
+Such an object consists of its points and its box, scan by scan. The points are rows of the recording's scans, and the
+box is in the scan's own sensor frame, so neither depends on the results or poses of a run with other settings. In a
+run, the object replaces any track that holds its points; a track that was cut becomes two such objects.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the page may ask and say, by path: the session's methods with their arguments checked."""
+"""The requests of the page, by path: methods of the session, with checked arguments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_BODY = 200_000
 def _decide(session: Session, body: Body) -> dict[str, Any]:
     named = body.get("tracks", [body.get("track")])
     if not isinstance(named, list):
-        raise InputError("tracks is no list of objects' numbers")
+        raise InputError("tracks is not a list of objects' numbers")
     session.decide([number(track) for track in named], str(body.get("verdict")))
     return session.status()
 
@@ -26,7 +26,7 @@ def _decide(session: Session, body: Body) -> dict[str, Any]:
 def _propose(session: Session, body: Body) -> dict[str, Any]:
     if "boxes" in body:
         if not isinstance(body["boxes"], list) or not body["boxes"]:
-            raise InputError("boxes is no list of drawn boxes")
+            raise InputError("boxes is not a list of drawn boxes")
         boxes = {number(one.get("index"), "scan"): _box(one.get("box")) for one in body["boxes"] if _is_map(one)}
         return session.propose(boxes=boxes)
     if "place" in body:
@@ -51,7 +51,7 @@ def _split(session: Session, body: Body) -> dict[str, Any]:
 def _join(session: Session, body: Body) -> dict[str, Any]:
     named = body.get("tracks")
     if not isinstance(named, list):
-        raise InputError("tracks is no list of objects' numbers")
+        raise InputError("tracks is not a list of objects' numbers")
     return {"id": session.join([number(track) for track in named]), **session.status()}
 
 
@@ -107,7 +107,7 @@ def number(value: Any, what: str = "object") -> int:
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{value!r} is no {what}'s number") from None
+        raise InputError(f"{value!r} is not a {what}'s number") from None
 
 
 def _metres(value: Any) -> float:
@@ -116,7 +116,7 @@ def _metres(value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         found = math.nan
     if not math.isfinite(found):
-        raise InputError(f"{value!r} is no number of metres")
+        raise InputError(f"{value!r} is not a number of metres")
     return found
 
 

@@ -1,9 +1,9 @@
-"""A run's labels, tracks.json and run.json as a person makes them.
+"""Applies decisions to a run's labels, tracks.json and run.json.
 
-A decision replaces a track's verdict, and the scans it concerns are painted again by the stage that painted them first:
-what comes out is what the pipeline would have written, had it judged so. An object made by hand takes its points from
-whatever has them. Everything starts from what the stages found, never from an earlier rewriting, so applying all of it
-twice, or after a crash, gives the same files.
+A decision replaces the verdict of a track, and the scans concerned are labelled again by the `labels` stage: the result
+is what the pipeline would have written with this verdict. An object made by a person takes its points from any other
+object. The inputs are always the results of the stages, never an earlier correction, so applying everything twice, or
+after a crash, gives the same files.
 """
 
 from __future__ import annotations

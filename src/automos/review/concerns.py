@@ -1,7 +1,8 @@
-"""Warnings that point at something: an object, a scan, a place to look at.
+"""Warnings that point at an object, a scan or a place.
 
-A moving track that ends is followed on without the evidence, by the same tracker. If something goes on from there that
-was not there before it came, the evidence may have lost it: a vehicle that halts, one that others hide for long.
+A moving track that ends is followed further by the same tracker, without the evidence. If it leads to something that
+was not there before the object arrived, the evidence may have lost it: a vehicle that stops, or one that is occluded
+for long.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a person decided of the tracks that a run found, as lines of the log."""
+"""Decisions of a person on the tracks of a run, as lines of the log."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""One segment that a person points at, followed through time by the tracker.
+"""Tracks one segment that a person selected.
 
-The tracker follows what the evidence lets it: what is said to have stayed is closed to it, and what is said to have
-moved may be fast. Here a person has said that the thing moves, so the evidence is left out: all segments are open, each
-may be fast, and what continues the one pointed at is chosen by motion, size and number of points alone.
+Usually the evidence limits the tracker: segments said to have stayed are excluded, and segments said to have moved may
+be fast. Here a person has said that the object moves, so the evidence is ignored: all segments are allowed, each may be
+fast, and the continuation is chosen by motion, size and number of points alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A sample while a person answers it: what the page shows of each look, what it is told."""
+"""A random sample while a person answers it: what the page shows of each look, and the answers it sends."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Looking:
         look = self._require(n)
         allowed = ("done", "unknown") if look.kind == "moment" else ANSWERS
         if answer not in allowed:
-            raise InputError(f"{answer!r} is no answer: say {', '.join(allowed)}")
+            raise InputError(f"{answer!r} is not an answer: say {', '.join(allowed)}")
         missed = len(np.unique(np.concatenate([[0], *self._clicked.get(n, [])]))) - 1 if answer == "done" else 0
         append_answer(self._stages.folder, self.sample, n, answer, missed)
         self.answers[n] = answer, missed

@@ -1,4 +1,4 @@
-"""Which tracks of a run a decision is about: those that lie on the points that were decided on."""
+"""Finds the tracks of a run that a decision is about: those that share most points with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What there is to decide on, as the page lists it: objects and places, those first that a minute mends most."""
+"""The list of objects and places to decide on, ordered by the number of labels that a decision may correct."""
 
 from __future__ import annotations
 

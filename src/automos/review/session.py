@@ -1,4 +1,4 @@
-"""A review while it lasts: what the page shows, what is decided there, and what is made by hand."""
+"""A running review: what the page shows, the decisions, and the objects made by a person."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ class Session:
         if not parts:
             raise InputError("nothing of it is left: its end lies before its beginning")
         if verdict not in ("moving", "static", "unknown"):
-            raise InputError(f"{verdict!r} is no verdict: an object is moving, static or unknown")
+            raise InputError(f"{verdict!r} is not a verdict: an object is moving, static or unknown")
         (made,) = self.record.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
         self._proposal = None
         return made

@@ -1,4 +1,4 @@
-"""What a scene can be drawn of: something with a box in some scans, and points that are its own."""
+"""Anything that can be shown in a scene: boxes in some scans, and points."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ class Report:
 
     Attributes
     ----------
-    reason : a sentence, where it failed.  trace : where in the program, if the reason is no sentence for users.
+    reason : a sentence, where it failed.  trace : where in the program, if the reason is not a sentence for users.
     scans, points, moving : counts of the recording, once its labels are there.
     fingerprint : of the labels.  warnings : sentences about them.
     is_fresh : False where the labels had been there already.

@@ -59,7 +59,7 @@ def read_marker(target: str) -> Marker | None:
     text = Store(target).read(MARKER) if is_url(target) else _read_here(Path(target) / MARKER)
     try:
         marker = Marker(**parse_json(text or b""))
-        labels = {path: int(told["bytes"]) for path, told in marker.files.items() if _is_like(path, _LABELS)}
+        labels = {path: int(file["bytes"]) for path, file in marker.files.items() if _is_like(path, _LABELS)}
     except (ValueError, TypeError, LookupError, AttributeError):  # absent, or damaged from outside
         return None
     return marker if labels.items() <= _sizes(target, labels).items() else None
@@ -165,7 +165,7 @@ def _check(store: Store, path: str, there: dict[str, Any] | None, sent: dict[str
 
 
 def _md5_of(info: dict[str, Any]) -> str | None:
-    """Return the MD5 that S3, Google's or Azure's store tells of a file, in hexadecimal; None where it tells none."""
+    """Return the MD5 of a file that S3, Google's or Azure's store reports, in hexadecimal; None without one."""
     given = info.get("md5Hash") or (info.get("content_settings") or {}).get("content_md5")
     if given is not None:
         return (base64.b64decode(given) if isinstance(given, str) else bytes(given)).hex()

@@ -96,7 +96,7 @@ def _in_folder(path: Path, format: str | None) -> list[Path]:
 
 
 def _recordings_at(path: Path, format: str | None) -> list[Path]:
-    """Return the recordings at `path`; `path` itself where it cannot be told, so that it is not left out in silence."""
+    """Return the recordings at `path`; `path` itself if they cannot be listed, so that it is reported later."""
     try:
         return find_recordings(path, format) if path.is_dir() or path.suffix.lower() in _LOGS else []
     except NoRecordingError:
@@ -114,7 +114,7 @@ def _in_list(path: Path, format: str | None) -> list[str]:
     found: list[str] = []
     for line in filter(None, lines):
         if not line.isprintable():
-            raise InputError(f"{path} names {line[:80]!r}, which is no path; write a path or URL in each line")
+            raise InputError(f"{path} names {line[:80]!r}, which is not a path; write a path or URL in each line")
         if is_url(line):
             found += _in_store(line)
             continue

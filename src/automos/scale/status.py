@@ -170,7 +170,7 @@ def read_status(target: str) -> Status:
 
 
 def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of all tables; ValueError or sqlite3.Error where they are no books."""
+    """Return the rows of all tables; ValueError or sqlite3.Error where they are not books."""
     require_regular(path)
     books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
     try:

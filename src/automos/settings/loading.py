@@ -120,7 +120,7 @@ def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
             values[key.strip()] = parse_yaml(text)
         except ValueError:
             raise SettingsError(
-                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
+                f"--set {item}: '{text}' is not a value: write a number, a word or a list, [1, 2]"
             ) from None
     return values
 

@@ -12,7 +12,7 @@ from automos.settings.group import Group
 class LoopSettings(Group):
     """Loop closure: when a place counts as seen before."""
 
-    reach: float = Field(40.0, gt=0, description="m around a place; more tells places apart better, and takes longer")
+    reach: float = Field(40.0, gt=0, description="m around a place; more distinguishes places better, and takes longer")
     min_distance: float = Field(50.0, gt=0, description="m driven before a place can be seen again")
     max_drift: float = Field(0.05, ge=0, description="of the distance driven, by which poses may be off")
     min_overlap: float = Field(0.7, gt=0, le=1, description="share of what stands on the ground that must lie close")

@@ -1,4 +1,4 @@
-"""What comes out: labels, what is written beside them, the map."""
+"""Settings of the output: labels, what is written beside them, the map."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Verdicts:
 
     Attributes
     ----------
-    is_moving, is_static : (K,) bool; neither where it cannot be told.
+    is_moving, is_static : (K,) bool; neither if it is not known.
     """
 
     is_moving: npt.NDArray[np.bool_]

@@ -43,7 +43,7 @@ def write(
     Raises
     ------
     InputError
-        `out` exists and is no simulated sequence, or another one, or cannot be written.
+        `out` exists and is not a simulated sequence, or another one, or cannot be written.
     """
     out = Path(out)
     description = _description(sequence)

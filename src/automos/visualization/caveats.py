@@ -1,4 +1,4 @@
-"""What a reader of results should know before trusting them, in sentences."""
+"""What to know before trusting the results, in sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ground covered by a recording, from above: what stands in grey, what moved in green, errors in red and blue."""
+"""The area of a recording from above: static points grey, moving green, errors red and blue."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class GroundMap:
         """Return (H, W): 0 unseen, 1 ground, more the higher something stands."""
         tall = np.clip((self._highest - self._floor() - LOW) / (HIGH - LOW), 0.0, 1.0)
         shade = 1 + np.round(tall * (SHADES - 1)).astype(np.uint8)
-        # Lone points far away make noise that packs badly and tells nothing.
+        # Isolated points far away are noise that compresses badly.
         return np.where(self._seen > (1 if self.cell > MIN_CELL else 0), shade, 0).astype(np.uint8)
 
     def _floor(self) -> npt.NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Scans in the viewer as they are labelled: points, boxes and velocities of what moves, in the level frame."""
+"""Scans in the viewer while they are labelled: points, and boxes and velocities of moving objects."""
 
 from __future__ import annotations
 

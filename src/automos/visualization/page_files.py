@@ -1,4 +1,4 @@
-"""Pages that need nothing but themselves: styles, scripts and data written into one HTML file."""
+"""Self-contained pages: styles, scripts and data written into one HTML file."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A run as entities of the viewer Rerun: points by verdict, boxes, tracks, trajectory, curves.
 
-Everything lies in the level frame (z up, metres). Of each scan all points that move, and where there is truth all that
-are labelled wrongly, are shown; of the static ones at most a given number, evenly.
+Everything is in the level frame (z up, metres). All moving points of a scan are shown and, if there is ground truth,
+all wrongly labelled ones; static points are thinned evenly to a maximum number.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _log_tracks(rr: Any, stream: rerun.RecordingStream, run: RunFiles) -> None:
 
 
 def _confidence(run: RunFiles, index: int) -> npt.NDArray[np.float64] | None:
-    """Return (N,) how sure each label is, None where the run does not tell any more."""
+    """Return (N,) the confidence of each label; None if the run no longer has it."""
     key = Workspace(run.folder).read_run().get("stages", {}).get("labels")
     if not (run.folder / "stages" / f"labels-{key}" / f"{run.names[index]}.npz").exists():
         return None

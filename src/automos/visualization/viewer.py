@@ -1,7 +1,7 @@
 """Rerun's viewer for a run: in a window, in a browser on this machine, or as a file for later.
 
-Rerun's own calls to serve a recording listen on every network the machine is in. Its program can be told not to, so it
-is started here, bound to 127.0.0.1, and the recording is sent to it.
+Rerun's own calls to serve a recording listen on every network the machine is in. Its program has an option against it,
+so it is started here, bound to 127.0.0.1, and the recording is sent to it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
         A place that cannot be written, or results that are missing or damaged.
     """
     if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is no folder; choose another --rrd")
+        raise InputError(f"{path.parent} is not a folder; choose another --rrd")
     with atomic_path(path) as temporary:
         stream = make_recording(run)
         try:

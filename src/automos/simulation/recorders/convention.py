@@ -86,7 +86,9 @@ class Convention:
             if not equals or name not in hints:
                 near = get_close_matches(name, hints, 1)
                 hint = f" (did you mean {near[0]}?)" if near else ""
-                raise InputError(f"{word!r} is no convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}.")
+                raise InputError(
+                    f"{word!r} is not a convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}."
+                )
             values[name] = _value(name, text, hints[name])
         return cls(**values)
 

@@ -1,7 +1,7 @@
 """Who drives where and how fast: road users on paths that keep their distance, mind signals, turn and brake.
 
 Longitudinal behaviour is the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 2000). Whom to follow
-is found from geometry alone, not from lanes: anybody whose outline comes near the stretch of path ahead, so merging,
+is found from geometry alone, not from lanes: anyone whose outline comes near the path ahead, so merging,
 crossing and a pedestrian in front of the bonnet need no special case. An outline is a row of discs. People on foot step
 aside for each other and stop for moving vehicles.
 """
