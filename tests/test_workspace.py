@@ -121,7 +121,7 @@ def test_a_damaged_file_of_a_stage_is_told_with_what_to_delete(tmp_path, content
     stage = Workspace(tmp_path).stage("labels", "k")
     stage.save("a", ARRAYS)
     (tmp_path / "stages" / "labels-k" / "a.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run") as error:
+    with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and repeat") as error:
         stage.load("a")
     assert "\n" not in str(error.value)
 
@@ -130,7 +130,7 @@ def test_an_array_that_a_file_of_a_stage_does_not_hold_is_told(tmp_path):
     stage = Workspace(tmp_path).stage("labels", "k")
     stage.save("a", {"b": ARRAYS["b"]})
     for load in (lambda: stage.load("a")["a"], lambda: stage.load("a", "a")):
-        with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run"):
+        with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and repeat"):
             load()
 
 
@@ -151,7 +151,7 @@ def test_a_whole_file_that_is_not_what_was_saved_there_is_told(tmp_path, change)
         Workspace(tmp_path).stage("tracks", "k").save("a", ARRAYS)
         other = folder / "b.npz" if change == "another scan's" else tmp_path / "stages" / "tracks-k" / "a.npz"
         shutil.copyfile(other, folder / "a.npz")
-    with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and run"):
+    with pytest.raises(InputError, match=r"a\.npz is damaged .*: delete .*labels-k and repeat"):
         stage.load("a")
     assert_same(stage.load("b"), ARRAYS)
 

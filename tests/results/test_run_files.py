@@ -107,7 +107,7 @@ def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog)
     ("where", "value", "said"),
     [
         (["T_world_level"], [[1.0, 0.0]], "t_world_level"),
-        (["T_world_level", 0, 0], 7.0, "no rigid transform"),
+        (["T_world_level", 0, 0], 7.0, "not a rigid transform"),
         (["tracks"], {}, "tracks"),
         (["tracks", 0, "id"], 0, "greater than or equal to 1"),
         (["tracks", 0, "id"], 2, "two tracks have one id"),

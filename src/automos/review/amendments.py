@@ -90,7 +90,7 @@ def append_verdicts(folder: Path, at: str, verdicts: Mapping[str, str]) -> None:
 def read_amendments(folder: Path) -> list[Amendment]:
     """Return the objects made by hand that hold, oldest first, with what was decided last; errors as of the log."""
     held: dict[str, Amendment] = {}
-    for key, verdict, made in read_lines(folder, "amendment", "object made by hand", _parse):
+    for key, verdict, made in read_lines(folder, "amendment", "an object made by hand", _parse):
         if made is not None:
             held[key] = made
         elif verdict == "undo":
@@ -102,7 +102,7 @@ def read_amendments(folder: Path) -> list[Amendment]:
 
 def new_keys(folder: Path, n: int) -> list[str]:
     """Return `n` keys that no object in the log of `folder` has or had."""
-    used = read_lines(folder, "amendment", "object made by hand", lambda fields: str(fields["key"]))
+    used = read_lines(folder, "amendment", "an object made by hand", lambda fields: str(fields["key"]))
     first = 1 + max((int(key[1:]) for key in used if key[1:].isdecimal()), default=0)
     return [f"h{first + k}" for k in range(n)]
 

@@ -76,7 +76,7 @@ def append_decisions(folder: Path, decisions: Iterable[Decision]) -> None:
 
 def read_decisions(folder: Path) -> list[Decision]:
     """Return the decisions in `folder`, oldest first; none where nobody decided anything; errors as of the log."""
-    return read_lines(folder, None, "decision", _parse)
+    return read_lines(folder, None, "a decision", _parse)
 
 
 def _parse(fields: dict[str, Any]) -> Decision:

@@ -57,7 +57,7 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
     Raises
     ------
     InputError
-        A line that is no `what`. Lines cut short by a crash, without their closing brace, are passed over.
+        A line that is not `what`. Lines cut short by a crash, without their closing brace, are skipped.
     """
     path = folder / LOG_FILE
     if not path.exists():
@@ -74,7 +74,7 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
                 found.append(parse(fields))
         except DAMAGE as error:
             raise InputError(
-                f"{path}, line {number} is not a {what} ({' '.join(str(error).split())[:200]}); "
+                f"{path}, line {number} is not {what} ({' '.join(str(error).split())[:200]}); "
                 "correct or remove that line"
             ) from None
     return found

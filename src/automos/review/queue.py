@@ -116,7 +116,7 @@ class Queue:
 
     def _is_dismissed(self, place: dict[str, Any]) -> bool:
         dismissed = read_lines(
-            self._stages.folder, "dismissed", "place", lambda fields: (str(fields["scan"]), int(fields["row"]))
+            self._stages.folder, "dismissed", "a place", lambda fields: (str(fields["scan"]), int(fields["row"]))
         )
         rows = {row for scan, row in dismissed if scan == place["scan"]}
         return bool(rows) and bool(rows & set(self._points_of(place)))

@@ -186,7 +186,7 @@ def append_answer(folder: Path, sample: Sample, look: int, answer: str, missed: 
 def read_answers(folder: Path, sample: Sample) -> dict[int, tuple[str, int]]:
     """Return the last answer to each look of `sample`, and the points missed; errors are the log's."""
     lines = read_lines(
-        folder, "answer", "answer",
+        folder, "answer", "an answer",
         lambda line: (str(line["sample"]), int(line["look"]), str(line["answer"]), int(line["missed"])),
     )  # fmt: skip
     return {look: (answer, missed) for key, look, answer, missed in lines if key == sample.key}
