@@ -253,7 +253,7 @@ def test_a_work_folder_that_somebody_else_made_is_not_used(tmp_path, monkeypatch
     folder.mkdir()
     monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
     monkeypatch.setattr(work_folder, "default_work", lambda: folder)
-    with pytest.raises(InputError, match="made by somebody else"):
+    with pytest.raises(InputError, match="made by another user"):
         work_folder.claim(folder)
 
 

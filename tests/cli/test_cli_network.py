@@ -119,7 +119,7 @@ def test_a_recording_is_segmented_by_the_evidence_at_a_lag(automos, log):
         (("--method", "evidence", "--weights", "none.pt"), "--engine, --device and --threads are the network's"),
         (("--engine", "torch"), "--engine, --device and --threads are the network's"),
         (("--device", "gpu"), "--engine, --device and --threads are the network's"),
-        (("--method", "lmnet", "--lag", "1"), "the network labels every scan at once"),
+        (("--method", "lmnet", "--lag", "1"), "the network labels each scan immediately"),
         (("--lag=-1",), "lag must be 0 or more seconds"),
     ],
 )

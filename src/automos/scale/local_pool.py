@@ -97,7 +97,7 @@ class _Worker:
         if code >= 0:
             return f"its worker ended by itself, with code {code}"
         name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-        why = ": by somebody, or by the system, for want of memory" if name == "SIGKILL" else ""
+        why = ": by a user, or by the system because memory ran out" if name == "SIGKILL" else ""
         return f"its worker was killed ({name}{why})"
 
     def end(self) -> None:

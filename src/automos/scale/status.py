@@ -138,7 +138,7 @@ class Status:
             left = self.seconds_left
             lines.append(f"{self.rate:.1f} recordings per hour, {'?' if left is None else _duration(left)} left")
         elif self.count("waiting") + self.count("running"):
-            lines.append("nobody is working on it: run the same command again, it does what is missing")
+            lines.append("no process is working on it: repeat the command to do what is missing")
         if self.missing_shards:
             few = ", ".join(self.missing_shards[:4]) + (", ..." if len(self.missing_shards) > 4 else "")
             lines.append(f"not begun, and not counted above: {len(self.missing_shards)} shards ({few})")
