@@ -102,7 +102,7 @@ SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
 """What is said (POST), given the body as JSON."""
 
 
-def _look(body: dict[str, Any]) -> int:
+def _look(body: Mapping[str, Any]) -> int:
     return number(body.get("look"), "a look")
 
 
