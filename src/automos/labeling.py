@@ -39,13 +39,17 @@ def label_recording(
 
     Parameters
     ----------
-    pose_file : KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
-    console : where progress bars are drawn; none without it.
-    waits : for another process that writes into `folder`, instead of refusing.
+    pose_file : Path, optional
+        KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
+    console : Console, optional
+        Where progress bars are drawn; none without it.
+    waits : bool
+        For another process that writes into `folder`, instead of refusing.
 
     Raises
     ------
-    InputError : the recording, the poses or the folder cannot be used.
+    InputError
+        The recording, the poses or the folder cannot be used.
     """
     sequence = as_sequence(sequence)
     require_room(folder, sequence)

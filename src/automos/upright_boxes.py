@@ -20,10 +20,14 @@ class Boxes:
 
     Attributes
     ----------
-    center : (M, 3) float64, metres.
-    size : (M, 3) float64, metres: length (along the heading), width, height; all >= 0.
-    yaw : (M,) float64, radians about +z, of the length axis.
-    score : (M,) float64 in [0, 1].
+    center : (M, 3) float64
+        Metres.
+    size : (M, 3) float64
+        Metres: length (along the heading), width, height; all >= 0.
+    yaw : (M,) float64
+        Radians about +z, of the length axis.
+    score : (M,) float64
+        In [0, 1].
     """
 
     center: Array

@@ -21,11 +21,16 @@ class DepthImage(NamedTuple):
 
     Attributes
     ----------
-    T_level_sensor : (4, 4) where it was seen from.
-    stamp : seconds.
-    start : (rows * columns + 1,) int32, where each pixel's points begin in `rays`.
-    rays : (M, 4) float32 by pixel: azimuth and elevation (rad), range (m), 1 where the point moves and 0 else.
-    nearest : (rows, columns) float32, the shortest range in each pixel and the eight around it, inf where none is.
+    T_level_sensor : (4, 4) float64
+        Where it was seen from.
+    stamp : float
+        Seconds.
+    start : (rows * columns + 1,) int32
+        Where each pixel's points begin in `rays`.
+    rays : (M, 4) float32
+        By pixel: azimuth and elevation (rad), range (m), 1 where the point moves and 0 else.
+    nearest : (rows, columns) float32
+        The shortest range in each pixel and the eight around it, inf where none is.
     """
 
     T_level_sensor: Pose

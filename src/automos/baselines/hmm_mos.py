@@ -36,15 +36,24 @@ class Parameters:
 
     Attributes
     ----------
-    voxel : metres.
-    min_range, max_range : metres, points used.
-    deviation : metres, of a hit around the surface that caused it.
-    change : probability per scan that a voxel's state changes.
-    sure : probability from which on a state is believed.
-    reach : voxels around (2: 5 x 5 x 5) over which changes are counted.
-    window : scans over which these counts are summed.
-    min_sum : of a voxel that goes on moving; and what a scan's threshold must exceed, else nothing moves in it.
-    forget : scans after which a voxel that was not seen is unobserved again.
+    voxel : float
+        Metres.
+    min_range, max_range : float
+        Metres, points used.
+    deviation : float
+        Metres, of a hit around the surface that caused it.
+    change : float
+        Probability per scan that a voxel's state changes.
+    sure : float
+        Probability from which on a state is believed.
+    reach : int
+        Voxels around (2: 5 x 5 x 5) over which changes are counted.
+    window : int
+        Scans over which these counts are summed.
+    min_sum : int
+        Of a voxel that goes on moving; and what a scan's threshold must exceed, else nothing moves in it.
+    forget : int
+        Scans after which a voxel that was not seen is unobserved again.
     """
 
     batch: BatchSize = _BATCH

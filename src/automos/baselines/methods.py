@@ -27,9 +27,12 @@ class Method:
 
     Attributes
     ----------
-    title : in tables and pictures.
-    find_moving : see `Labeler`.
-    needs_future : whether a scan's labels depend on scans after it.
+    title : str
+        In tables and pictures.
+    find_moving : Labeler
+        See `Labeler`.
+    needs_future : bool
+        Whether a scan's labels depend on scans after it.
     """
 
     title: str

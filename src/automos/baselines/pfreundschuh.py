@@ -31,10 +31,14 @@ class Parameters:
 
     Attributes
     ----------
-    min_cluster_size : voxels.
-    voxel : metres, points are clustered as voxels of this size (0: as they are).
-    max_range : metres, points used.
-    share : of a cluster's points that must have been seen through.
+    min_cluster_size : int
+        Voxels.
+    voxel : float
+        Metres, points are clustered as voxels of this size (0: as they are).
+    max_range : float
+        Metres, points used.
+    share : float
+        Of a cluster's points that must have been seen through.
     """
 
     visibility: removert.Parameters = removert.PUBLISHED

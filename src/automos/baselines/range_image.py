@@ -24,9 +24,12 @@ class ImageShape(NamedTuple):
 
     Attributes
     ----------
-    rows, columns : pixels; row 0 is the lowest, column 0 begins behind the sensor.
-    lowest : radians, elevation at which row 0 begins.
-    row_height : radians.
+    rows, columns : int
+        Pixels; row 0 is the lowest, column 0 begins behind the sensor.
+    lowest : float
+        Radians, elevation at which row 0 begins.
+    row_height : float
+        Radians.
     """
 
     rows: int

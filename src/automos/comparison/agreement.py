@@ -15,8 +15,10 @@ class Agreement:
 
     Attributes
     ----------
-    methods : K names.
-    iou : (K, K) in [0, 1], nan where neither calls anything moving.
+    methods : tuple of str
+        K names.
+    iou : (K, K) float64
+        In [0, 1], nan where neither calls anything moving.
     """
 
     methods: tuple[str, ...]

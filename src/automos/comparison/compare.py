@@ -35,14 +35,22 @@ class Comparison:
 
     Attributes
     ----------
-    recording, n_scans : what was compared on.
-    poses : where the poses came from that the methods were given.
-    titles : of all that was compared, by name.
-    needs_future : of each, None where it is not known.
-    scores : of each; empty where the recording has no truth.
-    costs : of each, None where another program made the labels.
-    missing : methods that did not, and why.
-    agreement : between those that ran.
+    recording, n_scans : str and int
+        What was compared on.
+    poses : str
+        Where the poses came from that the methods were given.
+    titles : dict of str to str
+        Of all that was compared, by name.
+    needs_future : dict of str to bool, optional
+        Of each, None where it is not known.
+    scores : dict of str to Scores
+        Of each; empty where the recording has no truth.
+    costs : dict of str to Cost, optional
+        Of each, None where another program made the labels.
+    missing : dict of str to str
+        Methods that did not, and why.
+    agreement : Agreement
+        Between those that ran.
     """
 
     recording: str

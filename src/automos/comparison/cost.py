@@ -18,10 +18,14 @@ class Cost:
 
     Attributes
     ----------
-    seconds : per scan, by the clock.
-    busy : per scan, seconds of processor time.
-    memory : bytes, at most, of the process and its children with all their libraries.
-    others : processor cores that other programs kept busy meanwhile.
+    seconds : list of float
+        Per scan, by the clock.
+    busy : list of float
+        Per scan, seconds of processor time.
+    memory : list of float
+        Bytes, at most, of the process and its children with all their libraries.
+    others : list of float
+        Processor cores that other programs kept busy meanwhile.
     """
 
     seconds: list[float]

@@ -52,9 +52,12 @@ def label_scans(
 
     Parameters
     ----------
-    trajectory : the poses that the method is given.
-    settings : of the preset, where `method` is one.
-    scratch : a folder for what the pipeline keeps between its stages.
+    trajectory : Trajectory
+        The poses that the method is given.
+    settings : Settings
+        Of the preset, where `method` is one.
+    scratch : Path
+        A folder for what the pipeline keeps between its stages.
     """
     if method in PRESETS:
         yield from _label_by_pipeline(sequence, trajectory, settings, scratch, workers)

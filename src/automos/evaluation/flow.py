@@ -37,8 +37,10 @@ class FlowCounts:
 
     Attributes
     ----------
-    threeway : (3, 2) points and sum of errors (m): moving objects, standing objects, background.
-    buckets : (B, 3) points on objects, sum of errors (m), sum of true motion (m), by true speed.
+    threeway : (3, 2) float64
+        Points and sum of errors (m): moving objects, standing objects, background.
+    buckets : (B, 3) float64
+        Points on objects, sum of errors (m), sum of true motion (m), by true speed.
     """
 
     threeway: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 2)))
@@ -83,9 +85,12 @@ def count_flow(motion: Metres, truth: Metres, is_object: npt.NDArray[np.bool_], 
 
     Parameters
     ----------
-    motion, truth : (N, 3) metres until the next scan, beyond the sensor's; rows with a NaN in the truth do not count.
-    is_object : (N,) whether the truth knows an object there.
-    seconds : until the next scan.
+    motion, truth : (N, 3) array
+        Metres until the next scan, beyond the sensor's; rows with a NaN in the truth do not count.
+    is_object : (N,) bool
+        Whether the truth knows an object there.
+    seconds : float
+        Until the next scan.
     """
     known = np.isfinite(truth).all(axis=1)
     motion, truth = motion[known], truth[known]

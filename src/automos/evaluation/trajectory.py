@@ -52,10 +52,14 @@ class RelativeErrors:
 
     Attributes
     ----------
-    start, end : (K,) int64, first and last scan of each segment.
-    length : (K,) metres driven on it, along the reference.
-    translation : (K,) metres.
-    rotation_deg : (K,) degrees.
+    start, end : (K,) int64
+        First and last scan of each segment.
+    length : (K,) float64
+        Metres driven on it, along the reference.
+    translation : (K,) float64
+        Metres.
+    rotation_deg : (K,) float64
+        Degrees.
     """
 
     start: npt.NDArray[np.int64]
@@ -148,9 +152,12 @@ class Drift:
 
     Attributes
     ----------
-    t_err : percent of the length driven, nan where the drive is shorter than every length.
-    r_err : degrees per metre.
-    n_segments : segments the mean is over.
+    t_err : float
+        Percent of the length driven, nan where the drive is shorter than every length.
+    r_err : float
+        Degrees per metre.
+    n_segments : int
+        Segments the mean is over.
     """
 
     t_err: float

@@ -54,11 +54,13 @@ def segment_recording(
 
     Parameters
     ----------
-    probabilities : also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
+    probabilities : bool
+        Also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
 
     Raises
     ------
-    InputError : the folder holds another program's labels, or cannot be written.
+    InputError
+        The folder holds another program's labels, or cannot be written.
     """
     with claimed(folder, ["predictions", *(["probabilities"] if probabilities else [])], sequence):
         segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)

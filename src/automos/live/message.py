@@ -43,10 +43,14 @@ class Message:
 
     Attributes
     ----------
-    index, stamp : number of the scan, and its seconds.
-    pose : (4, 4) float64, T_world_sensor.
-    objects : (K,) of `OBJECT`, what moves: world frame, metres, radians, m/s.
-    labels : (N,) uint8, 251 moving, 9 static, 0 not known; None where they were left out.
+    index, stamp : int and float
+        Number of the scan, and its seconds.
+    pose : (4, 4) float64
+        T_world_sensor.
+    objects : (K,) array
+        `OBJECT`, what moves: world frame, metres, radians, m/s.
+    labels : (N,) uint8, optional
+        251 moving, 9 static, 0 not known; None where they were left out.
     """
 
     index: int

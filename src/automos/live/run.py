@@ -32,9 +32,12 @@ class Tally:
 
     Attributes
     ----------
-    labelled, left_out : scans.
-    points, moving : points of the labelled scans, and those of them that move.
-    milliseconds : from when a scan was taken to when it was labelled, of the latest thousand scans.
+    labelled, left_out : int
+        Scans.
+    points, moving : int
+        Points of the labelled scans, and those of them that move.
+    milliseconds : deque[float]
+        From when a scan was taken to when it was labelled, of the latest thousand scans.
     """
 
     labelled: int = 0

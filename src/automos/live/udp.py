@@ -65,12 +65,15 @@ class UdpFeed(Feed):
 
         Parameters
         ----------
-        assembler : of the sensor's maker.
-        patience : seconds without packets of the sensor after which the feed ends, with a sentence.
+        assembler : Assembler
+            Of the sensor's maker.
+        patience : float
+            Seconds without packets of the sensor after which the feed ends, with a sentence.
 
         Raises
         ------
-        InputError : the port is taken, or the address is none of this machine's.
+        InputError
+            The port is taken, or the address is none of this machine's.
         """
         super().__init__()
         self.name = f"{assembler.kind.lower()}_{port}"

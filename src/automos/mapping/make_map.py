@@ -48,14 +48,18 @@ def make_map(
 
     Parameters
     ----------
-    frames, sequence : the recording, posed, and as it is.
-    labels_of : takes a scan's index and number of points, returns their labels (N,) of `Label`. Only points called
-        static are kept.
-    kinds : "ply", "pcd", "laz": map.KIND is written for each.
+    frames, sequence : Frames and Sequence
+        The recording, posed, and as it is.
+    labels_of : callable
+        Takes a scan's index and number of points, returns their labels (N,) of `Label`. Only points called static are
+        kept.
+    kinds : list of str
+        "ply", "pcd", "laz": map.KIND is written for each.
 
     Raises
     ------
-    InputError : a kind that there is not, or a folder that cannot be written.
+    InputError
+        A kind that there is not, or a folder that cannot be written.
     """
     clouds = [out / f"map.{kind}" for kind in kinds]
     for cloud in clouds:

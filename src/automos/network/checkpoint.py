@@ -24,9 +24,12 @@ class Checkpoint:
 
     Attributes
     ----------
-    network : in evaluation mode.
-    image, model : its settings.
-    card : what it was trained on and how it scored, plain values.
+    network : LMNet
+        In evaluation mode.
+    image, model : ImageSettings and ModelSettings
+        Its settings.
+    card : dict of str to Any
+        What it was trained on and how it scored, plain values.
     """
 
     network: LMNet

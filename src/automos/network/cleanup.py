@@ -30,8 +30,10 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
 
     Parameters
     ----------
-    image : the image that was segmented.
-    moving : (H, W) float32, probability of moving in each pixel.
+    image : RangeImage
+        The image that was segmented.
+    moving : (H, W) float32
+        Probability of moving in each pixel.
 
     Where no pixel is near enough the nearest one votes; points without a pixel have 0.
     """

@@ -25,9 +25,10 @@ class ImageGrid:
 
     Attributes
     ----------
-    height, width : pixels; row 0 looks up most, column 0 backwards, columns go clockwise.
-    row_of_sine : (SINE_BINS + 1,) float32, row (a pixel's centre is at + 0.5) at sines of elevation evenly spaced in
-        [-1, 1].
+    height, width : int
+        Pixels; row 0 looks up most, column 0 backwards, columns go clockwise.
+    row_of_sine : (SINE_BINS + 1,) float32
+        Row (a pixel's centre is at + 0.5) at sines of elevation evenly spaced in [-1, 1].
     """
 
     height: int
@@ -49,8 +50,10 @@ def beam_grid(height: int, width: int, beam_of_sine: npt.NDArray, n_beams: int) 
 
     Parameters
     ----------
-    beam_of_sine : (SINE_BINS + 1,) number of the beam, counted from below, its centre at + 0.5, at each sine.
-    n_beams : how many there are.
+    beam_of_sine : (SINE_BINS + 1,) array
+        Number of the beam, counted from below, its centre at + 0.5, at each sine.
+    n_beams : int
+        How many there are.
     """
     row = height * (1.0 - np.asarray(beam_of_sine, np.float64) / n_beams)
     return ImageGrid(height, width, row.astype(np.float32))

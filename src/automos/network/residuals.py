@@ -42,9 +42,12 @@ def residual_images(
 
     Parameters
     ----------
-    range_now : (H, W) float32, metres, 0 where a pixel is empty.
-    past : K earlier clouds (M, 3) float32 in their own sensor frames; None where there is none, which gives zeros.
-    T_now_past : (K, 4, 4) from each cloud's frame to the present one.
+    range_now : (H, W) float32
+        Metres, 0 where a pixel is empty.
+    past : sequence of Points, optional
+        K earlier clouds (M, 3) float32 in their own sensor frames; None where there is none, which gives zeros.
+    T_now_past : (K, 4, 4) float64
+        From each cloud's frame to the present one.
     """
     out = np.zeros((len(past), grid.height, grid.width), np.float32)
     before = np.empty((grid.height, grid.width), np.float32)
@@ -62,10 +65,13 @@ def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -
 
     Parameters
     ----------
-    ages : (M,) seconds > 0 since each of the earlier scans.
-    n : residual images; image k looks back k * spacing seconds.
-    spacing : seconds. Scans that are further than this from the wanted moment are not taken, so sensors of any rate
-        see the same spans of time.
+    ages : (M,) float64
+        Seconds > 0 since each of the earlier scans.
+    n : int
+        Residual images; image k looks back k * spacing seconds.
+    spacing : float
+        Seconds. Scans that are further than this from the wanted moment are not taken, so sensors of any rate see the
+        same spans of time.
     """
     wanted = spacing * np.arange(1, n + 1)
     if len(ages) == 0:

@@ -42,7 +42,12 @@ class Asked:
 
     Attributes
     ----------
-    n : how many others.   is_far : whether some were a second or more away.   is_past : whether all came before it.
+    n : int
+        How many others.
+    is_far : bool
+        Whether some were a second or more away.
+    is_past : bool
+        Whether all came before it.
     """
 
     n: int
@@ -63,9 +68,14 @@ class Followed:
 
     Attributes
     ----------
-    here : their rows in that scan; `track` counts from 0 and is the row of what follows.
-    verdicts : on each of them.   numbers : (T,) int64, the number by which each is known from scan to scan.
-    is_followed : whether scans come fast enough for tracks to be trusted.
+    here : Tracks
+        Their rows in that scan; `track` counts from 0 and is the row of what follows.
+    verdicts : Verdicts
+        On each of them.
+    numbers : (T,) int64
+        The number by which each is known from scan to scan.
+    is_followed : bool
+        Whether scans come fast enough for tracks to be trusted.
     """
 
     here: Tracks

@@ -42,12 +42,15 @@ class Moved:
 
     Attributes
     ----------
-    stamp : seconds.
-    posed : where it was seen from, in the world of the path that is followed.
-    again : earlier scans on the path that will be taken over, each with its stamp; at first its world is the present
-        one.
-    T_before_now : (4, 4) from the new path's world to that of the one before, in which the last scan stays where it
-        was; None where no other path was taken over.
+    stamp : float
+        Seconds.
+    posed : Posed
+        Where it was seen from, in the world of the path that is followed.
+    again : tuple[tuple[Came, Posed], ...]
+        Earlier scans on the path that will be taken over, each with its stamp; at first its world is the present one.
+    T_before_now : (4, 4) float64, optional
+        From the new path's world to that of the one before, in which the last scan stays where it was; None where no
+        other path was taken over.
     """
 
     stamp: float

@@ -50,12 +50,16 @@ class Come:
 
     Attributes
     ----------
-    stamp : seconds.
-    T_world_last : (4, 4) of the scan before, `gap` usual times earlier.
-    twist : (6,) expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is
-        (variance).
-    share : of a sweep in the time between scans.
-    is_first : whether `twist` is a guess, because nothing came before.
+    stamp : float
+        Seconds.
+    T_world_last : (4, 4) float64
+        The scan before, `gap` usual times earlier.
+    twist : (6,) float64
+        Expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is (variance).
+    share : float
+        Of a sweep in the time between scans.
+    is_first : bool
+        Whether `twist` is a guess, because nothing came before.
     """
 
     stamp: float

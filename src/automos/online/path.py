@@ -43,9 +43,12 @@ class Posed:
 
     Attributes
     ----------
-    T_world_sensor : (4, 4), the path's own world.
-    timing : how the time of each point is known.
-    sweep_motion : (6,) motion during the sweep, for its compensation.
+    T_world_sensor : (4, 4) float64
+        The path's own world.
+    timing : SweepTiming
+        How the time of each point is known.
+    sweep_motion : (6,) float64
+        Motion during the sweep, for its compensation.
     """
 
     T_world_sensor: Pose

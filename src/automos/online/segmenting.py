@@ -53,10 +53,14 @@ class Segmented:
 
     Attributes
     ----------
-    renewed : segments of scans that were given before, with other evidence.
-    settled : segments that will not change any more, scan by scan.
-    ahead : what is known today of the segments of the scans after those, with their times.
-    due : the scans whose lag is over.
+    renewed : list[Future[Found]]
+        Segments of scans that were given before, with other evidence.
+    settled : list of Found
+        Segments that will not change any more, scan by scan.
+    ahead : list[tuple[float, Detections]]
+        What is known today of the segments of the scans after those, with their times.
+    due : list of SegmentedScan
+        The scans whose lag is over.
     """
 
     renewed: list[Future[Found]]

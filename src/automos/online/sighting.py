@@ -25,13 +25,19 @@ class Sighting:
 
     Attributes
     ----------
-    stamp : seconds.
-    frame : its points, compensated, level frame.
-    seen : what it saw; None while nothing is known of the sensor's beams.
-    lidars : the sensors as they are known with this scan.
-    again : earlier scans on another path that will be taken over, in the level frame as it was before.
-    T_after_before : (4, 4) from the level frame before to that of the path which was taken over, in which the last scan
-        stays where it was; None where no other path was.
+    stamp : float
+        Seconds.
+    frame : Frame
+        Its points, compensated, level frame.
+    seen : Seen, optional
+        What it saw; None while nothing is known of the sensor's beams.
+    lidars : list of Lidar
+        The sensors as they are known with this scan.
+    again : tuple of Frame
+        Earlier scans on another path that will be taken over, in the level frame as it was before.
+    T_after_before : (4, 4) float64, optional
+        From the level frame before to that of the path which was taken over, in which the last scan stays where it was;
+        None where no other path was.
     """
 
     stamp: float

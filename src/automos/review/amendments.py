@@ -32,9 +32,12 @@ class Part:
 
     Attributes
     ----------
-    rows : (K,) int64, ascending: its points, rows of the scan as the recording has it.
-    center, heading : (3,) metres, and a unit vector along its length; sensor frame.
-    size : (3,) metres, length, width, height.
+    rows : (K,) int64
+        Ascending: its points, rows of the scan as the recording has it.
+    center, heading : (3,) float64
+        Metres, and a unit vector along its length; sensor frame.
+    size : (3,) float64
+        Metres, length, width, height.
     """
 
     rows: npt.NDArray[np.int64]

@@ -36,12 +36,18 @@ class Decision:
 
     Attributes
     ----------
-    at : time in UTC, ISO 8601.
-    track : id as in tracks.json.
-    verdict : one of `CHOICES`.
-    found : the verdict of the pipeline.
-    tracking : fingerprint of the tracks; another one means other tracks under the same ids.
-    covers : by the scan's name.
+    at : str
+        Time in UTC, ISO 8601.
+    track : int
+        Id as in tracks.json.
+    verdict : str
+        One of `CHOICES`.
+    found : str
+        The verdict of the pipeline.
+    tracking : str
+        Fingerprint of the tracks; another one means other tracks under the same ids.
+    covers : dict of str to Cover
+        By the scan's name.
     """
 
     at: str

@@ -46,8 +46,10 @@ def follow_segment(
 
     Parameters
     ----------
-    detect : gives the segments of a scan by its index.
-    stamps : (N,) seconds.
+    detect : Detect
+        Gives the segments of a scan by its index.
+    stamps : (N,) float64
+        Seconds.
     """
     ahead = follow_ahead(detect, stamps, scan, segment, settings, 1)
     behind = follow_ahead(detect, stamps, scan, segment, settings, -1)

@@ -58,9 +58,12 @@ def total_of_moments(missed: npt.NDArray[np.float64], n_scans: npt.NDArray[np.in
 
     Parameters
     ----------
-    missed : (m,) points missed in the scan drawn from each window, in the order of time.
-    n_scans : (m,) scans in each window.
-    usual : points that an object has in a scan: what is missed where nobody looked is taken to be of this size.
+    missed : (m,) float64
+        Points missed in the scan drawn from each window, in the order of time.
+    n_scans : (m,) int64
+        Scans in each window.
+    usual : float
+        Points that an object has in a scan: what is missed where nobody looked is taken to be of this size.
     """
     totals = n_scans * missed
     value, m = float(totals.sum()), len(totals)

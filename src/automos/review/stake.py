@@ -24,8 +24,10 @@ class Stakes:
 
     Attributes
     ----------
-    points : (T,) how many points its segments have in all scans.
-    doubt : (T,) in [0, 1], the chance that its verdict is wrong.
+    points : (T,) float64
+        How many points its segments have in all scans.
+    doubt : (T,) float64
+        In [0, 1], the chance that its verdict is wrong.
     """
 
     points: npt.NDArray[np.float64]

@@ -36,10 +36,18 @@ class Marker:
 
     Attributes
     ----------
-    source : changes with the recording.  settings : changes with the settings and the version.
-    fingerprint : of the labels, as run.json has it.
-    counts : scans, points, and those of them that move.  warnings : sentences.
-    files : path below the folder: bytes and SHA-256.
+    source : str
+        Changes with the recording.
+    settings : str
+        Changes with the settings and the version.
+    fingerprint : str
+        Of the labels, as run.json has it.
+    counts : dict of str to int
+        Scans, points, and moving points.
+    warnings : list of str
+        Sentences.
+    files : dict of str to dict[str, Any]
+        Path below the folder: bytes and SHA-256.
     """
 
     source: str
@@ -107,12 +115,15 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
 
     Parameters
     ----------
-    target : a URL, or the path of `folder` itself: then the marker alone is written.
-    source : where the recording lies; named in run.json, which else would name a copy of it.
+    target : str
+        A URL, or the path of `folder` itself: then the marker alone is written.
+    source : str
+        Where the recording lies; named in run.json, which else would name a copy of it.
 
     Raises
     ------
-    StoreError : a file did not arrive as it was sent, or the store did not answer.
+    StoreError
+        A file did not arrive as it was sent, or the store did not answer.
     """
     if is_url(source):
         run = Workspace(folder).read_run()

@@ -26,13 +26,16 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
 
     Parameters
     ----------
-    source : a recording, a folder of recordings, a list of either (a .txt or .list file, one a line, # begins a
-        comment, paths are relative to it), or the URL of a recording or of a folder of them.
-    format : the recordings' format, where guessing fails.
+    source : str
+        A recording, a folder of recordings, a list of either (a .txt or .list file, one a line, # begins a comment,
+        paths are relative to it), or the URL of a recording or of a folder of them.
+    format : str, optional
+        The recordings' format, if it is not recognised.
 
     Raises
     ------
-    InputError : nothing is there. What is in a list is only looked at where it is a folder or a bucket.
+    InputError
+        Nothing is there. What is in a list is only looked at where it is a folder or a bucket.
     """
     if is_url(source):
         return _named(_in_store(source), format)

@@ -70,11 +70,16 @@ class Status:
 
     Attributes
     ----------
-    recordings : rows of the table `recordings`, in order of name.
-    units : rows of the table `units`.
-    runs : rows of the table `run`, one for each who deals out work.
-    now : seconds since 1970, when the books were read.
-    missing_shards : shards, as i/n, that did not begin yet; their recordings are not among those above.
+    recordings : list[dict of str to Any]
+        Rows of the table `recordings`, in order of name.
+    units : list[dict of str to Any]
+        Rows of the table `units`.
+    runs : list[dict of str to Any]
+        Rows of the table `run`, one for each who deals out work.
+    now : float
+        Seconds since 1970, when the books were read.
+    missing_shards : tuple of str
+        Shards, as i/n, that did not begin yet; their recordings are not among those above.
     """
 
     recordings: list[dict[str, Any]]

@@ -86,8 +86,10 @@ def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    tree : groups of settings, by name, as some version wrote them.
-    source : where they come from, for the warning.
+    tree : Mapping[str, Any]
+        Groups of settings, by name, as some version wrote them.
+    source : str
+        Where they come from, for the warning.
     """
     left_out: list[str] = []
     renamed: dict[str, Any] = {}

@@ -50,11 +50,16 @@ def add_dust(
 
     Parameters
     ----------
-    origin : (3,) where the sensor is, site frame.
-    direction : (N, 3) of the beams, site frame.
-    way : (K, 3) where the sensor comes by, site frame: about these places the puffs are.
-    time : seconds since the recording's start.
-    seed : of the puffs' places, radii and winds.
+    origin : (3,) float64
+        Where the sensor is, site frame.
+    direction : (N, 3) array
+        The beams, site frame.
+    way : (K, 3) float64
+        Where the sensor comes by, site frame: about these places the puffs are.
+    time : float
+        Seconds since the recording's start.
+    seed : int
+        Of the puffs' places, radii and winds.
     """
     still = np.random.default_rng([seed, 31])
     center = way[still.integers(0, len(way), PUFFS)] + still.normal(0.0, 1.0, (PUFFS, 3)) * (6.0, 6.0, 0.5)

@@ -79,7 +79,12 @@ class _Tables:
 
     Attributes
     ----------
-    lines : (K,) of `_LINES`.   starts : (P + 1,) where each path begins.   crew : (A,) of `_CREW`.
+    lines : (K,) array
+        `_LINES`.
+    starts : (P + 1,) int64
+        Where each path begins.
+    crew : (A,) array
+        `_CREW`.
     """
 
     lines: npt.NDArray
