@@ -25,10 +25,7 @@ def compare(
     scan: Annotated[int | None, typer.Option(help="the scan to draw; default: the one with most movers")] = None,
     radius: Annotated[float, typer.Option(help="metres around the sensor that are drawn")] = 40.0,
     poses: Annotated[
-        str,
-        typer.Option(
-            help="own: each preset its own, the default's for all others; shared: the same for all; or a file"
-        ),
+        str, typer.Option(help="own: each preset its own, the default's for others; shared: one for all; or a file")
     ] = "own",
     predictions: Annotated[
         list[str] | None, typer.Option(help="NAME=FOLDER of .label files from another program; repeatable")

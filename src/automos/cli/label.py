@@ -36,19 +36,13 @@ def label(
     calib: Calib = None,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
-    confidence: Annotated[
-        bool, typer.Option("--confidence", help="write the confidence of each point's label")
-    ] = False,
+    confidence: Annotated[bool, typer.Option("--confidence", help="write the confidence of each label")] = False,
     workers: Workers = 0,
     ray: Annotated[str | None, typer.Option(help="work on a Ray cluster: its address, or auto")] = None,
-    shard: Annotated[
-        str | None, typer.Option(help="i/n: every n-th recording, starting with number i (from 0)")
-    ] = None,
+    shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from number i on, from 0")] = None,
     memory: Annotated[float, typer.Option(min=0.1, help="GB that a worker needs")] = 3.0,
     cache: Annotated[float, typer.Option(min=0.0, help="GB of disk for copies of what comes from a URL")] = 50.0,
-    work: Annotated[
-        Path | None, typer.Option(help="folder for these copies; default: in the system's temporary folder")
-    ] = None,
+    work: Annotated[Path | None, typer.Option(help="folder for these; default: a temporary folder")] = None,
     chunk: Annotated[int, typer.Option(min=1, help="scans per unit of work of recordings over twice as long")] = 600,
     dry_run: Annotated[bool, typer.Option(help="only list what would be done")] = False,
 ) -> None:
