@@ -38,11 +38,16 @@ class ScanBoxes:
 
     Attributes
     ----------
-    boxes : (K,) in the frame that was asked for; the score is the confidence of the verdict.
-    ids : (K,) int64 track ids, from 1.
-    verdict : (K,) int8, index into `VERDICTS`.
-    velocity : (K, 3) metres per second, in the same frame.
-    observed : (K,) bool, False where the object was followed through a scan without points of it.
+    boxes : Boxes
+        K boxes in the requested frame; the score is the confidence of the verdict.
+    ids : (K,) int64
+        Track ids, from 1.
+    verdict : (K,) int8
+        Index into `VERDICTS`.
+    velocity : (K, 3) float64
+        Metres per second, in the same frame.
+    observed : (K,) bool
+        False if the object has no points in this scan and its box was interpolated.
     """
 
     boxes: Boxes
@@ -56,7 +61,24 @@ class ScanBoxes:
 
 
 class RunFiles:
-    """The labels, tracks and poses in a results folder, scan by scan, with the recording's points."""
+    """The labels, tracks and poses in a results folder, scan by scan, with the recording's points.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    sequence : Sequence
+        The recording that was labelled.
+    progress : callable, optional
+        Called as `progress(what, done, total)` while scans are read.
+    deskewed : bool, default False
+        Whether exported points are motion-compensated.
+
+    Raises
+    ------
+    InputError
+        The folder holds no labels, or those of other scans, or it does not say how to deskew.
+    """
 
     def __init__(
         self,
@@ -65,13 +87,6 @@ class RunFiles:
         progress: Callable[[str, int, int], None] = lambda name, done, total: None,
         deskewed: bool = False,
     ):
-        """Take a results folder and the recording it was made from; whether points are exported `deskewed`.
-
-        Raises
-        ------
-        InputError
-            The folder holds no labels, or those of a recording of other scans; or does not say how to deskew.
-        """
         self.folder = folder
         self.sequence = sequence
         self.deskewed = deskewed
@@ -95,7 +110,7 @@ class RunFiles:
         return f"<RunFiles {self.folder}: {len(self)} scans of {self.sequence.name!r}>"
 
     def each(self, what: str) -> Iterator[int]:
-        """Yield the index of every scan, telling the progress."""
+        """Yield the index of every scan, and report the progress."""
         for index in range(len(self)):
             yield index
             self._progress(what, index + 1, len(self))
@@ -139,10 +154,10 @@ class RunFiles:
         return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
     def points_at_pose(self, scan: Scan, index: int) -> Points:
-        """Return the (N, 3) points of `scan` as seen from its pose: the sensor's motion during the sweep taken out.
+        """Return the (N, 3) points of `scan` as seen from its pose, motion-compensated.
 
-        Boxes were fitted to these. Points that could not be used stay as they are, NaN included; so do all where the
-        run no longer says how the sensor moved.
+        Boxes were fitted to these. Unusable points stay as they are, NaN included, and so do all points if the run no
+        longer says how the sensor moved.
         """
         if self._trajectory is None:
             return scan.points
@@ -197,7 +212,7 @@ class RunFiles:
         return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], T[:3, 3])
 
     def T_upright_sensor(self, index: int) -> Pose:
-        """Return (4, 4): the turn by which the sensor's z-axis comes to point up."""
+        """Return (4, 4): the rotation that makes the sensor's z-axis point up."""
         return inverse(self.T_level_upright(index)) @ self.T_level_sensor(index)
 
     @property
