@@ -14,7 +14,7 @@ import numpy.typing as npt
 from automos.datasets.box_truth import SOLE
 from automos.export.edits import EditedBox, EditedScan
 from automos.labels import Label
-from automos.results.run_files import ScanBoxes
+from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import VERDICTS
 from automos.scan import Points
 from automos.upright_boxes import points_in_boxes

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -24,40 +23,13 @@ from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
+from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace, require_same
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class ScanBoxes:
-    """The objects of one scan.
-
-    Attributes
-    ----------
-    boxes : Boxes
-        K boxes in the requested frame; the score is the confidence of the verdict.
-    ids : (K,) int64
-        Track ids, from 1.
-    verdict : (K,) int8
-        Index into `VERDICTS`.
-    velocity : (K, 3) float64
-        Metres per second, in the same frame.
-    observed : (K,) bool
-        False if the object has no points in this scan and its box was interpolated.
-    """
-
-    boxes: Boxes
-    ids: npt.NDArray[np.int64]
-    verdict: npt.NDArray[np.int8]
-    velocity: npt.NDArray[np.float64]
-    observed: npt.NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
 
 class RunFiles:
