@@ -36,7 +36,7 @@ SAME_PLACE, SAME_SIZE = 0.5, 0.2
 CLIMB = 0.5
 """Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
 LEAST_WAY = 2.0
-"""Metres of way from which its steepness says something."""
+"""Metres of path from which its steepness is significant."""
 
 
 def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, Any]]:

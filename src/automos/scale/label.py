@@ -1,4 +1,4 @@
-"""`automos label` over many recordings: from what the user gave to labels, books and a report."""
+"""`automos label` over many recordings: from the user's input to labels, ledger and report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a run is: the books of all who work on it, merged."""
+"""The progress of a run: the merged ledgers of all processes that work on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Strict(BaseModel):
 
 
 class _Recording(_Strict):
-    """A row of the table `recordings`, as far as it is read; books come from anywhere."""
+    """A row of the table `recordings`, as far as it is read and checked."""
 
     name: str
     state: Literal["waiting", "running", "done", "failed"]
@@ -58,7 +58,7 @@ _ROWS: dict[str, TypeAdapter[Any]] = {
     "units": TypeAdapter(list[dict[str, str | int | FiniteFloat | None]], config=ConfigDict(strict=True)),
     "run": TypeAdapter(list[_Run]),
 }
-"""The tables of the books, and what their rows must be."""
+"""The tables of a ledger, and the schemas of their rows."""
 
 _SILENT_S = 60.0
 """Seconds without a sign after which whoever worked on a run is taken for dead."""
@@ -66,7 +66,7 @@ _SILENT_S = 60.0
 
 @dataclass(frozen=True)
 class Status:
-    """What the books say.
+    """The contents of all ledgers of a run.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Status:
     runs : list[dict of str to Any]
         Rows of the table `run`, one for each who deals out work.
     now : float
-        Seconds since 1970, when the books were read.
+        Seconds since 1970, when the ledgers were read.
     missing_shards : tuple of str
         Shards, as i/n, that did not begin yet; their recordings are not among those above.
     """
@@ -118,7 +118,7 @@ class Status:
         return 3600.0 * left / self.rate if self.rate else None
 
     def to_json(self) -> str:
-        """Return all that the books say, and what follows from it."""
+        """Return the contents of the ledgers and the figures derived from them."""
         counts = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
         rate = {"recordings_per_hour": self.rate, "seconds_left": self.seconds_left, "is_at_work": self.is_at_work}
         tables = {"recordings": self.recordings, "units": self.units, "runs": self.runs}
@@ -154,7 +154,7 @@ class Status:
 
 
 def read_status(target: str) -> Status:
-    """Return what the books of the run at `target` (path or URL) say.
+    """Return the status of the run at `target` (path or URL).
 
     Raises
     ------
@@ -175,7 +175,7 @@ def read_status(target: str) -> Status:
 
 
 def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of all tables; ValueError or sqlite3.Error where they are not books."""
+    """Return the rows of all tables; ValueError or sqlite3.Error if it is not a ledger."""
     require_regular(path)
     books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
     try:
@@ -192,7 +192,7 @@ def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row for each recording, in order of name: where several books have it, what is known best."""
+    """Return one row for each recording, in order of name: if several ledgers have it, the most advanced state."""
     known = {"waiting": 0, "failed": 1, "running": 2, "done": 3}
     best: dict[str, dict[str, Any]] = {}
     for row in rows:

@@ -32,7 +32,7 @@ class OdometrySettings(Group):
         description="where the points' times come from for motion compensation: the file, the order of the points, "
         "their azimuth, or none (already compensated); auto finds out under which of them the scans fit together best",
     )
-    refine: bool = Field(True, description="lay scans on submaps seconds away, too")
+    refine: bool = Field(True, description="align scans with submaps seconds away, too")
     usual_acceleration: float = Field(
         3.0, ge=0.001, description="m/s^2, usual change of speed; more smooths poses less"
     )
