@@ -11,7 +11,7 @@ from automos.errors import InputError
 
 
 def given_path(value: str | os.PathLike[str], what: str) -> Path:
-    """Return `value` as a path; InputError where no file or folder can be named so, which `what` calls it."""
+    """Return `value` as a path; InputError if no file or folder can be named so, which `what` calls it."""
     try:
         path = Path(value)
         path.lstat()
@@ -24,6 +24,6 @@ def given_path(value: str | os.PathLike[str], what: str) -> Path:
 
 
 def require_kind(value: object, kind: Any, what: str, remedy: str) -> None:
-    """Raise InputError where `value` is not of `kind`, a class; `remedy` says what to give as `what`."""
+    """Raise InputError if `value` is not of `kind`, a class; `remedy` says what to give as `what`."""
     if not isinstance(value, kind):
         raise InputError(f"{what} is {value!r:.80}, of type {type(value).__name__}: give {remedy}")

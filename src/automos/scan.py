@@ -154,7 +154,7 @@ class Sequence:
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds, strictly increasing, or None where the recording has no clock."""
+        """(len,) seconds, strictly increasing, or None if the recording has no clock."""
         return None
 
     @property

@@ -91,7 +91,7 @@ class Boxes:
 
 
 def iou_3d(a: Boxes, b: Boxes) -> Array:
-    """Return the (len(a), len(b)) intersection over union of upright rotated boxes; 0 where a volume is 0."""
+    """Return the (len(a), len(b)) intersection over union of upright rotated boxes; 0 if a volume is 0."""
     out = np.zeros((len(a), len(b)))
     _iou_3d(a.corners(), a.center[:, 2], a.size, b.corners(), b.center[:, 2], b.size, a.center, b.center, out)
     return out

@@ -41,7 +41,7 @@ def fingerprint(*parts: object) -> str:
 
 
 def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
-    """Raise InputError where scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
+    """Raise InputError if scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
     if n_points != len(kind):
         raise InputError(
             f"scan {name} has {n_points} points of use and had {len(kind)} when it was labelled: label the recording "
@@ -182,7 +182,7 @@ class Workspace:
         return f"<Workspace {'in memory' if self.root is None else self.root}>"
 
     def require_names(self, names: list[str], n_scans: int) -> None:
-        """Raise InputError where results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
+        """Raise InputError if results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
         are_texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
         if not are_texts or len(names) != n_scans:
             raise InputError(f"the names of {n_scans} scans are {names!r:.80}: give a list with a text for each scan")

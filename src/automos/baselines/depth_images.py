@@ -28,9 +28,9 @@ class DepthImage(NamedTuple):
     start : (rows * columns + 1,) int32
         Where each pixel's points begin in `rays`.
     rays : (M, 4) float32
-        By pixel: azimuth and elevation (rad), range (m), 1 where the point moves and 0 else.
+        By pixel: azimuth and elevation (rad), range (m), 1 if the point moves and 0 else.
     nearest : (rows, columns) float32
-        The shortest range in each pixel and the eight around it, inf where none is.
+        The shortest range in each pixel and the eight around it, inf if none is.
     """
 
     T_level_sensor: Pose

@@ -196,7 +196,7 @@ def _median(around, is_hit, counts):  # type: ignore[no-untyped-def]
 
 
 def otsu_threshold(values: npt.NDArray) -> float:
-    """Return above what `values` (N,) are the upper of two classes, by their histogram; inf where all are the same."""
+    """Return above what `values` (N,) are the upper of two classes, by their histogram; inf if all are the same."""
     if not len(values) or values.min() == values.max():
         return np.inf
     counts, edges = np.histogram(values, _BINS)

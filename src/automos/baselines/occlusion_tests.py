@@ -178,7 +178,7 @@ def _has_one_as_fast(azimuth, elevation, r, speed, gap, past, case, shape):  # t
 
 @kernel(error_model="numpy")  # two scans may be of one time
 def _speed(ray, azimuth, elevation, r, gap, case):  # type: ignore[no-untyped-def]
-    """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 where it is none of the case."""
+    """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 if it is none of the case."""
     way = case.sign * (r - ray[2])
     if way < case.depth + case.share * r or way > case.reach or way < case.min_speed * gap:
         return 0.0

@@ -71,7 +71,7 @@ def _a_few(frames: Frames) -> npt.NDArray[np.int64]:
 
 @kernel
 def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
-    """Return row, column and range of a point (float32) in the sensor frame; row -1 where it is out of the image."""
+    """Return row, column and range of a point (float32) in the sensor frame; row -1 if it is out of the image."""
     level = np.sqrt(x * x + y * y)
     r = np.sqrt(x * x + y * y + z * z)
     # `turn_of` is half a turn ahead and grows with the angle: of (level, z) it is the elevation.

@@ -223,7 +223,7 @@ def reproduce(
 
 
 def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
-    """Return the recordings that the user gave by purpose, None where none were given."""
+    """Return the recordings that the user gave by purpose, None if none were given."""
     from automos.errors import InputError
     from automos.learning.experiments import Data
 

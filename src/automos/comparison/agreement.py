@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Intersection over union of what each two methods call moving, pooled over all points of all scans.
+    """IoU of the points that each two methods label moving, over all points of all scans.
 
     Attributes
     ----------
     methods : tuple of str
         K names.
     iou : (K, K) float64
-        In [0, 1], nan where neither calls anything moving.
+        In [0, 1], nan if neither calls anything moving.
     """
 
     methods: tuple[str, ...]

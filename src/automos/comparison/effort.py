@@ -12,7 +12,7 @@ _EVERY = 0.2  # s
 
 
 class Effort:
-    """Watches this process and its children while it is open as a context; memory and processor on Linux only.
+    """Context manager that measures this process and its children; memory and processor time on Linux only.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def _bytes_of(pid: int) -> int:
 
 
 def _busy_of(pid: int) -> float:
-    """Return the seconds that process `pid` has computed, 0 where it has ended."""
+    """Return the seconds that process `pid` has computed, 0 if it has ended."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -89,7 +89,7 @@ def _busy_of(pid: int) -> float:
 
 
 def _busy_seconds() -> float:
-    """Return the seconds that all cores together have computed since the machine started, nan where unknown."""
+    """Return the seconds that all cores together have computed since the machine started, nan if unknown."""
     try:
         user, nice, system, _, _, irq, softirq = Path("/proc/stat").read_text().splitlines()[0].split()[1:8]
     except (OSError, ValueError):

@@ -30,7 +30,7 @@ NEEDS_FUTURE = {name: method.needs_future for name, method in BASELINES.items()}
 
 
 def choose_methods(names: Iterable[str] | None) -> list[str]:
-    """Return the methods named, each once, in the order of `TITLES`; all where none is named.
+    """Return the methods named, each once, in the order of `TITLES`; all if none is given.
 
     Raises
     ------

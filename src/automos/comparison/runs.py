@@ -39,7 +39,7 @@ from automos.workspace import Workspace, fingerprint
 
 
 class MethodRuns:
-    """The methods' labels of one recording, made when first asked for."""
+    """Labels of all methods on one recording, made on demand."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class MethodRuns:
         repeats: int = 1,
         predictions: Mapping[str, Path] | None = None,
     ):
-        """Take a recording and where results are kept.
+        """Take a recording and a results folder.
 
         `overrides` are settings that differ from the presets' ("candidates.ground.cell": 0.4); `poses` (N, 4, 4)
         T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is not a preset is
@@ -81,7 +81,7 @@ class MethodRuns:
         self.frames = SequenceFrames(sequence, self.trajectory)
 
     def trajectory_of(self, method: str) -> Trajectory:
-        """Return the poses that `method` is given."""
+        """Return the poses for `method`."""
         key = self._pose_key(method)
         if key not in self._trajectories:
             stage = Workspace(self.folder / "poses").stage("odometry", key)
@@ -106,15 +106,15 @@ class MethodRuns:
 
     @property
     def predictions(self) -> list[str]:
-        """The names of labels that other programs made."""
+        """The names of other programs' labels."""
         return list(self._others)
 
     def title(self, method: str) -> str:
-        """Return what `method` is called in tables."""
+        """Return the title of `method` in tables."""
         return TITLES.get(method, method)
 
     def needs_future(self, method: str) -> bool | None:
-        """Return whether `method` asks scans that come after; None of labels that another program made."""
+        """Return whether `method` uses later scans; None for labels of another program."""
         return NEEDS_FUTURE.get(method)
 
     def settings(self, method: str) -> Settings:
@@ -122,7 +122,7 @@ class MethodRuns:
         return self._settings.get(method, self._settings["default"])
 
     def _fingerprint(self, method: str) -> str:
-        """Return what changes with all that shapes what `method` finds."""
+        """Return a fingerprint of everything that shapes the labels of `method`."""
         settings = self.settings(method)
         if method in PRESETS:
             return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
@@ -158,7 +158,7 @@ class MethodRuns:
         return cost
 
     def labels(self, method: str, index: int, n_points: int) -> npt.NDArray[np.uint32]:
-        """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
+        """Return the labels (n_points,) uint32 of scan `index` by `method`, which must have been run."""
         name = self.sequence.names[index]
         if method in self._others:
             return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
@@ -187,7 +187,7 @@ def _run(
 
 
 def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
-    """Raise InputError where labels that another program made do not fit the recording, before anything is run."""
+    """Raise InputError if labels that another program made do not fit the recording, before anything is run."""
     for name in folders:
         if name in TITLES:
             raise InputError(f"--predictions {name}=...: '{name}' is a method of AutoMOS; give it another name")

@@ -51,7 +51,7 @@ class FlowCounts:
 
     @property
     def epe(self) -> dict[str, float]:
-        """Mean end-point errors, metres: moving, standing, background, and `three_way`, the mean of those there are."""
+        """Mean end-point errors, metres: moving, standing, background, and `three_way`, their mean."""
         n, total = self.threeway.T
         means = np.divide(total, n, out=np.full(3, np.nan), where=n > 0)
         three = float(np.nanmean(means)) if (n > 0).any() else float("nan")
@@ -59,7 +59,7 @@ class FlowCounts:
 
     @property
     def normalised(self) -> float:
-        """Mean over the buckets of moving points of error by speed; nan where nothing moves."""
+        """Mean over the buckets of moving points of error by speed; nan if nothing moves."""
         n, error, motion = self.buckets[1:].T
         return float((error[n > 0] / motion[n > 0]).mean()) if (n > 0).any() else float("nan")
 
@@ -105,7 +105,7 @@ def count_flow(motion: Metres, truth: Metres, is_object: npt.NDArray[np.bool_], 
 
 
 def evaluate_flow(sequence: Sequence, motion_of: Callable[[int], Metres]) -> FlowCounts:
-    """Return the counts of all scans of `sequence` whose points' motion is known; `motion_of` gives what was found."""
+    """Return the counts of all scans of `sequence` with known motion; `motion_of` gives the estimate."""
     counts, stamps = FlowCounts(), sequence.stamps
     for i in range(len(sequence) - 1):
         truth = sequence.truth_motion(i)

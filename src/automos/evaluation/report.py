@@ -40,7 +40,7 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Counts of recordings by name, and what follows from them."""
+    """Counts of recordings by name, and their scores."""
 
     recordings: dict[str, Result]
 
@@ -55,7 +55,7 @@ class Report:
         return self.counts.scores
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all scores as plain numbers; ratios in [0, 1], None where nothing was to be found or was found."""
+        """Return all scores as plain numbers; ratios in [0, 1], None if undefined."""
         return {
             **_counts_dict(self.counts),
             "recordings": {
@@ -162,7 +162,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
 
 
 def find_predictions(root: Path, name: str, is_only: bool) -> Path:
-    """Return the folder of recording `name`'s label files; `root` itself may be it if the recording `is_only` one."""
+    """Return the folder of recording `name`'s label files; for a single recording (`is_only`), also `root`."""
     homes = [root / name, root / "sequences" / name]
     if is_only:
         homes.insert(0, root)
@@ -175,7 +175,7 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
 
 
 def _require_finished(folder: Path) -> None:
-    """Raise where `folder` holds a run of ours that was not labelled to its end; labels of others may lie anywhere."""
+    """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
     is_ours = any((folder / name).exists() for name in ("stages", *RESULT_FILES))
     in_fleet = (folder.parent / "ledger").is_dir()
     last = "complete.json" if in_fleet else RUN_FILE

@@ -35,7 +35,7 @@ class Feed:
         return ""
 
     def take(self, seconds: float) -> Scan | None:
-        """Return the next scan, None where none comes within `seconds`.
+        """Return the next scan, None if none comes within `seconds`.
 
         Raises
         ------

@@ -50,7 +50,7 @@ class Message:
     objects : (K,) array
         `OBJECT`, what moves: world frame, metres, radians, m/s.
     labels : (N,) uint8, optional
-        251 moving, 9 static, 0 not known; None where they were left out.
+        251 moving, 9 static, 0 not known; None if they were left out.
     """
 
     index: int

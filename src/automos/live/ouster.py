@@ -65,7 +65,7 @@ class OusterAssembler:
         return [frame_to_scan(frame, self._to_points, first_stamp(frame), f"{next(self._number):06d}")]
 
     def _packet(self, payload: bytes, moment: float) -> Any:
-        """Return the library's packet, None where it is not this sensor's."""
+        """Return the library's packet, None if it is not this sensor's."""
         if len(payload) != self._format.lidar_packet_size:
             return None
         packet = self._core.LidarPacket(len(payload))

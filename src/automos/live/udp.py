@@ -144,7 +144,7 @@ class UdpFeed(Feed):
         self.n_packets, self.n_foreign = self.n_packets + n_own, self.n_foreign + n_foreign
 
     def _give_up(self) -> None:
-        """Say that nothing comes any more; raise InputError where nothing came at all."""
+        """Say that nothing comes any more; raise InputError if nothing came at all."""
         seconds, others = f"{self._patience:g} s", ""
         if self.n_foreign:
             others = f", but {self.n_foreign:,} of another kind or sensor did; is --sensor right?"

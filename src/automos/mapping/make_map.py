@@ -28,7 +28,7 @@ _PICTURE_PIXELS = 3000
 
 @dataclass(frozen=True)
 class MadeMap:
-    """Where a map is, how many points it has, and its scores, None where the recording has no truth."""
+    """The path of a map, its number of points, and its scores (None without ground truth)."""
 
     files: list[Path]
     n_points: int
@@ -44,7 +44,7 @@ def make_map(
     settings: MapSettings,
     progress: Progress | None = None,
 ) -> MadeMap:
-    """Write the map without what moves, a picture of it, and one of the map with all points, into the folder `out`.
+    """Write the map without moving objects, a picture of it, and one of the map with all points, to the folder `out`.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _about(n_points: int, scores: MapScores | None, settings: MapSettings) -> di
 
 
 def scores_by_name(scores: MapScores) -> dict[str, float]:
-    """Return the six figures by the names the field gives them, in [0, 1]."""
+    """Return the six scores by their usual names, in [0, 1]."""
     return {
         "PR": scores.preservation,
         "RR": scores.rejection,

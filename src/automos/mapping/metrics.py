@@ -19,7 +19,7 @@ from automos.scan import Mask
 
 @dataclass(frozen=True)
 class MapScores:
-    """Shares in [0, 1], nan where there is nothing to count: PR, RR and F1 of voxels, SA, DA and AA of points."""
+    """Shares in [0, 1], nan if there is nothing to count: PR, RR and F1 of voxels, SA, DA and AA of points."""
 
     preservation: float
     rejection: float
@@ -40,7 +40,7 @@ class MapScores:
 
 @dataclass
 class MapCounts:
-    """Adds up scans; memory is that of the tiles in the sensor's reach."""
+    """Counts over scans; memory is that of the tiles in the sensor's range."""
 
     voxel: float = 0.2
     tile: float = TILE
@@ -65,7 +65,7 @@ class MapCounts:
             self._finish(tile)
 
     def scores(self) -> MapScores:
-        """Return the scores of all that was added; nothing may be added afterwards."""
+        """Return the scores of everything added; nothing may be added afterwards."""
         for tile in self._tiles.rest():
             self._finish(tile)
         return MapScores(

@@ -31,7 +31,7 @@ class SensorView:
     grid : ImageGrid
         Where its beams fall.
     intensity_scale : float
-        The intensity that counts as 1; 0 where the sensor measures none.
+        The intensity that counts as 1; 0 if the sensor measures none.
     """
 
     grid: ImageGrid
@@ -46,7 +46,7 @@ class Window:
     ----------
     points : (N, 3) float32, metres.
     intensity : (N,) float32 or None.
-    past : K earlier clouds (M, 3) float32, None where there is none.
+    past : K earlier clouds (M, 3) float32, None if there is none.
     T_now_past : (K, 4, 4) float64, from each of them to the present one.
     """
 
@@ -63,7 +63,7 @@ class RangeImage:
     Attributes
     ----------
     channels : (5 + K, H, W) float32
-        Range, x, y, z, intensity in [0, 1], residuals; 0 where a pixel is empty.
+        Range, x, y, z, intensity in [0, 1], residuals; 0 if a pixel is empty.
     index : (H, W) int32
         The point each pixel shows, -1 for none.
     pixels : (N,) int32

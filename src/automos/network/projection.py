@@ -72,7 +72,7 @@ def project(points: Points, grid: ImageGrid) -> tuple[npt.NDArray[np.int32], npt
 def nearest_points(
     pixels: npt.NDArray[np.int32], ranges: npt.NDArray[np.float32], n_pixels: int
 ) -> npt.NDArray[np.int32]:
-    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 where there is none."""
+    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 if there is none."""
     index = np.full(n_pixels, -1, np.int32)
     _nearest(pixels, ranges, index)
     return index

@@ -49,7 +49,7 @@ class Moved:
     again : tuple[tuple[Came, Posed], ...]
         Earlier scans on the path that will be taken over, each with its stamp; at first its world is the present one.
     T_before_now : (4, 4) float64, optional
-        From the new path's world to that of the one before, in which the last scan stays where it was; None where no
+        From the new path's world to that of the one before, in which the last scan stays where it was; None if no
         other path was taken over.
     """
 
@@ -101,7 +101,7 @@ class CausalOdometry:
         timing: SweepTiming | None = None,
         is_compensated: bool | None = None,
     ):
-        """Take threads to work with, and how sweeps are timed, or None where that is to be found out."""
+        """Take threads to work with, and how sweeps are timed, or None if that is to be found out."""
         if timing is None and (is_compensated or settings.time == "none"):
             timing = SweepTiming()
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated

@@ -89,7 +89,7 @@ class Come:
 class Laid:
     """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
 
-    share : of the surfels, those that lie on a surface; 0 where nothing is there to lie on.
+    share : of the surfels, those that lie on a surface; 0 if nothing is there to lie on.
     doubt : (6,) variance of the motion to there.
     """
 

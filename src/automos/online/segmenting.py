@@ -38,7 +38,7 @@ SETTLED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class SegmentedScan:
-    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None where it has none."""
+    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None if it has none."""
 
     number: int
     stamp: float

@@ -37,7 +37,7 @@ class Sighting:
         Earlier scans on another path that will be taken over, in the level frame as it was before.
     T_after_before : (4, 4) float64, optional
         From the level frame before to that of the path which was taken over, in which the last scan stays where it was;
-        None where no other path was.
+        None if no other path was.
     """
 
     stamp: float

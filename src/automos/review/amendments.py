@@ -71,7 +71,7 @@ class Amendment:
 
 
 def append_amendments(folder: Path, amendments: Iterable[Amendment]) -> None:
-    """Add objects made by hand to the log in `folder`; errors are those of the log."""
+    """Add objects made by hand to the log in `folder`; errors as for the log."""
     append_lines(
         folder,
         [

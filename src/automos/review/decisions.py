@@ -76,12 +76,12 @@ def cover(rows: npt.NDArray[np.int64], most: int = 40) -> Cover:
 
 
 def append_decisions(folder: Path, decisions: Iterable[Decision]) -> None:
-    """Add `decisions` to the log in `folder`, on disk when this returns; errors are those of the log."""
+    """Add `decisions` to the log in `folder`, on disk when this returns; errors as for the log."""
     append_lines(folder, [asdict(decision) for decision in decisions])
 
 
 def read_decisions(folder: Path) -> list[Decision]:
-    """Return the decisions in `folder`, oldest first; none where nobody decided anything; errors as of the log."""
+    """Return the decisions in `folder`, oldest first; none if nobody decided anything; errors as of the log."""
     return read_lines(folder, None, "a decision", _parse)
 
 

@@ -36,7 +36,7 @@ class Heading:
 
 Detect = Callable[[int], Detections]
 Path = dict[int, tuple[int, npt.NDArray[np.float64]]]
-"""By scan, ascending: the segment, -1 where it was out of sight, and the box (7,): centre, size, yaw."""
+"""By scan, ascending: the segment, -1 if it was out of sight, and the box (7,): centre, size, yaw."""
 
 
 def follow_segment(

@@ -24,7 +24,7 @@ class Record:
     """The changes of one review, the queue that they are worked off from, and the thread that writes the results."""
 
     def __init__(self, run: RunFiles, stages: RunStages):
-        """Read what was decided before; InputError where the log is damaged."""
+        """Read what was decided before; InputError if the log is damaged."""
         self._run, self._stages = run, stages
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))

@@ -106,7 +106,7 @@ class Session:
 
     # ------------------------------------------------------------------------------------------------ what is decided
     def decide(self, tracks: Iterable[int], verdict: str) -> None:
-        """Log the decision that the objects with ids `tracks` are `verdict`; errors are those of `Record.decide`."""
+        """Log the decision that the objects with ids `tracks` are `verdict`; errors as for `Record.decide`."""
         self.record.decide(tracks, verdict)
 
     def dismiss(self, number: int) -> None:
@@ -114,11 +114,11 @@ class Session:
         self.record.dismiss(number)
 
     def finish(self) -> None:
-        """Wait until everything is in the results, and write the report; errors are those of `Record.finish`."""
+        """Wait until everything is in the results, and write the report; errors as for `Record.finish`."""
         self.record.finish()
 
     def close(self) -> None:
-        """Finish, and refuse whatever is decided from now on; errors are those of `finish`."""
+        """Finish, and refuse whatever is decided from now on; errors as for `finish`."""
         self.record.end()
         self._pictures.stop()
         self.finish()

@@ -19,7 +19,7 @@ class Subject:
     Attributes
     ----------
     id : int
-        What the page calls it, 0 where it has no number yet.
+        What the page calls it, 0 if it has no number yet.
     scans : (K,) int64
         Indices, ascending.
     boxes : (K, 7) float64

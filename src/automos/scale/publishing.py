@@ -59,7 +59,7 @@ class Marker:
 
 
 def read_marker(target: str) -> Marker | None:
-    """Return the marker of the results at `target` (a path or URL), None where there are no complete ones.
+    """Return the marker of the results at `target` (a path or URL), None if there are no complete ones.
 
     Labels that are gone, or of another size than it says, were damaged since, and make results incomplete; what
     a review changes does not.

@@ -98,7 +98,7 @@ class RayCluster(Executor):
 
 
 def _probe(address: str) -> None:
-    """Raise OSError where nobody listens at a host:port; Ray itself would wait for minutes."""
+    """Raise OSError if nobody listens at a host:port; Ray itself would wait for minutes."""
     host, _, port = address.rpartition("//")[2].rpartition(":")
     if port.isdecimal():
         with socket.create_connection((host, int(port)), timeout=10.0):

@@ -104,7 +104,7 @@ class Status:
 
     @property
     def rate(self) -> float:
-        """Recordings per hour, of those labelled since the run was last started; 0 where none was."""
+        """Recordings per hour, of those labelled since the run was last started; 0 if none was."""
         start = min((run["started"] for run in self.runs), default=self.now)
         fresh = [row["ended"] for row in self.recordings if row["state"] == "done" and row["fresh"]]
         recent = [ended for ended in fresh if ended >= start]
@@ -113,7 +113,7 @@ class Status:
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds until all is done at this rate; None where there is none."""
+        """Seconds until all is done at this rate; None if there is none."""
         left = self.count("waiting") + self.count("running")
         return 3600.0 * left / self.rate if self.rate else None
 

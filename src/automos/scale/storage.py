@@ -69,7 +69,7 @@ class Store:
     """The files below one path or URL."""
 
     def __init__(self, url: str):
-        """Raise InputError where `url` is of no known kind, MissingExtraError where its package is not installed."""
+        """Raise InputError if `url` is of no known kind, MissingExtraError if its package is not installed."""
         self.url = url
         self._fs, self.root = _open(url)
 
@@ -97,7 +97,7 @@ class Store:
         patiently(lambda: self._fs.put_file(local, self._at(path)), f"writing {shown(join(self.url, path))}")
 
     def read(self, path: str) -> bytes | None:
-        """Return a file's contents, None where there is none."""
+        """Return a file's contents, None if there is none."""
 
         def read() -> bytes | None:
             try:

@@ -97,7 +97,7 @@ def load_settings(
 
 
 def given_settings(settings: Settings | None) -> Settings:
-    """Return the settings that a caller gives, those of the default preset for None; InputError where they are none."""
+    """Return the settings that a caller gives, those of the default preset for None; InputError if they are none."""
     if settings is None:
         return load_settings("default")
     require_kind(settings, Settings, "settings", "what automos.load_settings returns")

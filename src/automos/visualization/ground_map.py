@@ -29,7 +29,7 @@ LAYERS = {MOVES: ("moving", (10, 157, 60)), FALSE: ("false", (224, 38, 43)), MIS
 
 
 class GroundMap:
-    """A raster over the level frame that scans are added to, one after the other."""
+    """A raster in the level frame to which scans are added one by one."""
 
     def __init__(self, path_level: npt.NDArray[np.float64]):
         """Cover the surroundings of `path_level` (N, 2 or 3), metres: where the sensor was."""
@@ -62,7 +62,7 @@ class GroundMap:
         np.minimum.at(self._lowest, still, height[is_still])
 
     def to_page(self) -> dict[str, Any]:
-        """Return the layers that are not empty, lowest first, and where they lie: `low` (2,) and `cell`, metres."""
+        """Return the layers that are not empty, lowest first, and their place: `low` (2,) and `cell`, metres."""
         layers = {"static": data_url(palette_png(self._flipped(self._shade()), _static_colors()))}
         for kind, (name, color) in LAYERS.items():
             if self._counts[kind].any():
@@ -77,7 +77,7 @@ class GroundMap:
         }
 
     def _shade(self) -> npt.NDArray[np.uint8]:
-        """Return (H, W): 0 unseen, 1 ground, more the higher something stands."""
+        """Return (H, W): 0 unseen, 1 ground, larger for higher objects."""
         tall = np.clip((self._highest - self._floor() - LOW) / (HIGH - LOW), 0.0, 1.0)
         shade = 1 + np.round(tall * (SHADES - 1)).astype(np.uint8)
         # Isolated points far away are noise that compresses badly.
@@ -105,7 +105,7 @@ class GroundMap:
 
 
 def _levels(count: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
-    """Return 0 where there is nothing and 1 to 4 by how much there is."""
+    """Return 0 for empty cells and 1 to 4 by the number of points."""
     return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
 
 

@@ -43,14 +43,14 @@ class LiveView:
         return self._viewer.is_open
 
     def close(self) -> None:
-        """Send what was not sent yet, and let go of the viewer."""
+        """Send the rest, and disconnect from the viewer."""
         if self.is_open:
             with suppress(RuntimeError):  # the viewer does not take it in time
                 self._stream.flush(timeout_sec=2.0)
         self._stream.disconnect()
 
     def show(self, scan: Scan, given: LabelledScan) -> None:
-        """Show a scan and its labels; a viewer that was closed is shown nothing."""
+        """Show a scan and its labels, unless the viewer was closed."""
         if not self.is_open:
             return
         rr, stream = self._rr, self._stream

@@ -32,7 +32,7 @@ def load_rerun() -> Any:
 
 
 def world_view(rrb: Any, eye: npt.ArrayLike, target: npt.ArrayLike, overrides: dict[str, Any] | None = None) -> Any:
-    """Return the view in three dimensions, from `eye` (3,) to `target` (3,), which goes along with the sensor."""
+    """Return the view in three dimensions, from `eye` (3,) to `target` (3,), which follows the sensor."""
     return rrb.Spatial3DView(
         name="world",
         origin="/world",
@@ -51,10 +51,10 @@ def world_view(rrb: Any, eye: npt.ArrayLike, target: npt.ArrayLike, overrides: d
 
 
 def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) -> Any:
-    """Return the layout: the world beside what is known of the run, and curves.
+    """Return the layout: the world beside a summary and curves.
 
-    The eye stands behind and above the sensor and goes along with it, further off the longer the drive `T_level_sensor`
-    (N, 4, 4) is. It plays from the first to the last scan of `moving`, those in which something moves.
+    The eye is behind and above the sensor and follows it, at a distance that grows with the length of the drive
+    `T_level_sensor` (N, 4, 4). Playback covers the scans from `moving[0]` to `moving[1]`, in which something moves.
     """
     rr = load_rerun()
     rrb = rr.blueprint

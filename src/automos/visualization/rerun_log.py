@@ -41,7 +41,7 @@ def make_recording(run: RunFiles) -> rerun.RecordingStream:
 
 
 def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> None:
-    """Log everything of `run` to `stream`; of each scan at most `max_static` static points.
+    """Log all of `run` to `stream`, with at most `max_static` static points per scan.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
 
 
 def moving_scans(run: RunFiles) -> tuple[int, int]:
-    """Return the first and the last scan in which something moves; all of them where nothing does."""
+    """Return the first and the last scan in which something moves; all scans if nothing moves."""
     moving = [track for track in run.tracks_file["tracks"] if track["verdict"] == "moving"]
     scans = [box["scan"] for track in moving for box in track["boxes"]]
     return (min(scans), max(scans)) if scans else (0, max(len(run) - 1, 0))
@@ -134,7 +134,7 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
 
 
 def point_kinds(labels: npt.NDArray, truth: npt.NDArray | None) -> npt.NDArray[np.uint16]:
-    """Return (N,) what each point is shown as: index into `KINDS`. Where the truth is unknown nothing is wrong."""
+    """Return (N,) what each point is shown as: index into `KINDS`. Points without ground truth are never wrong."""
     kinds = np.select([labels == Label.MOVING, labels == Label.STATIC], [MOVING, STATIC], UNLABELED).astype(np.uint16)
     if truth is not None:
         true = to_mos(truth)

@@ -31,7 +31,7 @@ SETTLE = 1.0
 
 
 def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
-    """Write `run` as a recording of Rerun to `path`, whole or not at all.
+    """Write `run` as a recording of Rerun to `path`, completely or not at all.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
 
 
 class Viewer:
-    """A running viewer that recordings can be sent to; a context that ends it."""
+    """A running viewer to which recordings can be sent; as a context manager, it ends at exit."""
 
     def __init__(self, web: bool = False, port: int = 0, memory: str = "75%"):
         """Start the viewer: in a window, or `web` to be shown by a browser at `url` (its `port`, 0: any free one).
@@ -111,11 +111,11 @@ class Viewer:
         return self._process.poll() is None
 
     def connect(self, stream: RecordingStream) -> None:
-        """Let all that is logged to `stream` go to the viewer."""
+        """Connect `stream` to the viewer."""
         stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
 
     def send(self, run: RunFiles, max_static: int) -> None:
-        """Send `run` to the viewer, scan after scan; errors are those of `log_run`."""
+        """Send `run` to the viewer, scan after scan; errors as for `log_run`."""
         stream = make_recording(run)
         self.connect(stream)
         log_run(run, stream, max_static)
