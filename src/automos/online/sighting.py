@@ -54,7 +54,7 @@ class Sightings:
     def __init__(
         self, settings: Settings, pool: ThreadPoolExecutor, is_compensated: bool | None, T_world_first: Pose | None
     ):
-        """Take threads, and where an earlier stream has ended, which this one goes on from."""
+        """Take threads, and the end of an earlier stream that this one continues."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
         self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)

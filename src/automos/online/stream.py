@@ -33,7 +33,7 @@ class Stream:
         T_world_first: Pose | None = None,
         first_track: int = 0,
     ):
-        """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
+        """Take the arguments of `Labeler`, threads, and the end of an earlier stream that this one continues."""
         self._settings = settings
         self._segmenting = Segmenting(settings, lag, pool, is_compensated, T_world_first)
         self._following = Following(settings.tracking, first_track)
@@ -49,14 +49,14 @@ class Stream:
         return self._segmenting.T_world_sensor
 
     def segment(self, number: int, scan: Scan) -> Segmented:
-        """Return what has become known with `scan`, which has points and a stamp and is `number`.
+        """Return the results that `scan` completes, which has points and a stamp and is `number`.
 
-        It may be asked ahead, in another thread, in the order of the scans.
+        May be called ahead in another thread, in the order of the scans.
         """
         return self._segmenting.step(number, scan)
 
     def follow(self, segmented: Segmented) -> Iterator[LabelledScan]:
-        """Yield the scans whose lag is over; `segmented` come in the order in which they were found."""
+        """Yield the scans whose lag has passed; `segmented` come in order."""
         for done in segmented.renewed:
             self._following.renew(*done.result())
         for found in segmented.settled:

@@ -41,7 +41,7 @@ class Looking:
     """The looks of one sample, and the answers to them."""
 
     def __init__(self, stages: RunStages, sample: Sample, changes: Changes):
-        """Take a run, a sample of it, and what was said of it when the sample was drawn."""
+        """Take a run, a sample of it, and its changes when the sample was drawn."""
         self._stages, self._changes = stages, changes
         self.sample = sample
         self.answers = read_answers(stages.folder, sample)
@@ -50,7 +50,7 @@ class Looking:
         self._lock = threading.Lock()
 
     def overview(self) -> dict[str, Any]:
-        """Return the looks with their answers, and what they say so far."""
+        """Return the looks with their answers, and the result so far."""
         looks = [
             {"look": n, "kind": look.kind, "answer": self.answers.get(n, (None,))[0]}
             for n, look in enumerate(self.sample.looks)

@@ -21,7 +21,7 @@ class Queue:
     """The objects of a run and the places that its warnings point at, with what is at stake in each."""
 
     def __init__(self, stages: RunStages, concerns: list[dict[str, Any]]):
-        """Take a run and what it warns of."""
+        """Take a run and its warnings."""
         self._stages = stages
         self._stakes = weigh(stages)
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
@@ -29,7 +29,7 @@ class Queue:
         self._gone: dict[int, set[int]] = {}
 
     def note(self, changes: Changes) -> None:
-        """Find anew which tracks objects made by hand stand for."""
+        """Update which tracks are replaced by objects made by hand."""
         gone: dict[int, set[int]] = defaultdict(set)
         for index in scans_of(self._stages, [], changes.amendments):
             for track in replaced(self._stages, index, changes):
@@ -109,7 +109,7 @@ class Queue:
 
     # -------------------------------------------------------------------------------------------------------- places
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at a place: by one of its points, which other runs know too."""
+        """Log that nothing was missed at a place, by one of its points, which other runs have, too."""
         place = self.places[number]
         row = self._points_of(place)[0]
         append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])

@@ -24,7 +24,7 @@ class Record:
     """The changes of one review, the queue that they are worked off from, and the thread that writes the results."""
 
     def __init__(self, run: RunFiles, stages: RunStages):
-        """Read what was decided before; InputError if the log is damaged."""
+        """Read the earlier decisions; InputError if the log is damaged."""
         self._run, self._stages = run, stages
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
@@ -73,7 +73,7 @@ class Record:
         self.changes = replace(self.changes, decided=held)
 
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at the place with this number; InputError if there is none."""
+        """Log that nothing was missed at the place with this number; InputError if there is none."""
         if not 0 <= number < len(self.queue.places):
             raise InputError(f"there is no place {number}")
         with self._gated(f"place {number}"):

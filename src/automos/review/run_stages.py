@@ -59,7 +59,7 @@ class RunStages:
 
     @cached_property
     def scans(self) -> Scans:
-        """The scans with what was found of them."""
+        """The scans with their stage results."""
         return Scans(self.frames, self.names, self.stage("candidates"), self.stage("instances"))
 
     def stage(self, name: str) -> Stage:

@@ -53,7 +53,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Sample:
-    """What was drawn, and from how much.
+    """A random sample, and the sizes of its strata.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ def read_answers(folder: Path, sample: Sample) -> dict[int, tuple[str, int]]:
 
 # ------------------------------------------------------------------------------------------------------- what it says
 def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, Any]:
-    """Return precision and recall as far as the answers go: `value`, `low`, `high`, or None; and looks by stratum."""
+    """Return precision and recall from the answers so far: `value`, `low`, `high`, or None; and looks by stratum."""
     by_kind = {kind: [n for n, look in enumerate(sample.looks) if look.kind == kind] for kind in SHARES}
     judged = {
         kind: [n for n in these if n in answers and answers[n][0] != "unknown"] for kind, these in by_kind.items()
@@ -225,7 +225,7 @@ def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, A
 
 
 def note_quality(folder: Path) -> None:
-    """Write into run.json what the sample says of the labels there; what was said of other labels goes."""
+    """Write the result of the sample to run.json, and remove results for other labels."""
     sample = read_sample(folder)
     answers = {} if sample is None or sample.labels != key_of_labels(folder) else read_answers(folder, sample)
     run = Workspace(folder).read_run()

@@ -110,7 +110,7 @@ class Session:
         self.record.decide(tracks, verdict)
 
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at the place with this number; InputError if there is none."""
+        """Log that nothing was missed at the place with this number; InputError if there is none."""
         self.record.dismiss(number)
 
     def finish(self) -> None:

@@ -55,7 +55,7 @@ class Ledger:
     def begin(
         self, recordings: Iterable[Recording], settings_key: str, settings: str, versions: dict[str, str], slots: int
     ) -> None:
-        """Write down what there is to do; what an earlier call of the command did stays written."""
+        """Record the work to do; the records of an earlier call are kept."""
         now = time.time()
         with self._writing():
             self._books.execute("BEGIN")
@@ -80,7 +80,7 @@ class Ledger:
         self.save()
 
     def started(self, order: Order, tries: int) -> None:
-        """Write down that a unit was given to a worker."""
+        """Record that a unit was given to a worker."""
         with self._writing():
             self._books.execute(
                 "INSERT OR REPLACE INTO units (recording, unit, state, tries, started) VALUES (?, ?, 'running', ?, ?)",
@@ -89,7 +89,7 @@ class Ledger:
             self._set(order.recording.name, state="running")
 
     def ended(self, order: Order, report: Report) -> None:
-        """Write down what came of a unit."""
+        """Record the outcome of a unit."""
         costs = (report.seconds, report.cpu_seconds, report.peak_mb)
         values = (report.state.value, report.place, report.reason, time.time(), *costs)
         with self._writing():
@@ -102,7 +102,7 @@ class Ledger:
                 self._set(order.recording.name, scans=report.scans)
 
     def labelled(self, recording: Recording, report: Report) -> None:
-        """Write down that a recording is labelled."""
+        """Record that a recording is labelled."""
         with self._writing():
             self._set(
                 recording.name,
@@ -125,12 +125,12 @@ class Ledger:
                 )
 
     def failed(self, recording: Recording, reason: str, trace: str) -> None:
-        """Write down why a recording is not labelled."""
+        """Record why a recording is not labelled."""
         with self._writing():
             self._set(recording.name, state="failed", reason=reason, trace=trace, ended=time.time())
 
     def tick(self) -> None:
-        """Say that the run is alive; from time to time, upload a copy of the ledger."""
+        """Record that the run is alive; from time to time, upload a copy of the ledger."""
         with self._writing():
             self._books.execute("UPDATE run SET seen = ?", (time.time(),))
         if time.monotonic() - self._saved > _SAVE_EVERY_S:
@@ -154,7 +154,7 @@ class Ledger:
             copy.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Write down that nobody works on the run any more."""
+        """Record that the run has ended."""
         with self._writing():
             self._books.execute("UPDATE run SET ended = ?", (time.time(),))
             self._books.execute("UPDATE recordings SET state = 'waiting' WHERE state = 'running'")

@@ -64,7 +64,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Job:
-    """What all orders of a run have in common.
+    """The common part of all orders of a run.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class Report:
-    """What came of a unit.
+    """The outcome of a unit.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ class Status:
 
     @property
     def is_at_work(self) -> bool:
-        """Whether anybody works on the run."""
+        """Whether a process works on the run."""
         return any(run["ended"] is None and self.now - run["seen"] < _SILENT_S for run in self.runs)
 
     @property

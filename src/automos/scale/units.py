@@ -39,7 +39,7 @@ CUTTABLE = {"free_space", "erasor"}
 
 
 def work(order: Order) -> Report:
-    """Do one unit; whatever goes wrong is in the report."""
+    """Do one unit; errors are in the report."""
     start, cpu = time.perf_counter(), cpu_seconds()
     cache = Cache(order.job.work / "recordings", order.job.cache_bytes)
     if order.ahead is not None:
@@ -121,7 +121,7 @@ def _at_hand(recording: Recording, cache: Cache) -> Iterator[Sequence]:
 
 
 def _part(order: Order, sequence: Sequence) -> Report:
-    """Make what a unit of a recording that is cut has to make of its stages."""
+    """Run the stages of one unit of a cut recording."""
     job, unit = order.job, order.unit
     poses = given_poses(sequence, job.pose_file, job.calib_file)
     folder = Workspace(results_folder(job, order.recording))
