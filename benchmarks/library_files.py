@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets import npy, pcd, ply
+from automos.datasets.columns import coordinates
 from automos.errors import InputError
 from automos.export.pcd import write_pcd
 
@@ -56,10 +57,10 @@ def files() -> dict[str, dict[str, float]]:
 
 
 def _readers() -> Iterator[tuple[str, str, Callable]]:
-    yield ".npy", "ours on numpy.load", npy.read
+    yield ".npy", "ours on numpy.load", _checked(npy.read)
     yield ".npy", "numpy.load alone", lambda path: np.load(path, allow_pickle=False)
-    yield ".pcd", "ours", pcd.read
-    yield ".ply", "ours", ply.read
+    yield ".pcd", "ours", _checked(pcd.read)
+    yield ".ply", "ours", _checked(ply.read)
     try:
         from pypcd4 import PointCloud
 
@@ -72,6 +73,17 @@ def _readers() -> Iterator[tuple[str, str, Callable]]:
         yield ".ply", "plyfile", lambda path: PlyData.read(path)["vertex"].data
     except ImportError as error:
         print(error)
+
+
+def _checked(read: Callable) -> Callable:
+    """Return a reader of ours with the check for x, y and z that every scan passes."""
+
+    def checked(path: Path) -> dict:
+        columns = read(path)
+        coordinates(columns, path)
+        return columns
+
+    return checked
 
 
 def _write_all(folder: Path) -> dict[str, Path]:
@@ -97,13 +109,12 @@ def _damaged(raw: bytes, n: int = 200) -> Iterator[bytes]:
 def _outcome(read: Callable, path: Path) -> str:
     try:
         found = read(path)
+        is_whole = all(np.array_equal(found[axis], ROWS[axis]) for axis in "xyz")
     except Exception as error:
         if isinstance(error, InputError):
             return "error that names the file"
         is_own = isinstance(error, ValueError) or type(error).__module__.partition(".")[0] in ("plyfile", "pypcd4")
-        return "its own error or ValueError" if is_own else "error from within"
-    names = found.keys() if isinstance(found, dict) else found.dtype.names or ()
-    is_whole = set("xyz") <= set(names) and all(np.array_equal(found[axis], ROWS[axis]) for axis in "xyz")
+        return "its own error or ValueError" if is_own else f"{type(error).__name__} from within"
     return "points, right" if is_whole else "points, wrong"
 
 
