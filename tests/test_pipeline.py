@@ -230,9 +230,9 @@ def bent(poses: np.ndarray, fault: str) -> np.ndarray:
     [
         ("too few", r"poses must be \(8, 4, 4\).*got shape \(7, 4, 4\)"),
         ("3 x 4", r"poses must be \(8, 4, 4\)"),
-        ("scaled", "pose 3 is not a rigid transform"),
-        ("mirrored", "pose 3 is not a rigid transform"),
-        ("not a number", "pose 3 is not a rigid transform"),
+        ("scaled", "pose 3 is (no|not a) rigid transform"),
+        ("mirrored", "pose 3 is (no|not a) rigid transform"),
+        ("not a number", "pose 3 is (no|not a) rigid transform"),
     ],
 )
 def test_poses_that_are_none_are_told_with_their_place(fault, message):
