@@ -8,7 +8,7 @@ from automos.export import export_run
 from automos.geometry import make_transform
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.pipeline import Result
+from automos.result import Result
 from automos.results.run_files import RunFiles
 from automos.results.writing import write_results
 from automos.scan import Scan

@@ -29,7 +29,7 @@ SCANS = [np.random.default_rng(0).uniform(-20.0, 20.0, (300, 3))] * 2
     ids=["Workspace", "open_sequence", "open_recordings", "open_run", "load_settings", "export_run"],
 )
 def test_a_path_that_is_none_is_told(take, place):
-    with pytest.raises(AutomosError, match=r"(is no path|cannot be used) \(.*\): give ") as error:
+    with pytest.raises(AutomosError, match=r"(is not a path|cannot be used) \(.*\): give ") as error:
         take(place)
     assert "\n" not in str(error.value)
 

@@ -1,6 +1,7 @@
 """The docs build without a warning, and what they say of commands and settings is what the code has."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -32,3 +33,15 @@ def test_pictures_of_the_docs_are_small():
     large = {path.name: path.stat().st_size for path in (ROOT / "docs" / "images").glob("*.png")}
     large.pop("demo.png")  # the README's, made by the demo at full size
     assert {name: size for name, size in large.items() if size > 300_000} == {}
+
+
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *(ROOT / "docs").rglob("*.md")])
+PRIVATE = re.compile(r"\b(told|tells?|see-through|stretch(es)?|torn|leaps?|thrice|folds? onto|whoever|for want of)\b")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_uses_the_terms_of_the_field(page):
+    """Reported, window, mixed pixel, free-space observation, align: tables name what is stored under older names."""
+    lines = page.read_text().splitlines()
+    found = [line for line in lines if PRIVATE.search(line) and not line.startswith(("|", "`python"))]
+    assert found == []

@@ -133,7 +133,7 @@ def test_a_las_file_cut_between_two_points_is_told(tmp_path):
     las.x, las.y, las.z = np.random.default_rng(0).normal(0, 9, (3, 100))
     las.write(tmp_path / "a.las")
     (tmp_path / "a.las").write_bytes((tmp_path / "a.las").read_bytes()[: -28 * 40])
-    with pytest.raises(InputError, match=r"a\.las is cut short or damaged: its header tells of 100 points"):
+    with pytest.raises(InputError, match=r"a\.las is cut short or damaged: its header announces 100 points"):
         open_sequence(tmp_path)[0]
 
 
@@ -253,7 +253,7 @@ def test_a_work_folder_that_somebody_else_made_is_not_used(tmp_path, monkeypatch
     folder.mkdir()
     monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
     monkeypatch.setattr(work_folder, "default_work", lambda: folder)
-    with pytest.raises(InputError, match="made by somebody else"):
+    with pytest.raises(InputError, match="made by another user"):
         work_folder.claim(folder)
 
 

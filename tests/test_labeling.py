@@ -17,7 +17,7 @@ from automos.errors import InputError
 from automos.labeling import label_recording, summary
 from automos.online.segment import segment_recording
 from automos.pipeline import label
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.settings import load_settings
 from automos.workspace import RUN_FILE, Workspace
 

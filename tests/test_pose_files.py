@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from automos.errors import InputError
 from automos.geometry import inverse, make_transform, se3_exp
-from automos.pose_files import read_calib, read_poses, write_kitti, write_tum
+from automos.pose_files import read_calib, read_poses
+from automos.pose_writers import write_kitti, write_tum
 
 # KITTI's camera looks along its z: x right, y down, z forward; the sensor looks along x, 0.3 m behind, 0.1 m above it.
 T_CAMERA_SENSOR = make_transform([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.0, -0.1, -0.3])

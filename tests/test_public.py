@@ -62,7 +62,7 @@ def test_a_list_of_arrays_is_a_recording():
         ),
         (3, "a recording is a sequence or a list"),
         (memoryview(np.zeros((5, 3))), "a recording is a sequence or a list"),
-        ([], "a list without scans is no recording"),
+        ([], "a list without scans is not a recording"),
     ],
     ids=["path", "one scan", "no points", "number", "memory", "nothing"],
 )

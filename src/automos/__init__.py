@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from automos.labeler import Labeler as Labeler
     from automos.labeler import LabelledScan as LabelledScan
     from automos.labels import Label as Label
-    from automos.pipeline import Result as Result
     from automos.pipeline import label as label
+    from automos.result import Result as Result
     from automos.results.open_run import open_run as open_run
     from automos.scan import Scan as Scan
     from automos.scan import Sequence as Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "label": "pipeline",
-    "Result": "pipeline",
+    "Result": "result",
     "Labeler": "labeler",
     "LabelledScan": "labeler",
     "Label": "labels",

@@ -1,4 +1,4 @@
-"""What callers in Python give as paths and objects of ours: told in a sentence where it is something else."""
+"""Checks of paths and objects that callers pass: InputError with a sentence if they are something else."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from automos.errors import InputError
 
 
 def given_path(value: str | os.PathLike[str], what: str) -> Path:
-    """Return `value` as a path; InputError where no file or folder can be named so, which `what` calls it."""
+    """Return `value` as a path; InputError if no file or folder can be named so, which `what` calls it."""
     try:
         path = Path(value)
         path.lstat()
     except (TypeError, ValueError) as error:
-        raise InputError(f"{what} is no path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
+        raise InputError(f"{what} is not a path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
     except OSError as error:  # what is not there yet may be made
         if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
             raise InputError(f"{what} {value!s:.80} cannot be used ({error.strerror}): give another path") from None
@@ -24,6 +24,6 @@ def given_path(value: str | os.PathLike[str], what: str) -> Path:
 
 
 def require_kind(value: object, kind: Any, what: str, remedy: str) -> None:
-    """Raise InputError where `value` is not of `kind`, a class; `remedy` says what to give as `what`."""
+    """Raise InputError if `value` is not of `kind`, a class; `remedy` says what to give as `what`."""
     if not isinstance(value, kind):
         raise InputError(f"{what} is {value!r:.80}, of type {type(value).__name__}: give {remedy}")

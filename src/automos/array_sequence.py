@@ -1,10 +1,11 @@
-"""A recording held in memory: scans or plain arrays, as a sequence like any that is read."""
+"""A recording in memory: scans or plain arrays, with the same interface as any other recording."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
 from collections.abc import Sequence as Sequence_
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,35 @@ from automos.scan import Mask, Scan, Sequence
 
 
 class ArraySequence(Sequence):
-    """A sequence held in memory, from scans or plain arrays."""
+    """A recording in memory, made of scans or plain arrays.
+
+    Parameters
+    ----------
+    scans : list of Scan or of (M, 3) or (M, 4) float arrays
+        One per sweep: x, y, z in metres in the sensor frame, and optionally the intensity.
+    stamps : (N,) float64, optional
+        Time of each of the N scans in seconds. If not given, the scans' own stamps, if all of them have one.
+    name : str, default "memory"
+        Name of the recording.
+    is_compensated : bool, optional
+        Whether the sensor's motion during the sweep was already removed. Found out from the scans if not given.
+
+    Raises
+    ------
+    InputError
+        An array of another shape, or stamps that do not fit the scans.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import automos
+    >>> scans = [np.zeros((100, 3)), np.zeros((90, 4))]
+    >>> recording = automos.ArraySequence(scans, stamps=[0.0, 0.1], name="empty room")
+    >>> recording
+    <ArraySequence 'empty room': 2 scans>
+    >>> recording[1]
+    <Scan '000001': 90 points, x y z intensity>
+    """
 
     def __init__(
         self,
@@ -27,7 +56,6 @@ class ArraySequence(Sequence):
         name: str = "memory",
         is_compensated: bool | None = None,
     ):
-        """Take `scans`, each a Scan or an (N, 3) or (N, 4: x, y, z, intensity) array in the sensor frame, metres."""
         require_kind(name, str, "the name of a sequence", "a text")
         self.name = name
         require_kind(is_compensated, bool | np.bool_ | None, "is_compensated", "True, False or None")
@@ -85,7 +113,7 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 
     Raises
     ------
-    InputError : it is a path, one single array of points, empty, or holds what is no scan.
+    InputError : it is a path, one single array of points, empty, or holds what is not a scan.
     """
     if isinstance(recording, Sequence):
         is_ours = type(recording).__module__.partition(".")[0] == __name__.partition(".")[0]
@@ -99,8 +127,21 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
     except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
         raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
     if not len(sequence):
-        raise InputError("a list without scans is no recording: give an array for each scan")
+        raise InputError("a list without scans is not a recording: give an array for each scan")
     return sequence
+
+
+def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
+    """Return `scan` as a `Scan`, at `stamp` seconds if given; InputError if it is not an array of points."""
+    if not isinstance(scan, Scan):
+        try:
+            scan = _scan_from_array(scan, 0)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a scan is a Scan or an (N, 3) array, metres: {error}") from None
+    try:
+        return scan if stamp is None else replace(scan, stamp=float(stamp))
+    except (TypeError, ValueError):
+        raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
 
 
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:

@@ -1,4 +1,4 @@
-"""What callers give where an array belongs, made into one of the right type and shape, or told in a sentence."""
+"""Array types, and the check that turns what a caller passes into an array of the right type and shape."""
 
 from __future__ import annotations
 
@@ -9,21 +9,36 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 
+Points = npt.NDArray[np.float32]
+"""(N, 3) coordinates in metres."""
+Pose = npt.NDArray[np.float64]
+"""(4, 4) rigid transform, or (N, 4, 4)."""
+Mask = npt.NDArray[np.bool_]
+
 
 def as_array(values: npt.ArrayLike, dtype: npt.DTypeLike, shape: tuple[int | str, ...], what: str) -> npt.NDArray[Any]:
-    """Return `values` as a contiguous array of `dtype`.
+    """Return `values` as a contiguous array of `dtype`; an array that already is one is not copied.
 
     Parameters
     ----------
-    values : real numbers; whole ones within its range where `dtype` is of whole numbers. No copy is made of an array
-        that is one already.
-    shape : of each axis its length, or a letter where any will do.
-    what : names it in what is raised.
+    values : array_like
+        Real numbers. Where `dtype` is an integer type, whole numbers in its range.
+    dtype : dtype
+        Type of the result.
+    shape : tuple of int or str
+        Length of each axis; a letter allows any length.
+    what : str
+        Name of the array in error messages.
+
+    Returns
+    -------
+    array of `shape` and `dtype`
+        Contiguous.
 
     Raises
     ------
     InputError
-        They are no such numbers, or of another shape.
+        The values are not such numbers, or have another shape.
     """
     try:
         array = np.asarray(values)
@@ -45,7 +60,7 @@ def as_array(values: npt.ArrayLike, dtype: npt.DTypeLike, shape: tuple[int | str
 def hold_array(
     owner: object, field: str, dtype: npt.DTypeLike, shape: tuple[int | str, ...], is_optional: bool = False
 ) -> None:
-    """Make what a frozen `owner` was given as `field` the array that it should be; None stays where `is_optional`."""
+    """Convert attribute `field` of a frozen dataclass to an array, see `as_array`; None stays if `is_optional`."""
     given = getattr(owner, field)
     if given is not None or not is_optional:
         object.__setattr__(owner, field, as_array(given, dtype, shape, field))

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError : the disk is full or the folder cannot be written; nothing half-written stays. Or `path` is no file.
+    InputError : the disk is full or the folder cannot be written; nothing half-written stays. Or `path` is not a file.
     """
     if path.name in ("", "..") or _is_special(path):
         raise InputError(f"{path} is a folder, a device or the like: give the name of a file to write")
@@ -56,14 +56,14 @@ def held(folder: Path, waits: bool = False) -> Iterator[None]:
     ------
     InputError : another one does (with `waits` its end is waited for), or the folder cannot be made.
     """
-    with told(folder):
+    with faults_reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
     try:
         import fcntl
     except ImportError:  # Windows has no locks on folders
         yield
         return
-    with told(folder):
+    with faults_reported(folder):
         handle = os.open(folder, os.O_RDONLY)
     try:
         with suppress(OSError) if waits else nullcontext():
@@ -80,7 +80,7 @@ def held(folder: Path, waits: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def told(path: Path) -> Iterator[None]:
+def faults_reported(path: Path) -> Iterator[None]:
     """Raise InputError that names `path` where it cannot be written in the block."""
     try:
         yield
@@ -95,6 +95,6 @@ def remove_parts(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path`, whole or not at all."""
+    """Write `text` to `path`, completely or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

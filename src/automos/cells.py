@@ -18,7 +18,7 @@ def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
     """Return where in `BeamPattern.row_of_sine` of `n_bins` a direction of height `z` at range `r` is found."""
     half = np.float32((n_bins - 1) / 2)
     at = (z / max(r, np.float32(1e-6)) + np.float32(1.0)) * half
-    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is no number
+    return int(at) if np.float32(0.0) <= at < n_bins else 0  # 0, straight down, for what is not a number
 
 
 @kernel
@@ -36,7 +36,7 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
     angle = -angle if y < np.float32(0.0) else angle
     turn = angle * np.float32(0.15915494) + np.float32(0.5)
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is no number
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for what is not a number
 
 
 @kernel

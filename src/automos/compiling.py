@@ -1,9 +1,9 @@
-"""Kernels are compiled once, when they first run, and kept on disk by numba; on the first run, several at a time.
+"""Compiles the kernels in several processes on the first run; numba keeps them on disk.
 
-Compiling takes numba's lock, so threads do not share it out; processes do. On a first run other processes compile what
-candidates and objects need, each on a made-up recording, while this one reads files and finds the poses of the real
-one: when it gets there, those kernels are there. Shares have no kernel in common, or it would be compiled twice.
-`python -m automos.compiling` compiles all, ahead of any run.
+Compiling holds numba's lock, so threads cannot share the work, but processes can. On a first run, other processes
+compile the kernels for candidates and objects, each on an artificial recording, while this one reads files and
+estimates poses. The shares have no kernel in common, or it would be compiled twice. `python -m automos.compiling`
+compiles everything ahead of any run.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ LINE = "compiling once: this first run takes longer than those that follow"
 
 
 @contextmanager
-def compiling_beside(tell: Callable[[str], object], shares: tuple[str, ...]) -> Iterator[None]:
+def compiling_beside(report: Callable[[str], object], shares: tuple[str, ...]) -> Iterator[None]:
     """Compile `shares` of `SHARES` in a process each while the context's body runs, if this is the first run.
 
-    tell : called with one line for the user where something is to be compiled.
+    report : called with one line for the user if something is to be compiled.
     """
     if not is_cold():
         yield
         return
-    tell(LINE)
+    report(LINE)
     beside = _started(shares) if available_cores() > 1 else []
     try:
         yield
@@ -79,7 +79,7 @@ def is_cold() -> bool:
 
     kernel = completion._rows_near
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
-    if index is None:  # numba was told not to compile, or has no place for what it compiles
+    if index is None:  # numba is set not to compile, or has no place to store the result
         return False
     processor = kernel.targetctx.codegen().magic_tuple()
     return not any(made_for == processor for _, made_for, _ in index._load_index())

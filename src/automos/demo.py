@@ -1,4 +1,4 @@
-"""The first minute: simulate a street, label it, score it, draw it."""
+"""The demo: simulate a street, label it, score the labels and draw them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
 from automos.odometry.trajectory import SequenceFrames
-from automos.pipeline import Result, label
+from automos.pipeline import label
+from automos.result import Result
 from automos.scan import Scan, Sequence
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate

@@ -1,4 +1,4 @@
-"""What one scan offers to the tracker: boxes, and how the evidence speaks of each."""
+"""The segments of one scan as the tracker sees them: boxes, and what the evidence says of each."""
 
 from __future__ import annotations
 
@@ -17,13 +17,20 @@ class Detections:
 
     Attributes
     ----------
-    boxes : their boxes, level frame.
-    n_points : (M,) how many points each has.
-    n_moving, n_static : (M,) how many of them the evidence calls moving and static; the others are unknown.
-    has_stayed : (M,) bool, whether the evidence alone would call it static; tracks that move may still end in it.
-    part_of : (M,) int32, the segment that has stayed which it was cut out of, -1 for none.
-    lift : (M,) metres from the ground up to its lowest point.
-    solidity : (M,) in [0, 1], mean over its points of the share of rays beside each that ended beside it.
+    boxes : Boxes
+        Their boxes, level frame.
+    n_points : (M,) float64
+        How many points each has.
+    n_moving, n_static : (M,) float64
+        How many of them the evidence calls moving and static; the others are unknown.
+    has_stayed : (M,) bool
+        Whether the evidence alone would call it static; tracks that move may still end in it.
+    part_of : (M,) int32
+        The segment that has stayed which it was cut out of, -1 for none.
+    lift : (M,) float64
+        Metres from the ground up to its lowest point.
+    solidity : (M,) float64
+        In [0, 1], mean over its points of the share of rays beside each that ended beside it.
     """
 
     boxes: Boxes

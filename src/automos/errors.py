@@ -1,6 +1,6 @@
-"""What may go wrong for a user, said in sentences: what is wrong, where, what to do next.
+"""Errors that a user can correct: each message says what is wrong, where, and what to do next.
 
-The command line prints these messages in one line and exits with code 2; everything else is a bug and keeps its
+The command line prints these messages in one line and exits with code 2. Anything else is a bug and keeps its
 traceback.
 """
 

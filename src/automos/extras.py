@@ -1,7 +1,7 @@
-"""Optional packages: what installs them where they are missing.
+"""Optional packages: the command that installs a missing one.
 
-`automos` on the package index is another project, so the hint names what this copy was installed from: the checkout it
-runs from, the folder or wheel that pip was given, and only then the distribution's name.
+The package called `automos` on PyPI is a different project, so the hint names the source of this installation: the
+checkout it runs from, the folder or wheel that was given to pip, and only then the name of the distribution.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ def _origin() -> str:
     if (checkout / "pyproject.toml").is_file():
         return _from_here(checkout)
     try:
-        told = distribution(DISTRIBUTION).read_text("direct_url.json")
+        url_file = distribution(DISTRIBUTION).read_text("direct_url.json")
     except PackageNotFoundError:
         return DISTRIBUTION
-    url = urlparse(json.loads(told)["url"]) if told else None
+    url = urlparse(json.loads(url_file)["url"]) if url_file else None
     if url is None or url.scheme != "file":
         return DISTRIBUTION
     place = Path(url2pathname(url.path))

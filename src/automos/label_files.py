@@ -1,4 +1,4 @@
-"""Label files as SemanticKITTI has them, one uint32 per point: read, and refused where they cannot be what they say."""
+"""SemanticKITTI's label files, one uint32 per point: read and checked."""
 
 from __future__ import annotations
 

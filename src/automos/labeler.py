@@ -1,13 +1,13 @@
-"""The same method at the pace of the sensor: scans in, labels out some time later, or at once.
+"""Online labelling: the same method, scan by scan, with a delay that the caller chooses.
 
     labeler = automos.Labeler(lag=0.5)
     for scan in robot:
-        for done in labeler.push(scan):         # the scans whose half second is over
+        for done in labeler.push(scan):         # the scans that are half a second old
             publish(done.labels, done.objects)
     publish_all(labeler.finish())
 
-With `lag=0` every scan is labelled from itself and the past; half a second later much more is known; with `math.inf`
-the labels are those of `automos.label`. Memory holds some seconds, whatever the recording's length.
+With `lag=0` each scan is labelled from itself and the past. A lag of half a second gives much better labels, and
+`math.inf` gives those of `automos.label`. Memory holds a window of some seconds, whatever the length of the recording.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.arguments import require_kind
-from automos.array_sequence import ArraySequence
+from automos.array_sequence import ArraySequence, as_scan
 from automos.errors import InputError
 from automos.online.intake import Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan, labelled_scans
+from automos.online.return_order import ReturnOrder
 from automos.online.segmenting import Segmented
-from automos.online.stream import Stream
+from automos.online.stream import Stream, require_online_methods
 from automos.parallel import available_cores, checked_workers, one_ahead
 from automos.scan import Scan
 from automos.settings import Settings, given_settings
 
-__all__ = ["Labeler", "LabelledScan", "as_scan"]
+__all__ = ["Labeler", "LabelledScan"]
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """Scan number `index`, with its stamp, what it is to the stream, and what it tells before others are followed."""
+    """Scan number `index`, how the stream should treat it, and its segments; objects are tracked later."""
 
     index: int
     scan: Scan
@@ -49,10 +50,42 @@ class _Arrived:
 
 
 class Labeler:
-    """Labels scans as they come, each `lag` seconds after it was taken.
+    """Labels scans as they arrive, each `lag` seconds after it was recorded.
 
-    What was given back does not change. A scan that cannot be used (empty, late, come twice) is given back like any
-    other, in its place, with a warning in the log.
+    A scan that was returned is final. A scan that cannot be used (empty, late, or a duplicate) is returned in its
+    place like any other, with a warning in the log.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        Result of `automos.load_settings`. The default preset if not given.
+    lag : float, default 0.0
+        Seconds by which labels may come later than their scan; `math.inf` returns all of them at `finish`.
+    is_compensated : bool, optional
+        Whether the sensor's motion during the sweep was already removed. Found out from the scans if not given.
+    threads : int, default 0
+        Number of threads; 0 uses one per core. The labels do not depend on it.
+
+    Raises
+    ------
+    InputError
+        `lag` or `threads` is out of range, or the settings name a method that needs the whole recording.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import automos
+    >>> noise = np.random.default_rng(0)
+    >>> room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (2000, 3))
+    >>> labeler = automos.Labeler(lag=0.2, threads=1)
+    >>> for i in range(5):
+    ...     for done in labeler.push(room + noise.normal(0.0, 0.01, room.shape), stamp=0.1 * i):
+    ...         print(done.index, done.labels.shape)
+    0 (2000,)
+    1 (2000,)
+    2 (2000,)
+    >>> [done.index for done in labeler.finish()]
+    [3, 4]
     """
 
     def __init__(
@@ -63,26 +96,12 @@ class Labeler:
         is_compensated: bool | None = None,
         threads: int = 0,
     ):
-        """Take what shapes the labels and how long they may wait.
-
-        Parameters
-        ----------
-        settings : as `automos.label` takes them; the default preset where not given.
-        lag : seconds by which labels may come later than their scan; `math.inf`: all at `finish`.
-        is_compensated : whether the sensor's motion during the sweep was taken out; None where that is not known.
-        threads : to work with; 0 takes one per core. The labels do not depend on it.
-
-        Raises
-        ------
-        InputError : the lag is no time, `threads` is no number of them, or the settings name a method that needs the
-            whole recording.
-        """
         if not (isinstance(lag, int | float | np.integer | np.floating) and lag >= 0.0):
             raise InputError(f"lag must be 0 or more seconds (math.inf for the whole recording), got {lag!r:.80}")
         self.settings = given_settings(settings)
         self.lag = lag
         if math.isfinite(lag):
-            _check_methods(self.settings)
+            require_online_methods(self.settings)
         require_kind(is_compensated, bool | np.bool_ | None, "is_compensated", "True, False or None")
         self._is_compensated = is_compensated
         self._threads = checked_workers(threads, "threads")
@@ -91,22 +110,28 @@ class Labeler:
         self._n = 0
         self._scans: list[Scan] = []
         self._arrived: deque[_Arrived] = deque()
-        self._ready: dict[int, LabelledScan] = {}
-        self._pending: deque[tuple[int, Kind, float, int]] = deque()  # index, what it is, stamp, points
+        self._order = ReturnOrder()
         self._stream: Stream | None = None
-        self._last_given: LabelledScan | None = None
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:
-        """Take the next scan; return those whose lag is over, in the order in which they came.
+        """Add the next scan; return the scans whose lag has passed, in the order in which they arrived.
 
         Parameters
         ----------
-        scan : a `Scan`, or an (N, 3) or (N, 4: x, y, z, intensity) array, metres, sensor frame.
-        stamp : seconds; the scan's own where not given, and a tenth of a second after the last where it has none.
+        scan : Scan or (N, 3) or (N, 4) float array
+            Points in metres in the sensor frame; the fourth column is the intensity.
+        stamp : float, optional
+            Seconds. If not given, the scan's own stamp; if it has none, 0.1 s after the scan before.
+
+        Returns
+        -------
+        list of LabelledScan
+            Often one scan; none while the lag has not passed, several after a gap.
 
         Raises
         ------
-        InputError : this is no scan.
+        InputError
+            `scan` is not a scan or `stamp` not a number.
         """
         scan = as_scan(scan, stamp)
         if math.isinf(self.lag):
@@ -114,42 +139,60 @@ class Labeler:
             return []
         self._arrive(scan)
         self._label()
-        return self._in_order()
+        return self._order.take()
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
-        """Yield what `push` returns of each of `scans`; where the next one is and what it sees is found out meanwhile.
+        """Yield what `push` returns for each of `scans`; odometry and segmentation of the next scan run meanwhile.
 
-        On two cores that is more scans a second than by `push`, of which each waits for the one before. The next scan
-        is taken from `scans` in a thread; one that was taken when the caller stops is given back later, as by `push`.
+        On two cores this handles more scans per second than `push`, where each scan waits for the one before. The
+        next scan is read from `scans` in a thread. One that was read when the caller stops is returned by a later
+        call.
+
+        Parameters
+        ----------
+        scans : iterable of Scan or (N, 3) or (N, 4) float arrays
+            As for `push`.
+
+        Yields
+        ------
+        list of LabelledScan
+            As from `push`.
 
         Raises
         ------
-        InputError : one of them is no scan; and what `scans` raises.
+        InputError
+            One of them is not a scan. Errors raised by `scans` itself pass through.
         """
         if math.isinf(self.lag):
             yield from map(self.push, scans)
             return
         try:
-            # A stream that begins anew does so where the one before has ended, which labelling tells.
+            # A new stream starts at the last pose of the one before, which is known after labelling.
             for _ in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
                 self._label()
-                yield self._in_order()
+                yield self._order.take()
         finally:
             while self._arrived:
                 self._label()
 
     def finish(self) -> list[LabelledScan]:
-        """Return the scans that were not given back yet; afterwards a new recording may begin."""
+        """End the recording; a new one may begin afterwards.
+
+        Returns
+        -------
+        list of LabelledScan
+            The scans that were not returned yet.
+        """
         if math.isinf(self.lag):
             return self._label_all()
         if self._stream is not None:
-            self._keep(self._stream.finish())
-        rest = self._in_order()
-        self._stream, self._intake, self._n, self._last_given = None, Intake(), 0, None
+            self._order.add(self._stream.finish())
+        rest = self._order.take()
+        self._stream, self._intake, self._n, self._order = None, Intake(), 0, ReturnOrder()
         return rest
 
     def _arrive(self, one: Scan | npt.ArrayLike) -> _Arrived:
-        """Take a scan in, with what can be found out before earlier ones are labelled."""
+        """Add a scan; do what does not depend on the labels of earlier ones."""
         scan = as_scan(one)
         about = self._intake.take(scan)
         index, self._n = self._n, self._n + 1
@@ -159,7 +202,7 @@ class Labeler:
         return self._arrived[-1]
 
     def _label(self) -> None:
-        """Label the scan that has arrived first."""
+        """Label the oldest scan that has arrived."""
         arrived = self._arrived.popleft()
         index, scan, about, segmented = arrived.index, arrived.scan, arrived.about, arrived.segmented
         if about.warning:
@@ -167,9 +210,9 @@ class Labeler:
         if about.kind is Kind.RESTART:
             self._end_stream()
             segmented = self._begin_stream().segment(index, scan)
-        self._pending.append((index, about.kind, about.stamp, len(scan)))
+        self._order.expect(index, about, len(scan))
         if segmented is not None:
-            self._keep(self._begin_stream().follow(segmented))
+            self._order.add(self._begin_stream().follow(segmented))
 
     def _begin_stream(self) -> Stream:
         if self._stream is None:
@@ -177,34 +220,14 @@ class Labeler:
         return self._stream
 
     def _end_stream(self) -> None:
-        """Give back what waits, and begin anew where the sensor was last."""
+        """Label what is waiting, and start a new stream at the last pose."""
         if self._stream is None:
             return
-        self._keep(self._stream.finish())
+        self._order.add(self._stream.finish())
         before = self._stream
         self._stream = Stream(
             self.settings, self.lag, self._pool, self._is_compensated, before.T_world_sensor, before.next_track
         )
-
-    def _keep(self, given: Iterable[LabelledScan]) -> None:
-        self._ready.update((scan.index, scan) for scan in given)
-
-    def _in_order(self) -> list[LabelledScan]:
-        """Return what is ready, up to the first scan that is not."""
-        done = []
-        while self._pending:
-            index, kind, stamp, n = self._pending[0]
-            if kind in (Kind.NEXT, Kind.RESTART):
-                if index not in self._ready:
-                    break
-                given = self._ready.pop(index)
-            else:
-                given = _without_evidence(index, kind, stamp, n, self._last_given)
-            if kind is not Kind.LATE:
-                self._last_given = given
-            self._pending.popleft()
-            done.append(given)
-        return done
 
     def _label_all(self) -> list[LabelledScan]:
         """Return all scans, labelled as `automos.label` does."""
@@ -215,38 +238,3 @@ class Labeler:
             return []
         recording = ArraySequence(scans, is_compensated=self._is_compensated)
         return labelled_scans(label(recording, self.settings, workers=self._threads))
-
-
-def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
-    """Return a scan, an array made one, with `stamp` seconds if given.
-
-    Raises
-    ------
-    InputError : an array that holds no points.
-    """
-    if not isinstance(scan, Scan):
-        try:
-            scan = ArraySequence([scan])[0]
-        except (TypeError, ValueError) as error:
-            raise InputError(f"a scan is a Scan or an (N, 3) array, metres: {error}") from None
-    try:
-        return scan if stamp is None else replace(scan, stamp=float(stamp))
-    except (TypeError, ValueError):
-        raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
-
-
-def _without_evidence(index: int, kind: Kind, stamp: float, n: int, before: LabelledScan | None) -> LabelledScan:
-    """Return a scan that could not be used; one that came twice has the labels of the first."""
-    if kind is Kind.REPEAT and before is not None and len(before.labels) == n:
-        return replace(before, index=index, stamp=stamp)
-    return LabelledScan.of_nothing(index, stamp, np.eye(4) if before is None else before.pose, n)
-
-
-def _check_methods(settings: Settings) -> None:
-    chosen = {"candidates": settings.candidates.method, "tracking": settings.tracking.method}
-    able = {"candidates": "free_space", "tracking": "evidence"}
-    for stage, method in chosen.items():
-        if method != able[stage]:
-            raise InputError(
-                f"{stage}.method {method} needs the whole recording: set it to {able[stage]}, or lag to math.inf"
-            )

@@ -1,4 +1,4 @@
-"""One recording into one results folder: what `automos label` does, and what a cluster's workers do."""
+"""Labels one recording into one results folder, for `automos label` and for the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -39,13 +39,17 @@ def label_recording(
 
     Parameters
     ----------
-    pose_file : KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
-    console : where progress bars are drawn; none without it.
-    waits : for another process that writes into `folder`, instead of refusing.
+    pose_file : Path, optional
+        KITTI or TUM poses to use instead of odometry; the sensor's, or the camera's if `calib_file` is given.
+    console : Console, optional
+        Where progress bars are drawn; none without it.
+    waits : bool
+        For another process that writes into `folder`, instead of refusing.
 
     Raises
     ------
-    InputError : the recording, the poses or the folder cannot be used.
+    InputError
+        The recording, the poses or the folder cannot be used.
     """
     sequence = as_sequence(sequence)
     require_room(folder, sequence)
@@ -60,7 +64,7 @@ def label_recording(
 
 
 def require_poses_of_one(pose_file: Path | None, calib_file: Path | None, n: int = 1, place: str = "") -> None:
-    """Raise InputError where poses are given for the `n` recordings at `place`, or a calibration without poses."""
+    """Raise InputError if poses are given for the `n` recordings at `place`, or a calibration without poses."""
     if pose_file is None and calib_file is not None:
         raise InputError(f"--calib {calib_file} says whose the poses of a file are: give that with --poses, or neither")
     if pose_file is not None and n > 1:
@@ -70,7 +74,7 @@ def require_poses_of_one(pose_file: Path | None, calib_file: Path | None, n: int
 def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | None) -> Pose | None:
     """Return (N, 4, 4) T_world_sensor from a KITTI or TUM file, None without one.
 
-    The poses are the sensor's, or the camera's where `calib_file` is given; InputError where that is given alone.
+    The poses are the sensor's, or the camera's where `calib_file` is given; InputError if that is given alone.
     """
     require_poses_of_one(pose_file, calib_file)
     if pose_file is None:
@@ -80,7 +84,7 @@ def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | N
 
 
 def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) -> str:
-    """Return in a few lines what a run found, and whether it did so now, in `seconds`, or all `was_there` before."""
+    """Return a summary of a run in a few lines; `was_there` if all its results existed before."""
     points, moving = run["points"], run["tracks"]["moving"]
     total = max(sum(points.values()), 1)
     scans = run["recording"]["scans"]
@@ -102,7 +106,7 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
 
 
 def timing_line(run: dict[str, Any]) -> list[str]:
-    """Return in one line how the points of each sweep were timed, and what came next; none where it is not known."""
+    """Return the choice of sweep timing and its next best rival as one line; no line if unknown."""
     timing = run["odometry"].get("timing")
     if timing is None:
         return []

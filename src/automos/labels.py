@@ -1,4 +1,4 @@
-"""Label ids and what they mean (SemanticKITTI's numbers)."""
+"""The labels and their numbers (SemanticKITTI's)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,17 @@ import numpy.typing as npt
 
 
 class Label(IntEnum):
-    """What is written per point, in the lower 16 bits of a SemanticKITTI label."""
+    """Label of a point, with the number that SemanticKITTI uses in the lower 16 bits of its label files.
+
+    Attributes
+    ----------
+    UNLABELED : int
+        0: no measurement, on the ego body, or not known.
+    STATIC : int
+        9: does not move.
+    MOVING : int
+        251: moves, or moved at some time while it was observed (the default meaning).
+    """
 
     UNLABELED = 0
     STATIC = 9

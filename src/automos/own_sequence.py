@@ -1,4 +1,4 @@
-"""A caller's own sequence, of which what it gives is checked: what does not fit is told, not stumbled over later."""
+"""A sequence class of the caller's own, checked: InputError for a value that does not fit, when it is read."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The same function over many scans, on all cores, results in order.
+"""Calls one function for many scans on all cores, with results in order.
 
-Worker processes where a library holds the interpreter's lock (HDBSCAN); joblib's loky starts them, because it does not
-import the caller's script again (a user's script needs no `if __name__ == "__main__"`). Threads where our own kernels
-release it. Order and results do not depend on how many there are.
+Processes are used where a library holds the interpreter's lock (HDBSCAN). They are joblib's loky processes, which do
+not import the caller's script again, so a script needs no `if __name__ == "__main__"`. Threads are used where our own
+kernels release the lock. Order and results do not depend on the number of workers.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def checked_workers(workers: object, what: str = "workers") -> int:
 
     Raises
     ------
-    InputError : `workers` is no number of them.
+    InputError : `workers` is not a number of them.
     """
     if not isinstance(workers, Integral) or not 0 <= int(workers) <= MOST_WORKERS:
         raise InputError(

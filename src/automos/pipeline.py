@@ -13,8 +13,7 @@ recording with the same settings, is not run again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
 from functools import cached_property, partial
 
 import numpy as np
@@ -31,6 +30,7 @@ from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.parallel import checked_workers
 from automos.recording_warnings import recording_warnings
+from automos.result import Result
 from automos.run import Progress, Run, Tick
 from automos.scan import Pose, Sequence
 from automos.settings import Settings, given_settings
@@ -38,8 +38,6 @@ from automos.stages.candidates import add_network_cue, find_candidates
 from automos.stages.instances import find_segments
 from automos.stages.labels import label_scans
 from automos.stages.tracking import Scans, TrackedObjects, follow_and_judge
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
 from automos.workspace import Arrays, Stage, Workspace, fingerprint
 
 
@@ -56,32 +54,52 @@ def label(
 
     Parameters
     ----------
-    recording : `automos.open_sequence(path)`, or a list of arrays as `automos.ArraySequence` takes them, which also
-        takes the scans' times.
-    settings : `automos.load_settings("paper")` and the like; the default preset where not given.
-    poses : (N, 4, 4) T_world_sensor; estimated from the scans where not given.
-    workspace : where results are kept and found again; in memory where not given.
-    workers : processes; 0 takes one per core. The labels do not depend on it.
-    progress : called as `progress(stage, done, total)` after every scan of every stage; `print` will do.
+    recording : Sequence or list of (M, 3) or (M, 4) float arrays
+        A recording from `automos.open_sequence`, or one array per scan: x, y, z in metres in the sensor frame, and
+        optionally the intensity. Use `automos.ArraySequence` to give the times of the scans, too.
+    settings : Settings, optional
+        Result of `automos.load_settings`. The default preset if not given.
+    poses : (N, 4, 4) float64, optional
+        T_world_sensor of each of the N scans, in metres. Estimated from the scans if not given.
+    workspace : Workspace, optional
+        Where the results of each stage are stored and looked up. In memory if not given.
+    workers : int, default 0
+        Number of processes; 0 uses one per core. The labels do not depend on it.
+    progress : callable, optional
+        Called as `progress(stage, done, total)` after each scan of each stage, for example `print`.
+
+    Returns
+    -------
+    Result
+        Label, confidence and track number of each point; trajectory, tracks and verdicts.
 
     Raises
     ------
-    InputError : the recording or the poses cannot be used; the message says why and what to do.
+    InputError
+        The recording or the poses cannot be used. The message says why, and what to do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import automos
+    >>> noise = np.random.default_rng(0)
+    >>> room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (2000, 3))
+    >>> scans = [room + noise.normal(0.0, 0.01, room.shape) for _ in range(10)]
+    >>> result = automos.label(scans, workers=1)
+    >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
+    0
     """
     if workspace is None:
         workspace = Workspace()
     require_kind(workspace, Workspace, "workspace", "automos.Workspace(folder)")
-    settings = given_settings(settings)
     if progress is not None:
         require_kind(progress, Callable, "progress", "a function of stage, done and total, as print")
-    steps = Steps(as_sequence(recording), settings, poses, workspace, workers, progress)
+    steps = Steps(as_sequence(recording), given_settings(settings), poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
-    objects, run = steps.objects, steps.run
-    warnings = [*recording_warnings(steps.sequence), *steps.trajectory.diagnostics.get("warnings", [])]
-    return Result(
-        steps.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels, warnings
-    )
+    path, found, run = steps.trajectory, steps.objects, steps.run
+    warnings = [*recording_warnings(steps.sequence), *path.diagnostics.get("warnings", [])]
+    return Result(path, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels, warnings)
 
 
 class Steps:
@@ -167,51 +185,3 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
             key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key
     return keys
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What labelling a recording gives.
-
-    Attributes
-    ----------
-    trajectory, tracks, verdicts : what the stages found; `verdicts` has one row per track.
-    names : one per scan.
-    seconds : wall time of each stage, 0 where its results were there already.
-    keys : fingerprint of each stage.
-    warnings : what to know before trusting the labels, in sentences: of the recording, then of the poses.
-    """
-
-    trajectory: Trajectory
-    tracks: Tracks
-    verdicts: Verdicts
-    names: list[str]
-    seconds: Mapping[str, float]
-    keys: Mapping[str, str]
-    stage: Stage = field(repr=False)
-    warnings: list[str] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __repr__(self) -> str:
-        n_moving = int((self.verdicts.verdict == Verdict.MOVING).sum())
-        n = len(self.warnings)
-        warned = f"; {n} warning{'s' * (n > 1)}: .warnings" if n else ""
-        return f"<Result: {len(self)} scans, {n_moving} of {len(self.verdicts.verdict)} objects move{warned}>"
-
-    def labels(self, index: int) -> npt.NDArray[np.uint8]:
-        """Return (N,) uint8 of `Label`, one per point of scan `index`, in the scan's order."""
-        return self.stage.load(self.names[index])["label"]
-
-    def track_ids(self, index: int) -> npt.NDArray[np.int32]:
-        """Return (N,) int32: the moving track each point of scan `index` belongs to, -1 for none."""
-        return self.stage.load(self.names[index])["track"]
-
-    def n_body(self, index: int) -> int:
-        """Return how many points of scan `index` are of what rides along with the sensor; their label is 0."""
-        return int(self.stage.load(self.names[index], "n_body")["n_body"])
-
-    def confidence(self, index: int) -> npt.NDArray[np.float32]:
-        """Return (N,) float32 in [0, 1]: how sure each point's label is, 0 for points that were not looked at."""
-        return self.stage.load(self.names[index])["confidence"].astype(np.float32) / np.float32(255.0)

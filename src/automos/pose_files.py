@@ -1,8 +1,8 @@
-"""Poses as text: KITTI (12 or 16 numbers a line) and TUM (8 numbers a line), read and written.
+"""Read pose files: KITTI (12 or 16 numbers per line) and TUM (8 numbers per line).
 
-Readers give what every stage takes: `T_world_sensor` with the world in the first scan's sensor frame. Poses of another
-body (KITTI's are the left camera's) are carried over to the sensor with the calibration between the two. A file that
-cannot be paired with the scans beyond doubt is an error: poses shifted by one scan look almost right and ruin labels.
+The result is `T_world_sensor`, with the world in the first scan's sensor frame. Poses of another body (KITTI's are the
+left camera's) are transformed to the sensor with the calibration between the two. A file that cannot be matched with
+the scans without doubt is an error: poses shifted by one scan look almost right and ruin labels.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_text
 from automos.errors import InputError
 from automos.geometry import FARTHEST, inverse
 from automos.reading import read_text
@@ -35,24 +34,31 @@ def read_poses(
     T_camera_sensor: npt.ArrayLike | None = None,
     names: Sequence[str] | None = None,
 ) -> Pose:
-    """Return the poses of `n_scans` scans from a KITTI or TUM file; the number of columns tells which it is.
+    """Return the poses of `n_scans` scans from a KITTI or TUM file, distinguished by their number of columns.
 
     Parameters
     ----------
-    path : text file, one pose a line; blank lines and lines starting with # are skipped.
-    n_scans : number of scans the poses belong to.
-    stamps : (n_scans,) seconds, increasing. TUM poses are interpolated at them where the two clocks agree.
-    T_camera_sensor : (4, 4), where the file holds the poses of another body (KITTI: the left camera).
-    names : one per scan. In a KITTI file of more lines than scans (part of a drive), numbers as names pick the lines.
+    path : str or Path
+        Text file with one pose per line. Blank lines and lines that start with # are skipped.
+    n_scans : int
+        Number of scans that the poses belong to.
+    stamps : (n_scans,) float64, optional
+        Increasing times of the scans in seconds. TUM poses are interpolated at these if the two clocks agree.
+    T_camera_sensor : (4, 4) float64, optional
+        Pose of the sensor in the frame of the body whose poses the file holds (KITTI: the left camera).
+    names : sequence of str, optional
+        Name of each scan. In a KITTI file with more lines than scans (part of a drive), names that are numbers select
+        the lines.
 
     Returns
     -------
-    (n_scans, 4, 4) float64 T_world_sensor, metres; the first is the identity.
+    (n_scans, 4, 4) float64
+        T_world_sensor in metres; the first is the identity.
 
     Raises
     ------
     InputError
-        A file that is absent or no pose file, a pose that is no rigid transform, fewer or more poses than scans.
+        The file is missing or not a pose file, a pose is not a rigid transform, or there are too few or too many.
     """
     path = Path(path)
     rows, line_numbers = _read_numbers(path)
@@ -129,7 +135,7 @@ def _from_matrices(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.i
     T = np.tile(np.eye(4), (len(rows), 1, 1))
     T.reshape(len(rows), 16)[:, : rows.shape[1]] = rows
     R = T[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):  # told below
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
         skewness = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
         last_row = np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1)
         is_like_one = (skewness <= MAX_SKEW) & (np.linalg.det(R) > 0) & (last_row <= MAX_SKEW)
@@ -242,31 +248,3 @@ def interpolate_poses(pose_times: npt.NDArray[np.float64], T: Pose, times: npt.N
     out[:, :3, :3] = Slerp(pose_times, Rotation.from_matrix(T[:, :3, :3]))(times).as_matrix()
     out[:, :3, 3] = np.column_stack([np.interp(times, pose_times, T[:, axis, 3]) for axis in range(3)])
     return out
-
-
-# ------------------------------------------------------------------------------------------------------- writing
-def write_kitti(path: str | Path, poses: npt.ArrayLike, T_camera_sensor: npt.ArrayLike | None = None) -> None:
-    """Write `poses` (N, 4, 4) T_world_sensor as KITTI's 12 numbers a line, atomically.
-
-    With `T_camera_sensor` (4, 4) the camera's poses are written, as KITTI does.
-    """
-    T = np.asarray(poses, np.float64)
-    if T_camera_sensor is not None:
-        T = np.asarray(T_camera_sensor, np.float64) @ T @ inverse(T_camera_sensor)
-    lines = (" ".join(f"{value:.12e}" for value in row) for row in T[:, :3].reshape(-1, 12))
-    write_text(Path(path), "".join(line + "\n" for line in lines))
-
-
-def write_tum(path: str | Path, poses: npt.ArrayLike, stamps: npt.ArrayLike) -> None:
-    """Write `poses` (N, 4, 4) and `stamps` (N,) seconds as TUM's `time x y z qx qy qz qw` a line, atomically."""
-    from scipy.spatial.transform import Rotation
-
-    T, times = np.asarray(poses, np.float64), np.asarray(stamps, np.float64)
-    if times.shape != (len(T),):
-        raise ValueError(f"stamps must be ({len(T)},), got shape {times.shape}")
-    quaternions = Rotation.from_matrix(T[:, :3, :3]).as_quat(canonical=True) if len(T) else np.zeros((0, 4))
-    lines = (
-        f"{time:.9f} " + " ".join(f"{value:.12g}" for value in (*translation, *quaternion))
-        for time, translation, quaternion in zip(times, T[:, :3, 3], quaternions, strict=True)
-    )
-    write_text(Path(path), "".join(line + "\n" for line in lines))

@@ -1,4 +1,4 @@
-"""How far each stage is: a bar with rate and time left, or lines where nobody looks at a terminal."""
+"""Progress of each stage: a bar with rate and remaining time, or lines if the output is not a terminal."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""Files that came from anywhere: only regular ones are read, none beyond its size, and damage is told in a sentence.
+"""Reads files from any source: regular files only, with a size limit, and damage reported in a sentence.
 
-A pipe or a device of a file's name would be waited for without end. What a parser stumbles over (a number that is
-none, a table without its column, nesting without end, a count that no memory holds) is the file's fault, and is said
-of the file.
+A pipe or a device would block without end. Whatever makes a parser fail (a malformed number, a missing column, endless
+nesting, a count beyond all memory) is reported as a fault of the file.
 """
 
 from __future__ import annotations
@@ -163,7 +162,7 @@ def parse_url(text: str) -> SplitResult:
     try:
         return urlsplit(text)
     except ValueError as error:
-        raise InputError(f"{text.rpartition('@')[2]} is no address ({error}): write scheme://host/path") from None
+        raise InputError(f"{text.rpartition('@')[2]} is not an address ({error}): write scheme://host/path") from None
 
 
 def read_array(path: Path) -> npt.NDArray[Any]:
@@ -193,7 +192,7 @@ def parsed_again(read: Callable[[], T]) -> T:
 
 
 def _require_whole(path: Path) -> None:
-    """Raise ValueError where the file is no array, or does not hold what its header promises."""
+    """Raise ValueError where the file is not an array, or does not hold what its header promises."""
     with path.open("rb") as file:
         version = np.lib.format.read_magic(file)
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

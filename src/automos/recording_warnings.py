@@ -1,4 +1,4 @@
-"""What is irregular about a recording, in sentences: its clock, scans missing, doubled or too few, poses of another."""
+"""Irregularities of a recording, in sentences: its clock, missing, duplicate or too few scans, foreign poses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from automos.scan import Sequence
 GAP = 1.5
 """Times the usual step of the clock from which scans are missing."""
 NEAREST, FARTHEST = 0.15, 10.0
-"""Seconds between a scan and those that can tell what moved: the spans of the evidence, with their tolerance."""
+"""Seconds between a scan and those that can show what moved: the spans of the evidence, with their tolerance."""
 ENOUGH = 8
 """Such scans that it takes: with fewer, what drives and rides past in the open is not found reliably."""
 USUAL_PERIOD = 0.1
@@ -30,7 +30,7 @@ def recording_warnings(sequence: Sequence) -> list[str]:
 
 
 def _few(sequence: Sequence) -> list[str]:
-    """Where hardly another scan can be asked about a scan, nothing moving is no finding."""
+    """Where hardly another scan can be asked about a scan, nothing moving is not a finding."""
     n = len(sequence)
     stamps = USUAL_PERIOD * np.arange(n) if sequence.stamps is None else sequence.stamps
     apart = np.abs(stamps[:, None] - stamps[None])[np.unique(np.linspace(0, n - 1, min(n, 50)).astype(int))]

@@ -1,4 +1,4 @@
-"""Keeping the books of one run: which stage's results are there, which are missing, what each stage cost."""
+"""The stages of one run: which results exist, which are missing, and how long each stage took."""
 
 from __future__ import annotations
 

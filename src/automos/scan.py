@@ -1,7 +1,7 @@
-"""Scans and sequences of scans: what every reader gives and every stage takes.
+"""Scans and sequences of scans: what every reader returns and every stage takes.
 
-The number and order of a scan's points are the user's and never change. Stages that cannot use some points (NaN, zero
-range) work on a :class:`Frame`, which says for each of its points which point of the scan it is.
+The number and order of the points of a scan never change. Stages that cannot use some points (NaN, zero range) work on
+a :class:`Frame`, which stores the row of each of its points in the scan.
 """
 
 from __future__ import annotations
@@ -10,18 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, SupportsFloat
+from typing import SupportsFloat
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.arrays import hold_array
+from automos.arrays import Mask, Points, Pose, hold_array
 from automos.errors import InputError
-from automos.geometry import adjoint, inverse, is_rigid, transform
+from automos.frames import Frame as Frame
+from automos.frames import Frames as Frames
+from automos.geometry import is_rigid
 
-Points = npt.NDArray[np.float32]
-Pose = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
 
@@ -32,23 +31,43 @@ MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
 
 LATEST = 1e11
-"""Seconds: three thousand years. Larger numbers count milliseconds or less, and are no times."""
+"""Seconds: three thousand years. Larger numbers count milliseconds or less, and are not times."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """One sweep of the sensor, in the sensor frame, in the user's order; InputError tells a column that is none.
+    """One sweep of the sensor, in the sensor frame, in the user's order of points.
 
     Attributes
     ----------
-    points : (N, 3) float32, metres, sensor frame. NaN, infinite and zero-range rows are allowed.
-    intensity : (N,) float32 or None.
-    time : (N,) float32 or None, seconds after the sweep's first point.
-    ring : (N,) uint16 or None, beam number.
-    stamp : seconds, or None where the recording has no clock.
-    name : stem of the file it came from; outputs for this scan carry the same name.
-    sensor : (N,) uint8 or None, which of several merged LiDARs measured each point.
-    T_scan_sensor : (K, 4, 4) float64, where each of them sits in the frame of `points`; None: rays start at its origin.
+    points : (N, 3) float32
+        Metres, sensor frame. NaN, infinite and zero-range rows are allowed.
+    intensity : (N,) float32, optional
+        Reflectance, in the unit of the recording.
+    time : (N,) float32, optional
+        Seconds after the first point of the sweep.
+    ring : (N,) uint16, optional
+        Beam number.
+    stamp : float, optional
+        Seconds; None if the recording has no clock.
+    name : str
+        Stem of the file it came from; results of this scan have the same name.
+    sensor : (N,) uint8, optional
+        Which of several merged LiDARs measured each point.
+    T_scan_sensor : (K, 4, 4) float64, optional
+        Pose of each of these LiDARs in the frame of `points`. If not given, rays start at the origin.
+
+    Raises
+    ------
+    InputError
+        An array has the wrong shape or type, or only one of `sensor` and `T_scan_sensor` is given.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import automos
+    >>> automos.Scan(np.zeros((100, 3)), intensity=np.ones(100), stamp=0.1, name="000001")
+    <Scan '000001': 100 points, x y z intensity>
     """
 
     points: Points
@@ -95,9 +114,16 @@ class Scan:
 
 
 class Sequence:
-    """Scans in time order. Readers derive from it and fill in what their format has.
+    """Scans in time order. Readers derive from it and override what their format provides.
 
-    A sequence must be cheap to create and to pickle: it holds paths, not points (`ArraySequence` excepted).
+    A sequence must be cheap to create and to pickle: it holds paths, not points (except `ArraySequence`).
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    source : Path, optional
+        Where it was read from.
     """
 
     name: str = "sequence"
@@ -128,12 +154,12 @@ class Sequence:
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds, strictly increasing, or None where the recording has no clock."""
+        """(len,) seconds, strictly increasing, or None if the recording has no clock."""
         return None
 
     @property
     def is_compensated(self) -> bool | None:
-        """Whether the sensor's motion during the sweep was already taken out; None where the format does not say."""
+        """Whether scans are already motion-compensated; None if the format does not say."""
         return None
 
     @property
@@ -143,12 +169,12 @@ class Sequence:
 
     @property
     def repeats(self) -> Mask | None:
-        """(len,) bool: scans whose points are, one by one, those of the scan before; None where nobody looked."""
+        """(len,) bool: scans that are identical to the one before; None if this was not checked."""
         return None
 
     @property
     def warnings(self) -> list[str]:
-        """What the reader found to be wrong with the recording and what it made of that, in sentences."""
+        """What is wrong with the recording and how the reader handled it, in sentences."""
         return []
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
@@ -156,9 +182,17 @@ class Sequence:
         return None
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
-        """Return (N, 3) metres that each point of scan `index` itself moves until the next scan, in the sensor frame.
+        """Return the true motion of each point of scan `index` until the next scan, or None.
 
-        The sensor's own motion is not in it: 0 for what stands, NaN where nobody knows. None without such truth.
+        Parameters
+        ----------
+        index : int
+            Number of the scan, from 0.
+
+        Returns
+        -------
+        (N, 3) float32 or None
+            Metres, sensor frame, without the sensor's own motion: 0 for static points, NaN where it is unknown.
         """
         return None
 
@@ -168,84 +202,5 @@ class Sequence:
         return None
 
     def fingerprint(self) -> str:
-        """Return a text that changes when the recording does; cheap (names, sizes, times, not contents)."""
+        """Return a string that changes when the recording does; cheap (names, sizes and times, not contents)."""
         return f"{type(self).__name__}:{self.name}:{len(self)}"
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """The valid points of one scan, motion-compensated to its reference time (mid-sweep), with their pose.
-
-    The *level* frame is the world frame turned so that z points up and the ground under the first scan is at z = 0:
-    heights, upright boxes and ground live there, so a tilted or upside-down sensor needs no special case.
-
-    Attributes
-    ----------
-    points : (M, 3) float32, metres, sensor frame at the reference time.
-    kept : (M,) int64, index of each point in the user's scan.
-    n_points : N, number of points in the user's scan.
-    T_level_sensor : (4, 4) float64.
-    stamp : seconds.
-    sweep_time : (M,) float32 in [-0.5, 0.5], when in the sweep each point was measured; None where unknown.
-    sweep_motion : (6,) float64, se(3) motion of the sensor over one sweep, expressed in the sensor frame.
-    sensor, T_scan_sensor : (M,) uint8 and (K, 4, 4) float64, as a `Scan` has them: which of several merged LiDARs
-        measured each point, and where that sits; None where all rays start at the origin.
-    """
-
-    points: Points
-    kept: npt.NDArray[np.int64]
-    n_points: int
-    T_level_sensor: Pose
-    stamp: float
-    sweep_time: npt.NDArray[np.float32] | None = None
-    sweep_motion: npt.NDArray[np.float64] | None = None
-    sensor: npt.NDArray[np.uint8] | None = None
-    T_scan_sensor: Pose | None = None
-
-    def of_sensor(self, k: int) -> tuple[npt.NDArray[np.int64] | slice, Frame]:
-        """Return the rows of the points that LiDAR `k` measured, and the frame of these alone, in its coordinates."""
-        if self.sensor is None or self.T_scan_sensor is None:
-            return slice(None), self
-        rows = np.flatnonzero(self.sensor == k)
-        T_sensor_scan = inverse(self.T_scan_sensor[k])
-        return rows, Frame(
-            points=transform(T_sensor_scan, np.take(self.points, rows, axis=0)),
-            kept=self.kept[rows],
-            n_points=self.n_points,
-            T_level_sensor=self.T_level_sensor @ self.T_scan_sensor[k],
-            stamp=self.stamp,
-            sweep_time=None if self.sweep_time is None else self.sweep_time[rows],
-            sweep_motion=None if self.sweep_motion is None else adjoint(T_sensor_scan) @ self.sweep_motion,
-        )
-
-    @cached_property
-    def points_level(self) -> Points:
-        """(M, 3) float32, metres, level frame."""
-        return transform(self.T_level_sensor, self.points)
-
-    @property
-    def origin_level(self) -> npt.NDArray[np.float64]:
-        """(3,) where the sensor was at the reference time, level frame."""
-        return self.T_level_sensor[:3, 3]
-
-    def scatter(self, values: npt.NDArray, fill: float | int = 0) -> npt.NDArray:
-        """Return (N, ...) `values` of this frame's points at their places in the user's scan, `fill` elsewhere."""
-        out = np.full((self.n_points, *values.shape[1:]), fill, values.dtype)
-        out[self.kept] = values
-        return out
-
-
-class Frames(Protocol):
-    """The frames of a recording: made when asked for, never all in memory."""
-
-    @property
-    def T_level_sensor(self) -> Pose:
-        """(N, 4, 4) float64, poses of all frames, known without reading any."""
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        """(N,) seconds, of all frames."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int) -> Frame: ...

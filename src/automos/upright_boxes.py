@@ -1,4 +1,4 @@
-"""Upright boxes, turned about the vertical: corners, overlap, and the points inside."""
+"""Upright boxes, rotated about the vertical: corners, overlap, and the points inside."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ class Boxes:
 
     Attributes
     ----------
-    center : (M, 3) float64, metres.
-    size : (M, 3) float64, metres: length (along the heading), width, height; all >= 0.
-    yaw : (M,) float64, radians about +z, of the length axis.
-    score : (M,) float64 in [0, 1].
+    center : (M, 3) float64
+        Metres.
+    size : (M, 3) float64
+        Metres: length (along the heading), width, height; all >= 0.
+    yaw : (M,) float64
+        Radians about +z, of the length axis.
+    score : (M,) float64
+        In [0, 1].
     """
 
     center: Array
@@ -48,11 +52,6 @@ class Boxes:
     def volume(self) -> Array:
         """(M,) cubic metres."""
         return self.size.prod(axis=1)
-
-    @property
-    def longest_side(self) -> Array:
-        """(M,) metres."""
-        return self.size.max(axis=1, initial=0.0)
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return the columns by name, for saving."""
@@ -92,7 +91,7 @@ class Boxes:
 
 
 def iou_3d(a: Boxes, b: Boxes) -> Array:
-    """Return the (len(a), len(b)) intersection over union of upright rotated boxes; 0 where a volume is 0."""
+    """Return the (len(a), len(b)) intersection over union of upright rotated boxes; 0 if a volume is 0."""
     out = np.zeros((len(a), len(b)))
     _iou_3d(a.corners(), a.center[:, 2], a.size, b.corners(), b.center[:, 2], b.size, a.center, b.center, out)
     return out

@@ -1,7 +1,7 @@
-"""Voxels of points: their names, hash tables of them, and a map that remembers the voxel of every point.
+"""Voxels of points: their keys, hash tables of them, and a map that stores the voxel of every point.
 
-That index is what carries a decision about a voxel back to the scans' points: users of map cleaners who searched the
-nearest map point instead lost points to quantisation (at 0.2 m a fifth of all points have no map point within 0.1 m).
+With this index a decision on a voxel applies to the points of the scans. Searching the nearest point of a cleaned map
+instead loses points to quantisation: at 0.2 m, a fifth of all points have no map point within 0.1 m.
 """
 
 from __future__ import annotations

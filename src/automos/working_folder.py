@@ -1,8 +1,8 @@
-"""The folder that the user stands in: recordings lie there, which may come from anywhere, so nothing in it is obeyed.
+"""Protection against files in the working folder, which may come from any source: none of them is executed.
 
-Python puts the working folder first where it looks for modules when it is started with `-m` or `-c`, as worker
-processes are; numba and Matplotlib read settings from it, numba's can name a folder of compiled code to load. Here is
-what keeps them from it.
+Python searches modules in the working folder first when it is started with `-m` or `-c`, as worker processes are. numba
+and Matplotlib read settings from it, and numba's can name a folder of compiled code to load. This module prevents all
+of that.
 """
 
 from __future__ import annotations

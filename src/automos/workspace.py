@@ -1,8 +1,8 @@
-"""A run's folder: what each stage found, kept so that a second run does only what is missing.
+"""The folder of a run: the results of each stage, kept so that a second run does only what is missing.
 
-A stage's results live under the fingerprint of everything that shaped them (recording, settings, version, the stages
-before), one file per scan, each written to the side and moved into place: what is there is whole, and what other
-settings made is never read. The same interface keeps results in memory for callers that want no files.
+The results of a stage are stored under a fingerprint of their inputs (recording, settings, version, earlier stages),
+one file per scan, written under a temporary name and then renamed. So existing files are complete, and results of other
+settings are never read. The same interface keeps results in memory for callers that want no files.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
 
 from automos.arguments import given_path
 from automos.atomic import atomic_path, remove_parts
 from automos.errors import InputError
 from automos.reading import DAMAGE, parsed_again, read_json, require_regular
+from automos.run_record import RunRecord
 
 Arrays = Mapping[str, npt.NDArray]
 PerScan = Iterable[tuple[int, Arrays]]
@@ -34,48 +34,6 @@ LONGEST_NAME = 230
 """Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a process's number, too."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(strict=True)
-
-
-class _Recording(_Strict):
-    name: str = ""
-    scans: int = 0
-    source: str | None = None
-    warnings: list[str] = []
-
-
-class _Told(_Strict):
-    warnings: list[str] = []
-    lost: list[str] = []
-
-
-class _Warning(_Strict):
-    kind: str = ""
-    sentence: str = ""
-    scan: str = ""
-    track: int = 0
-    segment: int = 0
-    points: int = 0
-    at: Annotated[list[float], Field(min_length=2, max_length=2)] = [0.0, 0.0]
-
-
-class _Run(_Strict):
-    """What run.json says, as far as it is read again; all of it may be absent."""
-
-    fingerprint: str = ""
-    recording: _Recording = _Recording()
-    points: dict[str, int] = {}
-    tracks: dict[str, int] = {}
-    seconds: dict[str, float] = {}
-    odometry: _Told = _Told()
-    stages: dict[str, Annotated[str, Field(pattern=r"^\w+$")]] = {}  # they are parts of folders' names
-    versions: dict[str, str] = {}
-    warnings: list[_Warning] = []
-    review: _Told = _Told()
-    quality: dict[str, Any] = {}
-
-
 def fingerprint(*parts: object) -> str:
     """Return 16 hexadecimal digits that change when any of `parts` (anything JSON can write, or str) does."""
     text = json.dumps(parts, sort_keys=True, default=str)
@@ -83,7 +41,7 @@ def fingerprint(*parts: object) -> str:
 
 
 def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
-    """Raise InputError where scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
+    """Raise InputError if scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
     if n_points != len(kind):
         raise InputError(
             f"scan {name} has {n_points} points of use and had {len(kind)} when it was labelled: label the recording "
@@ -105,10 +63,6 @@ class Stage:
     def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
         """Return the arrays saved under `name`: those named by `keys`, all where none is named."""
         raise NotImplementedError
-
-    def missing(self, names: list[str]) -> list[int]:
-        """Return the indices of `names` that were not saved yet."""
-        return [i for i, name in enumerate(names) if not self.has(name)]
 
 
 class _MemoryStage(Stage):
@@ -155,7 +109,7 @@ class _FolderStage(Stage):
 
 
 class _Found(dict[str, npt.NDArray]):
-    """The arrays in a file, which is told where one of them is not there."""
+    """The arrays in a file; an error that names the file if one is missing."""
 
     path: Path
 
@@ -165,7 +119,7 @@ class _Found(dict[str, npt.NDArray]):
 
 def _damage(path: Path, why: object) -> InputError:
     return InputError(
-        f"{path} is damaged ({why}): delete {path.parent} and run again what wrote it, which is automos label mostly"
+        f"{path} is damaged ({why}): delete {path.parent} and repeat the command that wrote it (usually automos label)"
     )
 
 
@@ -196,10 +150,31 @@ def _is_file_name(name: str) -> bool:
 
 
 class Workspace:
-    """Where a run keeps its results: in `root`, or in memory where there is none."""
+    """Storage for the results of a run: a folder, or memory.
+
+    Parameters
+    ----------
+    root : str or Path, optional
+        The results folder, created at the first write. Results are kept in memory if not given.
+
+    Raises
+    ------
+    InputError
+        `root` cannot be the name of a folder.
+
+    Examples
+    --------
+    With a workspace, a second call finds the results of the first and does only what is missing:
+
+    >>> import automos
+    >>> recording = automos.open_sequence("my_log")
+    >>> result = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> again = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> sum(again.seconds.values())
+    0.0
+    """
 
     def __init__(self, root: str | Path | None = None):
-        """Take the results folder; it is made when first written to."""
         self.root = None if root is None else given_path(root, "the folder of a Workspace")
         self._in_memory: dict[str, Stage] = {}
 
@@ -207,7 +182,7 @@ class Workspace:
         return f"<Workspace {'in memory' if self.root is None else self.root}>"
 
     def require_names(self, names: list[str], n_scans: int) -> None:
-        """Raise InputError where results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
+        """Raise InputError if results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
         are_texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
         if not are_texts or len(names) != n_scans:
             raise InputError(f"the names of {n_scans} scans are {names!r:.80}: give a list with a text for each scan")
@@ -244,7 +219,7 @@ class Workspace:
             return {}
         try:
             run: dict[str, Any] = read_json(self.root / RUN_FILE)
-            _Run.model_validate(run)
+            RunRecord.model_validate(run)
         except (ValueError, OSError):  # InputError and pydantic's errors are ValueErrors
             return {}  # the run is made again
         return run

@@ -19,7 +19,7 @@ from automos import __version__, cli, labeling
 from automos.cli import main
 from automos.cli.consoles import output
 from automos.labels import Label, to_mos
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings
 
 
@@ -105,7 +105,7 @@ def lose_the_poses(log, poses):
 
 
 def write_words(log, poses):
-    poses.write_text("these are no poses\n")
+    poses.write_text("these are not poses\n")
 
 
 def lose_the_log(log, poses):
@@ -167,7 +167,7 @@ def test_an_address_where_a_path_is_needed_is_told_and_no_folder_of_its_name_is_
         (["--set", "tracking.max_misses=few"], "setting tracking.max_misses = 'few' is not possible"),
         (["--set", "tracking.max_misses"], "--set tracking.max_misses has no value"),
         (["--set", "tracking.max_misses="], "setting tracking.max_misses = None is not possible"),
-        (["--set", "instances.hdbscan.epsilons=[1, 2"], "'[1, 2' is no value"),
+        (["--set", "instances.hdbscan.epsilons=[1, 2"], "'[1, 2' is not a value"),
         (["--preset", "papre"], "no preset 'papre': choose one of paper, default"),
         (["--settings", "mine.yaml"], "settings file mine.yaml could not be read"),
         (["--format", "kiti"], "unknown format 'kiti'; did you mean 'kitti'?"),
@@ -196,7 +196,7 @@ def test_a_bad_option_is_one_sentence_and_leaves_nothing(automos, log, poses, tm
 def test_an_address_that_is_none_is_told_without_what_may_be_secret_in_it(automos, log, words):
     ended = automos(*words.replace("LOG", str(log)).split())
     assert (ended.code, ended.err.count("error: ")) == (2, 1)
-    assert "is no address (Invalid IPv6 URL): write scheme://host/path" in ended.err
+    assert "is not an address (Invalid IPv6 URL): write scheme://host/path" in ended.err
     assert "secret" not in ended.err
 
 

@@ -125,7 +125,7 @@ def test_ctrl_c_ends_it_cleanly_with_a_summary(tmp_path):
     ("arguments", "said"),
     [
         (["udp://127.0.0.1:1", "--sensor", "livox"], "give --sensor velodyne or --sensor ouster, not livox"),
-        (["udp://nowhere"], "is no address"),
+        (["udp://nowhere"], "is not an address"),
         (["missing_log"], "missing_log"),
         (["udp://127.0.0.1:0", "--sensor", "velodyne", "--timeout", "0.2"], "no packets of a Velodyne came"),
     ],

@@ -11,7 +11,7 @@ from worlds import lane, write_bins
 
 from automos.cli import main
 from automos.labels import pack
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 
 HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()
 TINY = [
@@ -119,7 +119,7 @@ def test_a_recording_is_segmented_by_the_evidence_at_a_lag(automos, log):
         (("--method", "evidence", "--weights", "none.pt"), "--engine, --device and --threads are the network's"),
         (("--engine", "torch"), "--engine, --device and --threads are the network's"),
         (("--device", "gpu"), "--engine, --device and --threads are the network's"),
-        (("--method", "lmnet", "--lag", "1"), "the network labels every scan at once"),
+        (("--method", "lmnet", "--lag", "1"), "the network labels each scan immediately"),
         (("--lag=-1",), "lag must be 0 or more seconds"),
     ],
 )

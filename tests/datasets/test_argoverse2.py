@@ -147,7 +147,7 @@ def test_what_is_missing_or_damaged_is_told_with_the_file(tmp_path):
         ("city_SE3_egovehicle.feather", {"qw": None}, "has no column qw"),
         ("city_SE3_egovehicle.feather", {"timestamp_ns": ["x"]}, "timestamp_ns holds something else than numbers"),
         ("annotations.feather", {"length_m": [float("nan")]}, "has a box that is nowhere or has no size"),
-        ("annotations.feather", {"track_uuid": [["a", "b"]]}, "has names that are no text"),
+        ("annotations.feather", {"track_uuid": [["a", "b"]]}, "has names that are not text"),
         ("annotations.feather", {"length_m": [[1.0]]}, "length_m holds something else than numbers"),
     ],
 )

@@ -28,7 +28,7 @@ def test_points_move_with_the_boxes_beside_the_scans(folder):
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("center", [0.0, 0.0], "is no file of boxes"),
+        ("center", [0.0, 0.0], "is not a file of boxes"),
         ("center", [float("nan"), 0.0, 0.0], "has a box that is nowhere or has no size"),
         ("size", [-1.0, 2.0, 2.0], "has a box that is nowhere or has no size"),
         ("yaw", float("inf"), "has a box that is nowhere or has no size"),

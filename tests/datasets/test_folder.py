@@ -11,7 +11,7 @@ from automos.datasets import open_recordings, open_sequence
 from automos.datasets.folder import FolderSequence
 from automos.errors import InputError
 from automos.geometry import make_transform
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 
 T_CAMERA_SENSOR = make_transform([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.0, -0.1, -0.3])
 
@@ -215,7 +215,7 @@ def test_a_bin_file_that_does_not_fit_the_named_codec_is_told(kitti):
     ("text", "message"),
     [
         ("0\n0.1\n0.2\n", "holds 3 times for 4 scans"),
-        ("0\n0.1\nnan\n0.2\n", "line 3: the time is no number"),
+        ("0\n0.1\nnan\n0.2\n", "line 3: the time is not a number"),
         ("0\n0.1\nnoon\n0.2\n", "must hold one time in seconds a line"),
         ("0 0\n0.1 1\n0.2 2\n0.3 3\n", "must hold one time in seconds a line"),
     ],
@@ -409,5 +409,5 @@ def test_a_time_that_no_clock_shows_is_told_with_its_line(tmp_path, time):
     for i in range(3):
         np.ones((5, 4), np.float32).tofile(tmp_path / f"{i}.bin")
     (tmp_path / "times.txt").write_text(f"0.0\n{time}\n0.2\n")
-    with pytest.raises(InputError, match=r"times\.txt, line 2: the time is no number of seconds"):
+    with pytest.raises(InputError, match=r"times\.txt, line 2: the time is not a number of seconds"):
         open_sequence(tmp_path)

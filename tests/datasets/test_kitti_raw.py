@@ -109,7 +109,7 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(drive):
         open_sequence(drive).reference_poses  # noqa: B018
     path = drive / "tracklet_labels.xml"
     path.write_text(path.read_text()[:500])
-    with pytest.raises(InputError, match=r"tracklet_labels.xml is no whole file of tracklets"):
+    with pytest.raises(InputError, match=r"tracklet_labels.xml is not a complete file of tracklets"):
         open_sequence(drive).truth(0)
     path.unlink()
     assert open_sequence(drive).truth(0) is None
@@ -136,5 +136,5 @@ def test_a_drive_without_gps_has_no_poses_and_its_boxes_no_verdict(drive):
     (drive / "oxts" / "data").rmdir()
     sequence = open_sequence(drive)
     assert sequence.reference_poses is None
-    with pytest.raises(InputError, match="without poses nobody can tell which boxes move"):
+    with pytest.raises(InputError, match="without poses it is not known which boxes move"):
         sequence.truth(0)

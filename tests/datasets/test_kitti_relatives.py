@@ -7,7 +7,7 @@ from street_log import street_log
 
 from automos.datasets import open_recordings, open_sequence
 from automos.errors import InputError
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.recording_warnings import recording_warnings
 
 

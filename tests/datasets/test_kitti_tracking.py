@@ -89,7 +89,7 @@ def test_a_box_that_is_nowhere_is_told(folder, column, word):
     words = lines[1].split()
     words[column] = word
     path.write_text("\n".join([lines[0], " ".join(words), *lines[2:]]))
-    with pytest.raises(InputError, match=r"label_02/0000.txt (has a box that is nowhere|is no file of KITTI)"):
+    with pytest.raises(InputError, match=r"label_02/0000.txt (has a box that is nowhere|is not a file of KITTI)"):
         open_sequence(folder).truth(0)
 
 
@@ -108,10 +108,10 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(folder):
     split = folder.parent.parent
     path = split / "label_02" / "0000.txt"
     path.write_text("0 1 Car 0 0\n")
-    with pytest.raises(InputError, match=r"label_02/0000.txt is no file of KITTI's tracking labels"):
+    with pytest.raises(InputError, match=r"label_02/0000.txt is not a file of KITTI's tracking labels"):
         open_sequence(folder).truth(0)
     path.write_text(labels(street_log()).replace("\n", " "))
-    with pytest.raises(InputError, match=r"label_02/0000.txt is no file .*a line of another number of words"):
+    with pytest.raises(InputError, match=r"label_02/0000.txt is not a file .*a line of another number of words"):
         open_sequence(folder).truth(0)
     path = split / "oxts" / "0000.txt"
     path.write_text("\n".join(path.read_text().splitlines()[:5]))

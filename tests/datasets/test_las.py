@@ -91,5 +91,5 @@ def test_a_count_of_packed_points_that_is_not_that_of_their_chunks_is_told(tmp_p
     assert len(open_sequence(tmp_path / "log")[0]) == n_points
     for wrong in (0, n_points // 3, n_points + 50_000):
         path.write_bytes(whole[:247] + wrong.to_bytes(8, "little") + whole[255:])
-        with pytest.raises(InputError, match=f"its header tells of {wrong} points"):
+        with pytest.raises(InputError, match=f"its header announces {wrong} points"):
             open_sequence(tmp_path / "log")[0]

@@ -39,10 +39,13 @@ def test_a_column_may_say_which_lidar_a_point_is_from(tmp_path, write_points, co
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("- {name: b, T_scan_sensor: [[2,0,0,2],[0,2,0,0],[0,0,2,0],[0,0,0,1]]}", "mount of b is no rigid transform"),
-        ("- {name: b, T_scan_sensor: [[1,0,0],[0,1,0],[0,0,1]]}", "mount of b is no rigid transform"),
-        ("- {name: b, rotation: [0, 0, 0, 0.5]}", "mount of b is no rigid transform: its quaternion has length 0.5"),
-        ("- {name: b, rotation: [.nan, 0, 0, 1]}", "mount of b is no rigid transform"),
+        (
+            "- {name: b, T_scan_sensor: [[2,0,0,2],[0,2,0,0],[0,0,2,0],[0,0,0,1]]}",
+            "mount of b is not a rigid transform",
+        ),
+        ("- {name: b, T_scan_sensor: [[1,0,0],[0,1,0],[0,0,1]]}", "mount of b is not a rigid transform"),
+        ("- {name: b, rotation: [0, 0, 0, 0.5]}", "mount of b is not a rigid transform: its quaternion has norm 0.5"),
+        ("- {name: b, rotation: [.nan, 0, 0, 1]}", "mount of b is not a rigid transform"),
         ("- {name: b, translation: here}", "b needs a translation of 3 numbers"),
         ("- {name: b, place: [0, 0, 0]}", "b has 'place', but a mount has"),
         ("- {name: b, rings: 5}", "the rings of b must be its first and last"),

@@ -243,7 +243,7 @@ def test_whose_packets_a_capture_holds_is_told_by_them_not_by_its_name(tmp_path)
     assert find(other) == []
     with pytest.raises(InputError, match=r"b.pcap has no metadata b.json beside it, .* no packets of a Velodyne"):
         open_sequence(other)
-    with pytest.raises(InputError, match=r"b.pcap is no recording of format 'velodyne' \(Velodyne packets: a .pcap"):
+    with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'velodyne' \(Velodyne packets: a .pcap"):
         open_sequence(other, "velodyne")
     with pytest.raises(InputError, match=r"b.pcap holds no packets of a Velodyne; give another file"):
         VelodyneSequence(other)
@@ -260,7 +260,7 @@ def test_a_capture_that_is_cut_short_is_told(tmp_path):
             InputError, match=r"drive.pcap ends within a packet .* editcap -F pcap drive.pcap whole.pcap"
         ):
             open_sequence(path)
-    path.write_bytes(whole[: -(len(whole) - 24) // 20])  # a whole packet less is no damage
+    path.write_bytes(whole[: -(len(whole) - 24) // 20])  # a whole packet less is not damage
     assert len(open_sequence(path)) == 1
 
 
@@ -280,7 +280,7 @@ def test_a_capture_of_another_kind_is_told(tmp_path):
     with pytest.raises(InputError, match=r"drive.pcap is a pcapng file; make it a classic one: editcap -F pcap"):
         VelodyneSequence(path)
     path.write_bytes(b"no packets at all, but text")
-    with pytest.raises(InputError, match=r"drive.pcap is no capture of packets"):
+    with pytest.raises(InputError, match=r"drive.pcap is not a capture of packets"):
         VelodyneSequence(path)
     write_pcap(path, [], link=105)
     with pytest.raises(InputError, match=r"drive.pcap was captured on a link of type 105, which is not read"):

@@ -11,7 +11,7 @@ def test_each_moving_object_has_its_own_recall():
     truth = np.repeat([label(1, 252), label(2, 254), label(3, 10), label(0, 251)], [4, 2, 5, 3])
     prediction = np.array([251, 251, 251, 9] + [0, 251] + [251] * 8)
     objects = count_objects(prediction, truth)
-    # the parked car (10) and the moving points without instance are no moving objects
+    # the parked car (10) and the moving points without instance are not moving objects
     np.testing.assert_array_equal(objects.instance, [1, 2])
     np.testing.assert_array_equal(objects.n_points, [4, 2])
     np.testing.assert_array_equal(objects.recall, [0.75, 0.5])

@@ -249,7 +249,7 @@ def test_the_command_counts_what_changed_and_leaves_the_run_as_it_is(run, scene,
     ("change", "message"),
     [
         ({"obj_type": "Car"}, r"has a box of class 'Car'; classes are unknown, static, moving"),
-        ({"psr": {"position": {"x": 1}}}, r"is no label file of SUSTechPOINTS"),
+        ({"psr": {"position": {"x": 1}}}, r"is not a label file of SUSTechPOINTS"),
     ],
 )
 def test_boxes_that_cannot_be_used_are_told_with_their_file(run, root, tmp_path, change, message):

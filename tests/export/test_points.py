@@ -163,7 +163,7 @@ def test_what_the_benchmark_does_not_take_is_refused(run, tmp_path):
     with pytest.raises(InputError, match="street has a scan named 'b'"):
         export(other, "semantickitti", tmp_path / "a.zip")
     (tmp_path / "b.zip").write_text("no zip")
-    with pytest.raises(InputError, match=r"b.zip is no zip"):
+    with pytest.raises(InputError, match=r"b.zip is not a zip file"):
         export(run, "semantickitti", tmp_path / "b.zip")
     assert not (tmp_path / "a.zip").exists()
 

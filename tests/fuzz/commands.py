@@ -19,7 +19,7 @@ from worlds import lane, write_bins
 
 from automos.datasets import open_recordings, open_sequence
 from automos.export import EXPORTS
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.results.open_run import open_run
 from automos.settings import load_settings
 

@@ -81,7 +81,8 @@ def _hidden_states(points: np.ndarray) -> None:
 
 
 def _network(points: np.ndarray) -> None:
-    for grid in (projection.even_grid(16, 64, 3.0, -25.0), projection.ImageGrid(16, 64, np.resize(points, 4097))):
+    beams = projection.beam_grid(16, 64, np.linspace(0.0, 16.0, projection.SINE_BINS + 1), 16)
+    for grid in (beams, projection.ImageGrid(16, 64, np.resize(points, 4097))):
         pixels, ranges = projection.project(points, grid)
         index = projection.nearest_points(pixels, ranges, grid.size)
         now = np.resize(points[:, 0], (16, 64))

@@ -11,7 +11,7 @@ from worlds import World, write_bins
 from automos.labels import pack
 from automos.network.deployed import Deployed
 from automos.network.images import BASE_CHANNELS
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.settings import ImageSettings, Settings, load_settings
 
 IMAGE = {"network.image.height": 16, "network.image.width": 128, "network.image.residuals": 3}

@@ -52,7 +52,7 @@ def test_every_point_gets_a_label_in_its_order_and_none_gets_zero():
 def test_riders_are_found_by_their_residuals_while_the_sensor_moves():
     world = street(12)
     found = labels_of(world.sequence, is_compensated=True)
-    # a threshold on coarse residuals is no network: far better than chance is all that is asked
+    # a threshold on coarse residuals is not a network: far better than chance is all that is asked
     assert iou_of_moving(found[4:], world.truth[4:]) > 0.4
     assert np.mean(np.concatenate(world.truth) == Label.MOVING) < 0.1
 

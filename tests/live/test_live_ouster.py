@@ -10,7 +10,7 @@ from automos.live.ouster import OusterAssembler
 def test_metadata_that_is_none_is_told(tmp_path):
     path = tmp_path / "sensor.json"
     path.write_text("{}")
-    with pytest.raises(AutomosError, match=r"is no metadata of an Ouster|is not installed; run"):
+    with pytest.raises(AutomosError, match=r"is not metadata of an Ouster|is not installed; run"):
         OusterAssembler(path)
 
 
@@ -58,5 +58,5 @@ def test_packets_of_another_sensor_are_counted(tmp_path):
     for packet in wrong_sensor(core, info):
         scans, n_foreign = assembler.add([packet], [1.6e9])
         assert (scans, n_foreign) == ([], 1)
-    with pytest.raises(InputError, match="is no metadata of an Ouster"):
+    with pytest.raises(InputError, match="is not metadata of an Ouster"):
         OusterAssembler(tmp_path / "drive.pcap")

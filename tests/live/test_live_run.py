@@ -149,7 +149,7 @@ def test_an_address_without_a_host_is_this_machine():
 
 @pytest.mark.parametrize("text", ["udp://127.0.0.1", "tcp://127.0.0.1:80", "udp://127.0.0.1:99999", "udp://a:1/b"])
 def test_what_is_no_address_is_told(text):
-    with pytest.raises(InputError, match=r"is no address: write udp://127.0.0.1:2368"):
+    with pytest.raises(InputError, match=r"is not an address: write udp://127.0.0.1:2368"):
         parse_address(text)
 
 

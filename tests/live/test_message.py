@@ -62,12 +62,12 @@ def test_labels_that_do_not_fit_into_a_datagram_are_left_out():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: b"", "are no message"),
-        (lambda d: b"XXXX" + d[4:], "are no message"),
+        (lambda d: b"", "are not a message"),
+        (lambda d: b"XXXX" + d[4:], "are not a message"),
         (lambda d: d[:4] + b"\x02\x00" + d[6:], "of version 2, 1 is read"),
         (lambda d: d[:-1], "bytes, .* of which came"),
         (lambda d: d[:-8] + b"\xff" * 8, "damaged|holds the labels of"),
-        (lambda d: d[:12] + struct.pack("<I", 5) + d[16:], "tells of 5 points, but holds"),
+        (lambda d: d[:12] + struct.pack("<I", 5) + d[16:], "announces 5 points, but holds"),
     ],
 )
 def test_what_is_no_message_is_told(change, said):

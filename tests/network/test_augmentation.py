@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from grids import even_grid
 
 from automos.geometry import make_transform, transform
 from automos.network.augmentation import Change, apply_change, draw_change
 from automos.network.images import SensorView, Window, make_image
-from automos.network.projection import even_grid, project
+from automos.network.projection import project
 
 VIEW = SensorView(even_grid(16, 64, 10, -10), 1.0)
 

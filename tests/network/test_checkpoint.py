@@ -43,10 +43,10 @@ def test_a_file_that_is_none_is_told(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         load_checkpoint(tmp_path / "none.pt")
     (tmp_path / "text.pt").write_text("weights")
-    with pytest.raises(InputError, match="is no checkpoint of automos train"):
+    with pytest.raises(InputError, match="is not a checkpoint of automos train"):
         load_checkpoint(tmp_path / "text.pt")
     torch.save({"state_dict": {}}, tmp_path / "other.pt")
-    with pytest.raises(InputError, match="is no checkpoint of automos train"):
+    with pytest.raises(InputError, match="is not a checkpoint of automos train"):
         load_checkpoint(tmp_path / "other.pt")
 
 

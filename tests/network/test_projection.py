@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from grids import even_grid
 
-from automos.network.projection import SINE_BINS, ImageGrid, beam_grid, even_grid, nearest_points, project
+from automos.network.projection import SINE_BINS, ImageGrid, beam_grid, nearest_points, project
 from automos.simulation import SENSORS
 from automos.simulation.sensing.sensors import SENSORS as PATTERNS
 

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from grids import even_grid
 
 from automos.geometry import inverse, make_transform, transform
-from automos.network.projection import even_grid, nearest_points, project
+from automos.network.projection import nearest_points, project
 from automos.network.residuals import pick_past, residual_images
 
 GRID = even_grid(16, 64, 10, -10)

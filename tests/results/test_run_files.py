@@ -27,7 +27,7 @@ def test_labels_and_instances_are_those_of_the_run(run):
 
 def test_instances_are_read_from_the_labels_where_they_are(run):
     (run.folder / "stages").rename(run.folder / "gone")
-    with pytest.raises(InputError, match=r"does not tell which object .* --set output.track_ids=true"):
+    with pytest.raises(InputError, match=r"does not say which object .* --set output.track_ids=true"):
         run.instances(0, 6)
     packed = np.array([9, 251 | 7 << 16, 251 | 7 << 16, 0, 9, 251], np.uint32)
     packed.tofile(run.folder / "predictions" / "000000.label")
@@ -107,7 +107,7 @@ def test_points_are_as_seen_from_the_pose_and_keep_their_order(tmp_path, caplog)
     ("where", "value", "said"),
     [
         (["T_world_level"], [[1.0, 0.0]], "t_world_level"),
-        (["T_world_level", 0, 0], 7.0, "no rigid transform"),
+        (["T_world_level", 0, 0], 7.0, "not a rigid transform"),
         (["tracks"], {}, "tracks"),
         (["tracks", 0, "id"], 0, "greater than or equal to 1"),
         (["tracks", 0, "id"], 2, "two tracks have one id"),

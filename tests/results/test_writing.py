@@ -15,8 +15,8 @@ from automos.geometry import make_transform
 from automos.labels import Label, to_mos
 from automos.odometry.motion import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.pipeline import Result
 from automos.pose_files import read_poses
+from automos.result import Result
 from automos.results import point_files
 from automos.results.writing import write_results
 from automos.settings import load_settings
@@ -36,7 +36,7 @@ def strictly(text: str):
     """Return JSON as other languages read it: without NaN and infinity."""
 
     def refuse(constant):
-        raise ValueError(f"{constant} is no JSON")
+        raise ValueError(f"{constant} is not JSON")
 
     return json.loads(text, parse_constant=refuse)
 

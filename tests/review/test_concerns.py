@@ -9,7 +9,7 @@ import pytest
 from automos.datasets import open_sequence
 from automos.geometry import make_transform
 from automos.labeling import label_recording, summary
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.results.open_run import open_run
 from automos.review.concerns import _steep, find_concerns
 from automos.review.run_stages import RunStages

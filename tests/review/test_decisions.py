@@ -32,7 +32,7 @@ def test_a_line_cut_short_by_a_crash_is_passed_over_and_swallows_none(tmp_path):
 @pytest.mark.parametrize("line", ['{"at": }', '{"at": "x"}'])
 def test_a_damaged_line_is_named(tmp_path, line):
     (tmp_path / LOG_FILE).write_text(line + "\n")
-    with pytest.raises(InputError, match=r"review.jsonl, line 1 is no decision .*; mend or remove that line"):
+    with pytest.raises(InputError, match=r"review.jsonl, line 1 is not a decision .*; correct or remove that line"):
         read_decisions(tmp_path)
 
 

@@ -194,7 +194,7 @@ def test_a_damaged_line_of_an_object_is_named(session):
     (session.run.folder / LOG_FILE).write_text(
         '{"kind": "amendment", "key": "h1", "verdict": "moving", "parts": {"0": 3}}\n'
     )
-    with pytest.raises(InputError, match="line 1 is no object made by hand"):
+    with pytest.raises(InputError, match="line 1 is not an object made by hand"):
         read_amendments(session.run.folder)
 
 

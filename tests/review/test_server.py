@@ -57,8 +57,8 @@ def test_a_form_of_another_site_cannot_decide_even_without_an_origin(server):
     ("body", "why"),
     [
         ({"track": 9999, "verdict": "moving"}, "there is no object 9999"),
-        ({"track": 1, "verdict": "parked"}, "'parked' is no verdict"),
-        ({"track": None, "verdict": "moving"}, "None is no object's number"),
+        ({"track": 1, "verdict": "parked"}, "'parked' is not a verdict"),
+        ({"track": None, "verdict": "moving"}, "None is not the number of an object"),
     ],
 )
 def test_a_decision_that_makes_no_sense_is_refused_in_a_sentence(server, body, why):

@@ -71,7 +71,7 @@ def test_what_runs_when_the_books_are_closed_waits_again(tmp_path, job):
     ledger.close()
     status = read_status(str(tmp_path))
     assert (status.count("done"), status.count("waiting")) == (1, 2)
-    assert "run the same command again" in "\n".join(status.lines())
+    assert "repeat the command" in "\n".join(status.lines())
     begun(path)
     assert read_status(str(tmp_path)).count("done") == 1
 

@@ -9,7 +9,7 @@ import pytest
 from worlds import street, write_bins
 
 from automos.labels import pack
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 
 pytestmark = pytest.mark.slow
 

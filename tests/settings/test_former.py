@@ -67,5 +67,5 @@ def test_whole_groups_that_are_gone_are_left_out_of_files_and_told_to_who_asks_f
     file.write_text("baselines: {octomap: {batch: {scans: 9}, hit: 0.7}}\nnetwork: {online: {engine: auto}}\n")
     assert load_settings("default", file) == load_settings("default")
     assert "1 more are left out: they are constants now" in caplog.text
-    with pytest.raises(SettingsError, match="no setting any more: give automos segment its --engine"):
+    with pytest.raises(SettingsError, match="not a setting any more: give automos segment its --engine"):
         load_settings("default", None, {"network.online.engine": "torch"})

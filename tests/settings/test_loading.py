@@ -84,7 +84,7 @@ def test_an_unknown_key_names_the_nearest(key, near):
     ],
 )
 def test_what_is_a_setting_no_more_says_what_to_do_instead(key, instead):
-    with pytest.raises(SettingsError, match=f"' is no setting any more: .*{instead}"):
+    with pytest.raises(SettingsError, match=f"' is not a setting any more: .*{instead}"):
         load_settings("paper", overrides={key: 1})
 
 

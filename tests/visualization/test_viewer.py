@@ -39,7 +39,7 @@ def test_a_file_holds_points_boxes_tracks_trajectory_and_curves(lane_run, tmp_pa
 
 
 def test_a_file_that_cannot_be_written_is_told(lane_run, tmp_path):
-    with pytest.raises(InputError, match="no is no folder; choose another --rrd"):
+    with pytest.raises(InputError, match="no is not a folder; choose another --rrd"):
         save_recording(open_run(lane_run), tmp_path / "no" / "lane.rrd", 100)
     pytest.importorskip("rerun", reason="rerun is not installed: pip install '.[view]'")
     with pytest.raises(InputError, match="cannot be written"):
@@ -100,7 +100,7 @@ def test_a_viewer_that_was_closed_holds_up_nobody(lane_run):
 @pytest.mark.slow
 @pytest.mark.browser
 def test_a_browser_shows_the_points(chromium, lane_run):
-    # Rerun's own page asks for fonts and news on the internet, so that its console is no measure.
+    # Rerun's own page asks for fonts and news on the internet, so that its console is not a measure.
     import io
 
     import matplotlib.image

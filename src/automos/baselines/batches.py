@@ -27,8 +27,10 @@ class BatchSize:
 
     Attributes
     ----------
-    scans : at most.
-    length : metres driven, at most.
+    scans : int
+        At most.
+    length : float
+        Metres driven, at most.
     """
 
     scans: int = 200

@@ -80,7 +80,7 @@ class BrickGrid:
         return out
 
     def neighbours(self, ids: npt.NDArray[np.integer], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
-        """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 where there is none.
+        """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 if there is none.
 
         indices : (V, 3) int32 of all voxels (`indices`).
         """
@@ -231,7 +231,7 @@ def _squared_steps(centres, reach, table, cells, out):  # type: ignore[no-untype
 
 @kernel(inline="always")
 def _voxel_at(x, y, z, table, cells):  # type: ignore[no-untyped-def]
-    """The voxel at an index, -1 where there is none."""
+    """The voxel at an index, -1 if there is none."""
     bx, by, bz = x >> _SIDE_BITS, y >> _SIDE_BITS, z >> _SIDE_BITS
     if 0 <= bx < table.shape[0] and 0 <= by < table.shape[1] and 0 <= bz < table.shape[2]:
         brick = table[bx, by, bz]

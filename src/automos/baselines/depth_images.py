@@ -21,11 +21,16 @@ class DepthImage(NamedTuple):
 
     Attributes
     ----------
-    T_level_sensor : (4, 4) where it was seen from.
-    stamp : seconds.
-    start : (rows * columns + 1,) int32, where each pixel's points begin in `rays`.
-    rays : (M, 4) float32 by pixel: azimuth and elevation (rad), range (m), 1 where the point moves and 0 else.
-    nearest : (rows, columns) float32, the shortest range in each pixel and the eight around it, inf where none is.
+    T_level_sensor : (4, 4) float64
+        Where it was seen from.
+    stamp : float
+        Seconds.
+    start : (rows * columns + 1,) int32
+        Where each pixel's points begin in `rays`.
+    rays : (M, 4) float32
+        By pixel: azimuth and elevation (rad), range (m), 1 if the point moves and 0 else.
+    nearest : (rows, columns) float32
+        The shortest range in each pixel and the eight around it, inf if none is.
     """
 
     T_level_sensor: Pose
@@ -140,7 +145,7 @@ def turn_between(a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # type: ignore[no-untyped-def]
-    """Tell whether a point that stands lies in that direction at that range; `start` is one image's."""
+    """Return whether a point that stands lies in that direction at that range; `start` is one image's."""
     width = max(window.width, window.metres / max(r, 0.3))
     height = max(window.height, window.metres / max(r, 0.3))
     first, last, left, right = pixels_around(azimuth, elevation, width, height, shape)
@@ -157,7 +162,7 @@ def agrees(start, rays, azimuth, elevation, r, window, tolerance, shape):  # typ
 
 @kernel
 def is_even(start, rays, azimuth, elevation, r, window, tolerance, reach, shape):  # type: ignore[no-untyped-def]
-    """Tell whether the points around that are within `reach` of range `r` differ from it little, on average."""
+    """Return whether the points around that are within `reach` of range `r` differ from it little, on average."""
     n, sum_ = 0, np.float32(0.0)
     first, last, left, right = pixels_around(azimuth, elevation, window.width, window.height, shape)
     for v in range(first, last + 1):

@@ -25,10 +25,14 @@ class Parameters:
 
     Attributes
     ----------
-    resolution : metres, voxel.
-    d_s : metres that hits are inflated by.
-    d_p : voxels that the unknown is inflated by.
-    min_range, max_range : metres, points used; points at the sensor itself poison its map.
+    resolution : float
+        Metres, voxel.
+    d_s : float
+        Metres that hits are inflated by.
+    d_p : int
+        Voxels that the unknown is inflated by.
+    min_range, max_range : float
+        Metres, points used; points at the sensor itself poison its map.
     """
 
     batch: BatchSize = BATCH

@@ -21,12 +21,18 @@ class HeightImages:
 
     Attributes
     ----------
-    reach : metres around the sensor.
-    cells : metres, pixels of the images.
-    low, high : metres, black and white.
-    weak_edge, strong_edge : grey values, Canny's thresholds.
-    max_ground : metres, what is higher is no ground.
-    share : of the images that must call a point ground.
+    reach : float
+        Metres around the sensor.
+    cells : tuple of float
+        Metres, pixels of the images.
+    low, high : float
+        Metres, black and white.
+    weak_edge, strong_edge : float
+        Grey values, Canny's thresholds.
+    max_ground : float
+        Metres, what is higher is not ground.
+    share : float
+        Of the images that must call a point ground.
     """
 
     reach: float = 50.0

@@ -4,7 +4,7 @@ Our reading of Bhandari, James, Phillips, McAree, "Moving Object Segmentation in
 Models" (IROS workshop, 2024). Every voxel is unobserved, free or occupied; what a scan says of the voxels that its rays
 went through or ended in follows from their distance to the nearest voxel that was hit. Hit voxels that were free are
 counted over a neighbourhood, in which what is unobserved counts against them; a median takes out single ones, the last
-scans are summed, and Otsu's threshold tells motion from flicker. Only the past is used, as in the paper.
+scans are summed, and Otsu's threshold separates motion from flicker. Only the past is used, as in the paper.
 """
 
 from __future__ import annotations
@@ -36,15 +36,24 @@ class Parameters:
 
     Attributes
     ----------
-    voxel : metres.
-    min_range, max_range : metres, points used.
-    deviation : metres, of a hit around the surface that caused it.
-    change : probability per scan that a voxel's state changes.
-    sure : probability from which on a state is believed.
-    reach : voxels around (2: 5 x 5 x 5) over which changes are counted.
-    window : scans over which these counts are summed.
-    min_sum : of a voxel that goes on moving; and what a scan's threshold must exceed, else nothing moves in it.
-    forget : scans after which a voxel that was not seen is unobserved again.
+    voxel : float
+        Metres.
+    min_range, max_range : float
+        Metres, points used.
+    deviation : float
+        Metres, of a hit around the surface that caused it.
+    change : float
+        Probability per scan that a voxel's state changes.
+    sure : float
+        Probability from which on a state is believed.
+    reach : int
+        Voxels around (2: 5 x 5 x 5) over which changes are counted.
+    window : int
+        Scans over which these counts are summed.
+    min_sum : int
+        Of a voxel that goes on moving; and what a scan's threshold must exceed, else nothing moves in it.
+    forget : int
+        Scans after which a voxel that was not seen is unobserved again.
     """
 
     batch: BatchSize = _BATCH
@@ -187,7 +196,7 @@ def _median(around, is_hit, counts):  # type: ignore[no-untyped-def]
 
 
 def otsu_threshold(values: npt.NDArray) -> float:
-    """Return above what `values` (N,) are the upper of two classes, by their histogram; inf where all are the same."""
+    """Return above what `values` (N,) are the upper of two classes, by their histogram; inf if all are the same."""
     if not len(values) or values.min() == values.max():
         return np.inf
     counts, edges = np.histogram(values, _BINS)

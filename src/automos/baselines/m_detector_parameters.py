@@ -17,17 +17,27 @@ class Parameters:
 
     Attributes
     ----------
-    images : past depth images asked.
-    gap : seconds between them.
-    row, column : rad, pixel of a depth image in elevation and azimuth.
-    min_range : metres, nearer points are no events: the vehicle itself.
-    edge : share of a scan's points at the top and at the bottom of the view that are no events: past images see but
-        one side of them. The authors give elevations (for KITTI -23 to 2 degrees), this is what these leave out.
-    crossing, away, nearer : the tests; windows are for pixels of `row` x `column`.
-    cluster_voxel : metres.
-    cluster_reach : voxels, over which events are of one cluster.
-    cluster_voxels : voxels that make a cluster.
-    cluster_share : of the objects' points in its box that are events.
+    images : int
+        Past depth images asked.
+    gap : float
+        Seconds between them.
+    row, column : float
+        Rad, pixel of a depth image in elevation and azimuth.
+    min_range : float
+        Metres, nearer points are not events: the vehicle itself.
+    edge : float
+        Share of a scan's points at the top and at the bottom of the view that are not events: past images see but one
+        side of them. The authors give elevations (for KITTI -23 to 2 degrees), this is what these leave out.
+    crossing, away, nearer : Crossing and AlongRay
+        The tests; windows are for pixels of `row` x `column`.
+    cluster_voxel : float
+        Metres.
+    cluster_reach : int
+        Voxels, over which events are of one cluster.
+    cluster_voxels : int
+        Voxels that make a cluster.
+    cluster_share : float
+        Of the objects' points in its box that are events.
     """
 
     images: int

@@ -27,9 +27,12 @@ class Method:
 
     Attributes
     ----------
-    title : in tables and pictures.
-    find_moving : see `Labeler`.
-    needs_future : whether a scan's labels depend on scans after it.
+    title : str
+        In tables and pictures.
+    find_moving : Labeler
+        See `Labeler`.
+    needs_future : bool
+        Whether a scan's labels depend on scans after it.
     """
 
     title: str
@@ -51,7 +54,7 @@ def _find_with(name: str, *more: str) -> Labeler:
 def published(name: str) -> Any:
     """Return the parameters of method `name` as its authors give them, a frozen dataclass; None of ERASOR.
 
-    They are no settings: one compares with what was published. `find_moving` in the method's own module takes others.
+    They are not settings: one compares with what was published. `find_moving` in the method's own module takes others.
     """
     if name == "m_detector":
         return import_module("automos.baselines.m_detector_parameters").KITTI

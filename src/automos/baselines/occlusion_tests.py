@@ -1,7 +1,7 @@
 """M-detector's tests of one point against depth images of the past: what hides, or hides behind, what was seen there.
 
 Case 1 is for what crosses the view, 2 for what goes away along a ray, 3 for what comes nearer. In case 1 an image in
-which something stood where the point lies says nothing; in cases 2 and 3 the point is no event then.
+which something stood where the point lies says nothing; in cases 2 and 3 the point is not an event then.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def find_crossing(points, is_asked, T, past, case, shape):  # type: ignore[no-un
 
 @kernel
 def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-untyped-def]
-    """Tell whether in an image something stood where a point lies, or a surface ran on through there."""
+    """Return whether in an image something stood where a point lies, or a surface ran on through there."""
     if agrees(start, rays, azimuth, elevation, r, case.stands, case.tolerance, shape):
         return True
     surface = surface_at(start, rays, azimuth, elevation, r, case.surface_window, case.surface_reach, shape)
@@ -105,7 +105,7 @@ def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-
 
 @kernel
 def _hides(point, T, nearest, depth, shape):  # type: ignore[no-untyped-def]
-    """Tell whether `point` lies before all that an image saw around its direction."""
+    """Return whether `point` lies before all that an image saw around its direction."""
     x = T[0, 0] * point[0] + T[0, 1] * point[1] + T[0, 2] * point[2] + T[0, 3]
     y = T[1, 0] * point[0] + T[1, 1] * point[1] + T[1, 2] * point[2] + T[1, 3]
     z = T[2, 0] * point[0] + T[2, 1] * point[1] + T[2, 2] * point[2] + T[2, 3]
@@ -142,7 +142,7 @@ def find_along_ray(points, is_asked, T, T_between, gaps, now, past, case, shape)
 
 @kernel
 def _has_predecessor(azimuth, elevation, r, T_between, gaps, past, case, shape):  # type: ignore[no-untyped-def]
-    """Tell whether the newest image has a point that this one went away from, and the one before one for that point."""
+    """Return whether the newest image has a point that this one left, and the one before it has one for that point."""
     start, rays, same = past.start[0], past.rays, case.same
     first, last, left, right = pixels_around(azimuth, elevation, same.width, same.height, shape)
     for v in range(first, last + 1):
@@ -178,7 +178,7 @@ def _has_one_as_fast(azimuth, elevation, r, speed, gap, past, case, shape):  # t
 
 @kernel(error_model="numpy")  # two scans may be of one time
 def _speed(ray, azimuth, elevation, r, gap, case):  # type: ignore[no-untyped-def]
-    """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 where it is none of the case."""
+    """Return how fast, m/s, something went from `ray` (4,) to here along the ray; 0 if it is none of the case."""
     way = case.sign * (r - ray[2])
     if way < case.depth + case.share * r or way > case.reach or way < case.min_speed * gap:
         return 0.0

@@ -37,12 +37,18 @@ class Parameters:
 
     Attributes
     ----------
-    voxel : metres.
-    max_range : metres; longer rays are not cast, their ends are unknown.
-    hit, miss : probability of occupied given a hit, given a ray through.
-    lowest, highest : probabilities that no voxel goes beyond.
-    neighbours : nearest known points that decide on an unknown one.
-    kept_within : metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
+    voxel : float
+        Metres.
+    max_range : float
+        Metres; longer rays are not cast, their ends are unknown.
+    hit, miss : float
+        Probability of occupied given a hit, given a ray through.
+    lowest, highest : float
+        Probabilities that no voxel goes beyond.
+    neighbours : int
+        Nearest known points that decide on an unknown one.
+    kept_within : float
+        Metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
     """
 
     batch: BatchSize = BATCH

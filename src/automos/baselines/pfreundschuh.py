@@ -1,4 +1,4 @@
-"""Pfreundschuh's method: clusters of a scan move as a whole if enough of their points were seen through.
+"""Pfreundschuh's method: clusters of a scan move as a whole if enough of their points were seen as free.
 
 Pfreundschuh, Hendrikx, Reijgwart, Dube, Siegwart, Cramariuc, "Dynamic Object Aware LiDAR SLAM based on Automatic
 Generation of Training Data" (ICRA 2021), as Chen et al. compare with it: visibility by Removert, HDBSCAN over what is
@@ -27,14 +27,18 @@ _Task = tuple[npt.NDArray[np.float32], Mask]
 
 @dataclass(frozen=True)
 class Parameters:
-    """HDBSCAN and the vote of the paper's section III; Removert's parameters for what was seen through.
+    """HDBSCAN and the vote of the paper's section III; Removert's parameters for what was seen as free.
 
     Attributes
     ----------
-    min_cluster_size : voxels.
-    voxel : metres, points are clustered as voxels of this size (0: as they are).
-    max_range : metres, points used.
-    share : of a cluster's points that must have been seen through.
+    min_cluster_size : int
+        Voxels.
+    voxel : float
+        Metres, points are clustered as voxels of this size (0: as they are).
+    max_range : float
+        Metres, points used.
+    share : float
+        Of a cluster's points that must have been seen as free.
     """
 
     visibility: removert.Parameters = removert.PUBLISHED
@@ -69,7 +73,7 @@ def find_moving(
 
 
 def _vote(parameters: Parameters, task: _Task) -> Mask:
-    """Return (K,) bool: the points of clusters of which enough points were seen through."""
+    """Return (K,) bool: the points of clusters of which enough points were seen as free."""
     points, is_seen_through = task
     group, mean = group_by_voxel(points, parameters.voxel)
     cluster = cluster_points(mean, parameters.min_cluster_size)[group]

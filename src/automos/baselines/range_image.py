@@ -24,9 +24,12 @@ class ImageShape(NamedTuple):
 
     Attributes
     ----------
-    rows, columns : pixels; row 0 is the lowest, column 0 begins behind the sensor.
-    lowest : radians, elevation at which row 0 begins.
-    row_height : radians.
+    rows, columns : int
+        Pixels; row 0 is the lowest, column 0 begins behind the sensor.
+    lowest : float
+        Radians, elevation at which row 0 begins.
+    row_height : float
+        Radians.
     """
 
     rows: int
@@ -68,7 +71,7 @@ def _a_few(frames: Frames) -> npt.NDArray[np.int64]:
 
 @kernel
 def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
-    """Return row, column and range of a point (float32) in the sensor frame; row -1 where it is out of the image."""
+    """Return row, column and range of a point (float32) in the sensor frame; row -1 if it is out of the image."""
     level = np.sqrt(x * x + y * y)
     r = np.sqrt(x * x + y * y + z * z)
     # `turn_of` is half a turn ahead and grows with the angle: of (level, z) it is the elevation.

@@ -42,13 +42,20 @@ class Parameters:
 
     Attributes
     ----------
-    voxel : metres, of the map.
-    max_range : metres, points used.
-    remove, revert : pixels per degree, one pass each; no `revert`: nothing comes back.
-    every : every how many scans the map is compared with.
-    max_elevation_deg : degrees above and below the sensor that are looked at.
-    difference : of the range, by which the map must be nearer than the scan.
-    kept_within : metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
+    voxel : float
+        Metres, of the map.
+    max_range : float
+        Metres, points used.
+    remove, revert : tuple of float
+        Pixels per degree, one pass each; no `revert`: nothing comes back.
+    every : int
+        Every how many scans the map is compared with.
+    max_elevation_deg : float
+        Degrees above and below the sensor that are looked at.
+    difference : float
+        Of the range, by which the map must be nearer than the scan.
+    kept_within : float
+        Metres; what is so near to what the map keeps stays (0: by voxel alone). Ours: see docs/baselines.md.
     """
 
     batch: BatchSize = _BATCH

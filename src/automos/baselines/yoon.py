@@ -32,13 +32,20 @@ class Parameters:
 
     Attributes
     ----------
-    gap : seconds between a scan and those before and after that it is compared with.
-    residual : metres to the nearest point of the other scan, from which on a point is a candidate.
-    window_deg : degrees, rays of the other scan that speak of a candidate.
-    margin : metres, how far behind a candidate these rays must all end.
-    box_deg, box_points : half the side of the box filter in the range image, degrees; candidates in it that keep one.
-    grow_gap, grow_steps : metres that regions do not cross; such steps, at most, from a seed.
-    max_range : metres, points used.
+    gap : float
+        Seconds between a scan and those before and after that it is compared with.
+    residual : float
+        Metres to the nearest point of the other scan, from which on a point is a candidate.
+    window_deg : float
+        Degrees, rays of the other scan that speak of a candidate.
+    margin : float
+        Metres, how far behind a candidate these rays must all end.
+    box_deg, box_points : float and int
+        Half the side of the box filter in the range image, degrees; candidates in it that keep one.
+    grow_gap, grow_steps : float and int
+        Metres that regions do not cross; such steps, at most, from a seed.
+    max_range : float
+        Metres, points used.
     """
 
     gap: float = 0.5
@@ -94,7 +101,7 @@ def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, parameters: Par
     there = transform(inverse(other.frame.T_level_sensor) @ frame.T_level_sensor, frame.points)
     is_changed = np.zeros(len(there), bool)
     _find_free(there, other.shortest, shape, parameters.margin, parameters.max_range, is_changed)
-    rows = np.flatnonzero(is_changed)  # free space first: it is quicker to tell
+    rows = np.flatnonzero(is_changed)  # free space first: it is quicker to test
     residual, _ = other.tree.query(frame.points_level[rows], distance_upper_bound=parameters.residual)
     is_changed[rows] = np.isinf(residual)
     return is_changed

@@ -1,4 +1,4 @@
-"""The command line: one module a group of commands, each of which parses, calls one function and prints."""
+"""The command line: one module per group of commands. A command parses, calls one function and prints."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ LONGEST_WORD = 500
 def _tell(sentence: str) -> NoReturn:
     """Print what went wrong, without the control characters that names of files may hold, and leave with code 2."""
     words = " ".join(_shortened(word, LONGEST_WORD) for word in sentence.replace("\n", " ").split(" "))
-    with suppress(OSError):  # nobody can be told: standard error is full, too
+    with suppress(OSError):  # standard error is full, too: the message is lost
         console.print(Text.assemble(("error: ", "red"), plain(_shortened(words, LONGEST))), soft_wrap=True)
     sys.exit(2)
 

@@ -1,4 +1,4 @@
-"""The commands that set methods side by side and make maps: parse, call one function, print."""
+"""The commands `compare` and `map`: compare methods on one recording, and make maps."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from automos.cli.options import Calib, Format, Poses, Recording, Workers
 
 compare_app = typer.Typer()
 
-Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run goes on there")]
+Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run continues there")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, candidates.erasor.voxel=0.3, ...")]
 
 
 @compare_app.command()
 def compare(
     recording: Recording,
-    methods: Annotated[list[str] | None, typer.Option("--method", help="one method; repeatable; all if none")] = None,
+    methods: Annotated[list[str] | None, typer.Option("--method", help="a method; repeatable; default: all")] = None,
     out: Out = None,
-    scan: Annotated[int | None, typer.Option(help="the scan that is drawn; default: the one with most movers")] = None,
+    scan: Annotated[int | None, typer.Option(help="the scan to draw; default: the one with most movers")] = None,
     radius: Annotated[float, typer.Option(help="metres around the sensor that are drawn")] = 40.0,
     poses: Annotated[
-        str, typer.Option(help="own: each preset's own, the default's for the rest; shared: one for all; or a file")
+        str, typer.Option(help="own: each preset its own, the default's for others; shared: one for all; or a file")
     ] = "own",
     predictions: Annotated[
-        list[str] | None, typer.Option(help="NAME=FOLDER, .label files that any other program made; repeatable")
+        list[str] | None, typer.Option(help="NAME=FOLDER of .label files from another program; repeatable")
     ] = None,
     repeat: Annotated[int, typer.Option(min=1, help="how often each method is run; seconds are the median")] = 1,
     calib: Calib = None,
@@ -36,10 +36,10 @@ def compare(
     format: Format = None,
     workers: Workers = 0,
 ) -> None:
-    """Set every method of the paper's Table I, and newer ones, side by side on one recording.
+    """Compare the methods of the paper's Table I, and newer ones, on one recording.
 
-    Methods run one after the other, each in a process of its own. Where the recording has truth they are scored;
-    without, the picture and the table of how far they agree remain.
+    Methods run one after the other, each in its own process. If the recording has ground truth, they are scored;
+    otherwise there is a picture, and a table of their agreement.
 
     [bold]Examples[/bold]
 
@@ -94,13 +94,13 @@ def make_map(
     format: Format = None,
     workers: Workers = 0,
 ) -> None:
-    """Write the map of a recording without what moves, and pictures of it before and after.
+    """Write the map of a recording without moving objects, and pictures of it before and after.
 
     [bold]Examples[/bold]
 
     automos map my_log/ --kind laz --voxel 0.05
 
-    automos map kitti/sequences/07 --method removert       scored, too: the recording has truth
+    automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
     from automos.comparison.labelers import choose_methods
     from automos.mapping.make_map import make_map as write_map
@@ -170,9 +170,9 @@ def _named_folders(given: list[str]) -> dict[str, Path]:
 def _say_when_started() -> Callable[[str, int, int], None]:
     said: set[str] = set()
 
-    def tell(what: str, done: int, total: int) -> None:
+    def report(what: str, done: int, total: int) -> None:
         if what not in said:
             said.add(what)
             console.print(f"{what}: {total} scans")
 
-    return tell
+    return report

@@ -1,4 +1,4 @@
-"""Where commands print: results to standard output, everything said about them to standard error."""
+"""Consoles: results go to standard output, messages about them to standard error."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ class _Teller(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
-        self.told: set[str] = set()
+        self.shown: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
         sentence = record.getMessage()
-        if record.levelno == logging.WARNING and sentence not in self.told:
-            self.told.add(sentence)
+        if record.levelno == logging.WARNING and sentence not in self.shown:
+            self.shown.add(sentence)
             console.print(f"warning: {sentence}", markup=False, soft_wrap=True)
 
 
-_teller = _Teller()
+_handler = _Teller()
 
 
 def set_up_logging(debug: bool) -> None:
-    """Have the library's warnings told as sentences; with `debug` every message of everybody is written as it is."""
+    """Show the library's warnings as sentences; with `debug`, all messages of all libraries as they are."""
     screen = logging.StreamHandler()
     screen.setLevel(logging.DEBUG if debug else logging.ERROR)
     logging.basicConfig(
         level=logging.DEBUG if debug else logging.WARNING, format="%(name)s: %(message)s", handlers=[screen]
     )
     logging.captureWarnings(True)  # NumPy's and others' of odd numbers: ours are sentences
-    _teller.told.clear()
+    _handler.shown.clear()
     log = logging.getLogger("automos")
-    (log.removeHandler if debug else log.addHandler)(_teller)
+    (log.removeHandler if debug else log.addHandler)(_handler)

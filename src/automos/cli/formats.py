@@ -1,4 +1,4 @@
-"""The commands about what comes in and what goes out: parse, call one function, print."""
+"""The commands `formats`, `export` and `merge`: list formats, write results in them, and read corrections back."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def export(
     results: Results,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
     recording: Annotated[
-        Path | None, typer.Argument(help="the recording; not needed while it is where it was when it was labelled")
+        Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="file or folder to write; default: RESULTS/export/FORMAT")] = None,
-    deskewed: Annotated[bool, typer.Option("--deskewed", help="points without the sensor's motion in a sweep")] = False,
+    deskewed: Annotated[bool, typer.Option("--deskewed", help="write motion-compensated points")] = False,
     format: Format = None,
 ) -> None:
     """Write labels, boxes and tracks in the format of another tool.
@@ -44,7 +44,7 @@ def export(
 
     automos export automos_runs/log --to pcd                points with their labels
 
-    automos export automos_runs/log --to ply --deskewed     ... each sweep as seen from one place
+    automos export automos_runs/log --to ply --deskewed     ... motion-compensated
 
     automos export automos_runs/log --to cvat --out task/   boxes to correct in CVAT
 
@@ -73,7 +73,7 @@ def merge(
     out: Annotated[Path | None, typer.Option(help="folder for the merged results; default: RESULTS/merged")] = None,
     format: Format = None,
 ) -> None:
-    """Take boxes or labels that were corrected in another tool into the labels, and count what changed."""
+    """Merge boxes or labels that were corrected in another tool into a run's labels, and count the changes."""
     from automos.datasets import open_sequence
     from automos.export.merge import merge as merge_corrections
     from automos.progress import StageProgress

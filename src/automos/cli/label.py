@@ -1,4 +1,4 @@
-"""The commands that label: one recording or thousands, and how far that is. Parse, call one function, print."""
+"""The commands `label`, `status` and `settings`: label one recording or thousands, and show the progress."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def label(
     calib: Calib = None,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
-    confidence: Annotated[bool, typer.Option("--confidence", help="write how sure each point's label is")] = False,
+    confidence: Annotated[bool, typer.Option("--confidence", help="write the confidence of each label")] = False,
     workers: Workers = 0,
     ray: Annotated[str | None, typer.Option(help="work on a Ray cluster: its address, or auto")] = None,
-    shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from the i-th on, from 0")] = None,
+    shard: Annotated[str | None, typer.Option(help="i/n: every n-th recording from number i on, from 0")] = None,
     memory: Annotated[float, typer.Option(min=0.1, help="GB that a worker needs")] = 3.0,
     cache: Annotated[float, typer.Option(min=0.0, help="GB of disk for copies of what comes from a URL")] = 50.0,
-    work: Annotated[Path | None, typer.Option(help="folder for these; default: in the system's temporary one")] = None,
+    work: Annotated[Path | None, typer.Option(help="folder for these; default: a temporary folder")] = None,
     chunk: Annotated[int, typer.Option(min=1, help="scans per unit of work of recordings over twice as long")] = 600,
-    dry_run: Annotated[bool, typer.Option(help="say what would be done, and stop")] = False,
+    dry_run: Annotated[bool, typer.Option(help="only list what would be done")] = False,
 ) -> None:
     """Label every point of every scan as moving or static.
 
@@ -56,7 +56,7 @@ def label(
 
     automos label my_log/ --poses poses.tum     poses from your own SLAM
 
-    automos label fleet/ --out labels/          every recording in a folder, on all cores; again: what is missing
+    automos label fleet/ --out labels/          every recording in a folder, on all cores; repeat it for the rest
 
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
@@ -126,9 +126,9 @@ def _label_all(
 @label_app.command()
 def status(
     run: Annotated[str, typer.Argument(help="the --out of automos label over several recordings")],
-    as_json: Annotated[bool, typer.Option("--json", help="print all that the books say, as JSON")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print the whole ledger as JSON")] = False,
 ) -> None:
-    """Show how far a run over several recordings is: progress, rate, time left, what failed and why."""
+    """Show the progress of a run over several recordings: rate, remaining time, failures and their reasons."""
     from automos.scale.status import read_status
 
     found = read_status(run)

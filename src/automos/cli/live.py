@@ -1,4 +1,4 @@
-"""The command for a sensor that is running: parse, start what was asked for, label until the end."""
+"""The command `live`: label the scans of a running sensor."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ live_app = typer.Typer()
 @live_app.command()
 def live(
     source: Annotated[str, typer.Argument(help="udp://HOST:PORT of a sensor's packets, or a recording to replay")],
-    sensor: Annotated[str | None, typer.Option(help="whose packets come: velodyne or ouster")] = None,
+    sensor: Annotated[str | None, typer.Option(help="the sensor's manufacturer: velodyne or ouster")] = None,
     metadata: Annotated[Path | None, typer.Option(help="ouster: the sensor's metadata, a JSON file")] = None,
     lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their scan")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="results folder to write labels, poses and tracks to")] = None,
-    send: Annotated[str | None, typer.Option(help="udp://HOST:PORT that is sent a message of every scan")] = None,
+    send: Annotated[str | None, typer.Option(help="udp://HOST:PORT to send a message per scan to")] = None,
     view: Annotated[bool, typer.Option("--view", help="show it in the viewer, in a window")] = False,
     web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
     points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 20_000,
-    speed: Annotated[float, typer.Option(min=0.0, help="of a replay; 0: as fast as it goes, nothing left out")] = 1.0,
+    speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay; 0: fastest, nothing left out")] = 1.0,
     timeout: Annotated[float, typer.Option(min=0.1, help="seconds without packets after which it ends")] = 10.0,
     format: Format = None,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
-    """Label what a sensor sends now, scan by scan; show it, write it, send it on. Ctrl-C ends it.
+    """Label the scans of a running sensor; show, write or send the results. Ctrl-C ends it.
 
     [bold]Examples[/bold]
 
@@ -45,7 +45,7 @@ def live(
 
     automos live udp://0.0.0.0:7502 --sensor ouster --metadata os1.json --lag 0.5 --send udp://127.0.0.1:9050
 
-    automos live my_log/ --web                     a recording, replayed at its own pace
+    automos live my_log/ --web                     a recording, replayed at its own rate
     """
     import automos
     from automos.compiling import LINE, is_cold

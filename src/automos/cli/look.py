@@ -1,4 +1,4 @@
-"""The commands that show results: parse, call one function, print."""
+"""The commands `report`, `review` and `view`: show results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(
     out: Annotated[Path | None, typer.Option(help="HTML file to write; default: RUN/report.html")] = None,
     format: Format = None,
 ) -> None:
-    """Write one HTML page about a run: what moved, where, how sure, how good. It opens without a network."""
+    """Write one HTML page about a run: what moved, where, with which confidence and score. It needs no network."""
     from automos.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.visualization.report import write_report
@@ -43,14 +43,14 @@ def review(
     port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     sample: Annotated[
-        int | None, typer.Option(help="draw so many random looks, which tell precision and recall")
+        int | None, typer.Option(help="number of random looks, which estimate precision and recall")
     ] = None,
     format: Format = None,
 ) -> None:
-    """Step through the objects of a run, those first on which most doubtful points hang, and add what was missed.
+    """Review the objects of a run, those with most doubtful points first, and add what was missed.
 
-    Labels, tracks.json and the report are rewritten. Every decision is kept in RUN/review.jsonl and holds when the
-    recording is labelled again.
+    Labels, tracks.json and the report are rewritten. Every decision is stored in RUN/review.jsonl and applies when
+    the recording is labelled again.
     """
     from automos.atomic import held
     from automos.progress import StageProgress
@@ -86,7 +86,7 @@ def view(
     points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 40_000,
     format: Format = None,
 ) -> None:
-    """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors where there is truth."""
+    """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors if there is ground truth."""
     from automos.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.visualization.viewer import Viewer, save_recording

@@ -1,8 +1,8 @@
-"""Commands under a limit of memory (ulimit -v, -d): compiled code does not survive that there is none.
+"""Commands under a memory limit (`ulimit -v` or `-d`), which compiled code does not survive when it is reached.
 
-LLVM, which loads what numba compiled, ends the process when there is no memory for it, or waits for itself. Under a
-limit below what the code alone needs nothing is begun; under any other the command runs in a process that this one
-waits for, to say what became of it.
+LLVM, which loads what numba compiled, aborts or deadlocks when it gets no memory. Under a limit that is too low for the
+code alone, nothing is started. Under any other limit the command runs in a child process, so that this process can
+report how it ended.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ _DIES_WITH_CALLER = 1
 """What Linux's prctl calls the signal that a process gets when the one that started it ends."""
 
 
-def require_memory(tell: Callable[[str], NoReturn]) -> None:
-    """Call `tell` with a sentence where this process may have too little memory, or ends for want of it."""
+def require_memory(report: Callable[[str], NoReturn]) -> None:
+    """Call `report` with a sentence if this process may have too little memory, or ends because of it."""
     limits = _limits()
     if min(limits, default=LEAST_MEMORY) < LEAST_MEMORY:
-        tell(
+        report(
             f"this process may have {min(limits) >> 20} MB of memory and needs {LEAST_MEMORY >> 20}: "
             "raise ulimit -v, -d"
         )
     if limits and not _is_waited_for and hasattr(signal, "sigwaitinfo"):
-        _go_on_in_another_process(tell)
+        _go_on_in_another_process(report)
 
 
 def _limits() -> list[int]:
@@ -46,8 +46,8 @@ def _limits() -> list[int]:
     return [limit for limit in limits if limit != resource.RLIM_INFINITY]
 
 
-def _go_on_in_another_process(tell: Callable[[str], NoReturn]) -> None:
-    """Return in a new process, whose end this one waits for and takes for its own; of a crash it calls `tell`.
+def _go_on_in_another_process(report: Callable[[str], NoReturn]) -> None:
+    """Return in a new process, and exit with its code; call `report` if it crashes.
 
     What is sent to this process is passed on, but for what a terminal sends to both.
     """
@@ -73,7 +73,7 @@ def _go_on_in_another_process(tell: Callable[[str], NoReturn]) -> None:
         code = os.waitstatus_to_exitcode(status)
         name = signal.Signals(-code).name if code < 0 else ""
         if name in _FATAL:
-            tell(
+            report(
                 f"there was not enough memory for this, and compiled code ended the process ({name}): raise ulimit -v, "
                 "-d, give smaller recordings or fewer --workers"
             )

@@ -1,4 +1,4 @@
-"""The commands of the network: parse, call one function, print."""
+"""The commands of the network: train, run online, export, and reproduce the paper's experiments."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Sources = list[str]
 def train(
     data: Annotated[Sources, typer.Option(help="RECORDING with labels of its own, or RECORDING=RESULTS; repeatable")],
     out: Annotated[Path, typer.Option(help="folder for the network and its logs")] = Path("automos_network"),
-    extra: Annotated[Sources | None, typer.Option(help="more of the same, without a part in validation")] = None,
+    extra: Annotated[Sources | None, typer.Option(help="more of the same, never used for validation")] = None,
     validation: Annotated[
-        Sources | None, typer.Option(help="what the best epoch is chosen by; default: the last of --data")
+        Sources | None, typer.Option(help="to choose the best epoch by; default: the last of --data")
     ] = None,
-    init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one that came along")] = None,
+    init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one in the package")] = None,
     device: Device = "auto",
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
     loaders: Annotated[int, typer.Option(min=0, help="processes that prepare scans; 0: the training itself")] = 0,
@@ -40,7 +40,7 @@ def train(
 
     [bold]Examples[/bold]
 
-    automos train --data my_log=automos_runs/my_log             labels that automos label made
+    automos train --data my_log=automos_runs/my_log             labels from automos label
 
     automos train --data kitti/sequences/00 --validation kitti/sequences/08 --extra road=automos_runs/road
 
@@ -73,12 +73,12 @@ def segment(
         str, typer.Option(help="evidence: the method of automos label, scan by scan; lmnet: a network; auto")
     ] = "auto",
     weights: Annotated[
-        Path | None, typer.Option(help="lmnet: checkpoint (.pt) or network (.onnx); default: the one that came along")
+        Path | None, typer.Option(help="lmnet: checkpoint (.pt) or network (.onnx); default: the shipped one")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="results folder; default: automos_segmented/NAME")] = None,
     format: Format = None,
     probabilities: Annotated[
-        bool, typer.Option("--probabilities", help="lmnet: write how likely each point moves")
+        bool, typer.Option("--probabilities", help="lmnet: write each point's probability to move")
     ] = False,
     device: Device = "auto",
     engine: Annotated[str, typer.Option(help="what runs the network: auto, torch, onnxruntime or openvino")] = "auto",
@@ -90,11 +90,11 @@ def segment(
 
     [bold]Examples[/bold]
 
-    automos segment my_log/                        every scan at once
+    automos segment my_log/                        each scan immediately
 
-    automos segment my_log/ --lag 0.5              half a second later, when much more is known
+    automos segment my_log/ --lag 0.5              half a second later, with much better labels
 
-    automos segment my_log/ --method lmnet         the small network that came along, on the CPU
+    automos segment my_log/ --method lmnet         the small network that ships with AutoMOS, on the CPU
 
     automos segment my_log/ --weights best.pt --device gpu
     """
@@ -112,7 +112,7 @@ def segment(
             "leave them out"
         )
     if uses_network and lag > 0.0:
-        raise InputError("the network labels every scan at once: leave --lag out, or take --method evidence")
+        raise InputError("the network labels each scan immediately: leave --lag out, or take --method evidence")
     chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
     if uses_network:
@@ -122,8 +122,8 @@ def segment(
     for sequence in recordings:
         folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
         with StageProgress(console, sequence.name) as progress:
-            told = run_one(sequence, folder, progress)
-        output.print(told)
+            summary = run_one(sequence, folder, progress)
+        output.print(summary)
 
 
 def _with_network(
@@ -165,7 +165,7 @@ def export_network(
 @network_app.command()
 def reproduce(
     experiment: Annotated[str, typer.Argument(help="table2, or table3 (with the curve of Fig. 3)")],
-    out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it goes on")] = Path("reproduced"),
+    out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it continues")] = Path("reproduced"),
     train: Annotated[
         list[Path] | None, typer.Option(help="recording with manual labels, repeatable; default: simulated ones")
     ] = None,
@@ -183,7 +183,7 @@ def reproduce(
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
-    """Repeat an experiment of the paper with LMNet, on simulated worlds or on recordings of yours.
+    """Repeat an experiment of the paper with LMNet, on simulated worlds or on your own recordings.
 
     [bold]Examples[/bold]
 
@@ -223,7 +223,7 @@ def reproduce(
 
 
 def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
-    """Return the recordings that the user gave by purpose, None where none were given."""
+    """Return the recordings that the user gave by purpose, None if none were given."""
     from automos.errors import InputError
     from automos.learning.experiments import Data
 

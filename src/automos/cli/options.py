@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, each with one name and one help text."""
+"""Arguments and options shared by several commands, each with one name and one help text."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import typer
 from automos.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
-Format = Annotated[str | None, typer.Option("--format", help="the recording's format, where guessing fails")]
-Preset = Annotated[str, typer.Option(help="paper: as the seed paper; default: the best we know")]
+Format = Annotated[str | None, typer.Option("--format", help="the recording's format, if it is not recognised")]
+Preset = Annotated[str, typer.Option(help="paper: as in the paper; default: the best labels")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
@@ -25,10 +25,10 @@ Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
 
 
 def on_this_machine(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `command`, which refuses to take the address of a store for a path.
+    """Return `command`, wrapped so that it refuses a URL where a local path is needed.
 
-    A path forgets the second stroke of s3://bucket/x: results would go into a folder of the name "s3:". What may be an
-    address is text.
+    A path drops the second slash of s3://bucket/x: results would go into a folder called "s3:". Arguments that may be
+    URLs are strings.
     """
 
     @wraps(command)

@@ -1,4 +1,4 @@
-"""The commands that score labels and poses against a truth: parse, call one function, print."""
+"""The commands `evaluate` and `drift`: score labels and poses against ground truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def evaluate(
     format: Format = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
 ) -> None:
-    """Score labels against the truth that came with a recording, as SemanticKITTI's moving-object benchmark does."""
+    """Score labels against the ground truth of a recording, as SemanticKITTI's moving-object benchmark does."""
     from automos.atomic import write_text
     from automos.datasets import open_recordings
     from automos.evaluation.report import evaluate_recordings

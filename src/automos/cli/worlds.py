@@ -1,4 +1,4 @@
-"""The commands that simulate: parse, call one function, print."""
+"""The commands `demo` and `simulate`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="folder for the picture and the report")] = Path("automos_demo"),
     preset: Preset = "default",
 ) -> None:
-    """Simulate a street, label it, score it and draw it: the first minute."""
+    """Simulate a street, label it, score the labels and draw them."""
     from automos.compiling import SHARES, compiling_beside
     from automos.demo import run_demo
     from automos.progress import StageProgress
@@ -40,22 +40,22 @@ def simulate(
     sensor: Annotated[str, typer.Option(help="the LiDAR; an unknown name lists all")] = "HDL-64E",
     scans: Annotated[int, typer.Option(help="length")] = 100,
     seed: Annotated[int, typer.Option(help="another seed, another world")] = 0,
-    compensated: Annotated[bool, typer.Option(help="take the sensor's motion out of every sweep")] = False,
+    compensated: Annotated[bool, typer.Option(help="remove the sensor's motion from every sweep")] = False,
     convention: Annotated[
         list[str] | None,
         typer.Option(
-            help="NAME=VALUE, repeatable: how a recorder keeps it (turns=1.09, order=time); a wrong one lists all"
+            help="NAME=VALUE, repeatable: conventions of a recorder (turns=1.09, order=time); a wrong one lists all"
         ),
     ] = None,
     rig: Annotated[str, typer.Option(help="what carries the sensor; an unknown name lists all")] = "car",
     weather: Annotated[str, typer.Option(help="an unknown name lists all")] = "clear",
-    blooming: Annotated[bool, typer.Option(help="bright signs bleed into the beams beside them")] = False,
+    blooming: Annotated[bool, typer.Option(help="bright signs bleed into neighbouring beams")] = False,
     lidars: Annotated[int, typer.Option(help="sensors on the vehicle, their clouds merged")] = 1,
     workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
 ) -> None:
-    """Write a simulated recording with exact truth, in SemanticKITTI's layout.
+    """Write a simulated recording with exact ground truth, in SemanticKITTI's layout.
 
-    With a convention, a rig, weather or several LiDARs it is written as a recorder would have kept it, with labels and
+    With a convention, a rig, weather or several LiDARs, it is written as a recorder would store it, with labels and
     poses, but without boxes.
     """
     from automos import simulation

@@ -1,1 +1,1 @@
-"""Methods side by side on one recording: Table I and Fig. 4 of the paper."""
+"""Comparison of methods on one recording: Table I and Fig. 4 of the paper."""

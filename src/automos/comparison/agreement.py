@@ -1,4 +1,4 @@
-"""How far methods agree on what moves, with or without truth."""
+"""How far methods agree on which points move, with or without ground truth."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Intersection over union of what each two methods call moving, pooled over all points of all scans.
+    """IoU of the points that each two methods label moving, over all points of all scans.
 
     Attributes
     ----------
-    methods : K names.
-    iou : (K, K) in [0, 1], nan where neither calls anything moving.
+    methods : tuple of str
+        K names.
+    iou : (K, K) float64
+        In [0, 1], nan if neither calls anything moving.
     """
 
     methods: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Table I of the paper on any recording: every method scored, timed, compared with each other."""
+"""Table I of the paper on any recording: every method is scored, timed and compared with the others."""
 
 from __future__ import annotations
 
@@ -31,18 +31,26 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What a comparison found.
+    """The result of a comparison.
 
     Attributes
     ----------
-    recording, n_scans : what was compared on.
-    poses : where the poses came from that the methods were given.
-    titles : of all that was compared, by name.
-    needs_future : of each, None where it is not known.
-    scores : of each; empty where the recording has no truth.
-    costs : of each, None where another program made the labels.
-    missing : methods that did not, and why.
-    agreement : between those that ran.
+    recording, n_scans : str and int
+        Name and number of scans.
+    poses : str
+        Source of the poses.
+    titles : dict of str to str
+        Of all that was compared, by name.
+    needs_future : dict of str to bool, optional
+        Of each, None if it is not known.
+    scores : dict of str to Scores
+        Of each; empty if the recording has no truth.
+    costs : dict of str to Cost, optional
+        Of each, None where another program made the labels.
+    missing : dict of str to str
+        Methods that did not, and why.
+    agreement : Agreement
+        Between those that ran.
     """
 
     recording: str
@@ -56,7 +64,7 @@ class Comparison:
     agreement: Agreement
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain numbers; ratios in [0, 1], None where there is none."""
+        """Return everything as plain numbers; ratios in [0, 1], None if there is none."""
         methods = {}
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
@@ -113,7 +121,7 @@ _RATIOS = ("iou", "precision", "recall")
 
 
 def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Comparison:
-    """Return what `methods` (all where none is named) make of a recording; those whose library is missing are named.
+    """Compare `methods` (all by default) on a recording; the result names those whose library is missing.
 
     Raises
     ------
@@ -165,7 +173,7 @@ def write_comparison(
 
 
 def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDArray[np.bool_]]]:
-    """Yield what each method calls moving in each scan; scores are added to `counts` on the way."""
+    """Yield the points that each method labels moving in each scan; also add scores to `counts`."""
     for i in range(len(runs.sequence)):
         scan, truth = runs.sequence[i], runs.sequence.truth(i)
         said = {method: runs.labels(method, i, len(scan)) for method in counts}

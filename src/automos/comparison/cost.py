@@ -1,4 +1,4 @@
-"""What a method took on a recording, once for each time it was run."""
+"""Time and memory that a method took on a recording, for each of its runs."""
 
 from __future__ import annotations
 
@@ -14,14 +14,18 @@ ALONE = 0.1
 
 @dataclass(frozen=True)
 class Cost:
-    """What a method took, once for each time it was run. Bytes, seconds and cores are nan where they cannot be told.
+    """Time and memory of a method, one value per run. Bytes, seconds and cores are nan if unknown.
 
     Attributes
     ----------
-    seconds : per scan, by the clock.
-    busy : per scan, seconds of processor time.
-    memory : bytes, at most, of the process and its children with all their libraries.
-    others : processor cores that other programs kept busy meanwhile.
+    seconds : list of float
+        Per scan, by the clock.
+    busy : list of float
+        Per scan, seconds of processor time.
+    memory : list of float
+        Bytes, at most, of the process and its children with all their libraries.
+    others : list of float
+        Processor cores that other programs kept busy meanwhile.
     """
 
     seconds: list[float]
@@ -36,22 +40,22 @@ class Cost:
 
     @property
     def spread(self) -> float:
-        """Seconds per scan between the quickest run and the slowest."""
+        """Seconds per scan between the fastest and the slowest run."""
         return max(self.seconds) - min(self.seconds)
 
     @property
     def peak_memory(self) -> float:
-        """Bytes, the most of all runs."""
+        """Bytes, the maximum over all runs."""
         return max(self.memory)
 
     @property
     def was_alone(self) -> bool:
-        """Whether the machine had hardly anything else to do."""
+        """Whether other programs used hardly any processor time."""
         return max(self.others) <= ALONE
 
 
 def read_cost(file: Path, key: str) -> Cost | None:
-    """Return what is kept in `file` of a run with fingerprint `key`; None where there is none."""
+    """Return the cost stored in `file` for a run with fingerprint `key`; None if there is none."""
     try:
         found = read_json(file)
         return Cost(**{name: found[name] for name in Cost.__annotations__}) if found["key"] == key else None

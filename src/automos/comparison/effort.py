@@ -1,4 +1,4 @@
-"""What a process and its children take: memory, processor time, and whether others were at work meanwhile."""
+"""Memory and processor time of a process and its children, and the load by other processes meanwhile."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _EVERY = 0.2  # s
 
 
 class Effort:
-    """Watches this process and its children while it is open as a context; memory and processor on Linux only.
+    """Context manager that measures this process and its children; memory and processor time on Linux only.
 
     Attributes
     ----------
     seconds : by the clock.
-    peak : bytes at most (shared pages counted in part, so that nothing is counted twice), nan where it cannot be told.
-    busy : seconds of processor time, nan where it cannot be told.
-    others : processor cores that others kept busy on average, nan where it cannot be told.
+    peak : bytes at most (shared pages counted in part, so that nothing is counted twice), nan if unknown.
+    busy : seconds of processor time, nan if unknown.
+    others : processor cores that others kept busy on average, nan if unknown.
     """
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ def _bytes_of(pid: int) -> int:
 
 
 def _busy_of(pid: int) -> float:
-    """Return the seconds that process `pid` has computed, 0 where it has ended."""
+    """Return the seconds that process `pid` has computed, 0 if it has ended."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -89,7 +89,7 @@ def _busy_of(pid: int) -> float:
 
 
 def _busy_seconds() -> float:
-    """Return the seconds that all cores together have computed since the machine started, nan where unknown."""
+    """Return the seconds that all cores together have computed since the machine started, nan if unknown."""
     try:
         user, nice, system, _, _, irq, softirq = Path("/proc/stat").read_text().splitlines()[0].split()[1:8]
     except (OSError, ValueError):

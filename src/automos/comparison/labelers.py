@@ -1,4 +1,4 @@
-"""Every method that can be compared: the baselines and the pipeline's presets, as labels of scans."""
+"""All methods that can be compared, the baselines and the presets, with one interface: labels of scans."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NEEDS_FUTURE = {name: method.needs_future for name, method in BASELINES.items()}
 
 
 def choose_methods(names: Iterable[str] | None) -> list[str]:
-    """Return the methods named, each once, in the order of `TITLES`; all where none is named.
+    """Return the methods named, each once, in the order of `TITLES`; all if none is given.
 
     Raises
     ------
@@ -52,9 +52,12 @@ def label_scans(
 
     Parameters
     ----------
-    trajectory : the poses that the method is given.
-    settings : of the preset, where `method` is one.
-    scratch : a folder for what the pipeline keeps between its stages.
+    trajectory : Trajectory
+        The poses that the method is given.
+    settings : Settings
+        Of the preset, where `method` is one.
+    scratch : Path
+        A folder for what the pipeline keeps between its stages.
     """
     if method in PRESETS:
         yield from _label_by_pipeline(sequence, trajectory, settings, scratch, workers)

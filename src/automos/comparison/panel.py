@@ -1,4 +1,4 @@
-"""Fig. 4 of the paper: one scan, one picture per method, the same view."""
+"""Fig. 4 of the paper: one scan, one picture per method, from the same view."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from automos.visualization.topdown import View, draw_views
 
 
 def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, path: Path) -> None:
-    """Write what each of `methods` says of scan `scan` to a PNG file.
+    """Draw scan `scan` as each of `methods` labels it, to a PNG file.
 
     True dynamic points are green, false dynamic red, false static blue, true static grey, and so are points without
     truth. Where no point has any, what is called moving is green. `radius` (metres) is how far around the sensor is
@@ -30,7 +30,7 @@ def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, p
 
 
 def choose_scan(runs: MethodRuns, methods: list[str]) -> int:
-    """Return the scan with most points that truly move; without truth, that methods call moving.
+    """Return the scan with most truly moving points or, without ground truth, most points labelled moving.
 
     It is looked for in the middle half of the recording: methods that use only the past know nothing at the start.
     """

@@ -1,10 +1,10 @@
-"""Methods run on one recording, each in a process of its own, their labels and cost kept in a folder.
+"""Runs each method on one recording, in its own process, and keeps labels and cost in a folder.
 
-    FOLDER/poses/...              the poses that methods are given, found once for each way to find them
+    FOLDER/poses/...              the poses given to the methods, one set for each way of finding them
     FOLDER/METHOD/predictions/    a label file per scan
-    FOLDER/METHOD/cost.json       seconds, memory, processor time, and the fingerprint of what made them
+    FOLDER/METHOD/cost.json       seconds, memory, processor time, and the fingerprint of the inputs
 
-What is there already, made with the same settings, is not made again. Labels that another program made stand beside.
+Results that exist and were made with the same settings are kept. Labels of other programs can be compared, too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from automos.workspace import Workspace, fingerprint
 
 
 class MethodRuns:
-    """The methods' labels of one recording, made when first asked for."""
+    """Labels of all methods on one recording, made on demand."""
 
     def __init__(
         self,
@@ -54,10 +54,10 @@ class MethodRuns:
         repeats: int = 1,
         predictions: Mapping[str, Path] | None = None,
     ):
-        """Take a recording and where results are kept.
+        """Take a recording and a results folder.
 
         `overrides` are settings that differ from the presets' ("candidates.ground.cell": 0.4); `poses` (N, 4, 4)
-        T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is no preset is
+        T_world_sensor are used instead of odometry. Without them each preset finds its own, and what is not a preset is
         given the default's; `shared`: all are. Without `own_process` methods run in this one: short recordings take
         less time, but what they cost is not known. `repeats` is how often each is run. `predictions` are
         folders of label files that other programs made, by name.
@@ -81,7 +81,7 @@ class MethodRuns:
         self.frames = SequenceFrames(sequence, self.trajectory)
 
     def trajectory_of(self, method: str) -> Trajectory:
-        """Return the poses that `method` is given."""
+        """Return the poses for `method`."""
         key = self._pose_key(method)
         if key not in self._trajectories:
             stage = Workspace(self.folder / "poses").stage("odometry", key)
@@ -106,15 +106,15 @@ class MethodRuns:
 
     @property
     def predictions(self) -> list[str]:
-        """The names of labels that other programs made."""
+        """The names of other programs' labels."""
         return list(self._others)
 
     def title(self, method: str) -> str:
-        """Return what `method` is called in tables."""
+        """Return the title of `method` in tables."""
         return TITLES.get(method, method)
 
     def needs_future(self, method: str) -> bool | None:
-        """Return whether `method` asks scans that come after; None of labels that another program made."""
+        """Return whether `method` uses later scans; None for labels of another program."""
         return NEEDS_FUTURE.get(method)
 
     def settings(self, method: str) -> Settings:
@@ -122,7 +122,7 @@ class MethodRuns:
         return self._settings.get(method, self._settings["default"])
 
     def _fingerprint(self, method: str) -> str:
-        """Return what changes with all that shapes what `method` finds."""
+        """Return a fingerprint of everything that shapes the labels of `method`."""
         settings = self.settings(method)
         if method in PRESETS:
             return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
@@ -158,7 +158,7 @@ class MethodRuns:
         return cost
 
     def labels(self, method: str, index: int, n_points: int) -> npt.NDArray[np.uint32]:
-        """Return (n_points,) uint32 of `Label`, what `method` says of scan `index`; it must have been run."""
+        """Return the labels (n_points,) uint32 of scan `index` by `method`, which must have been run."""
         name = self.sequence.names[index]
         if method in self._others:
             return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
@@ -187,7 +187,7 @@ def _run(
 
 
 def _check_predictions(sequence: Sequence, folders: Mapping[str, Path]) -> None:
-    """Raise InputError where labels that another program made do not fit the recording, before anything is run."""
+    """Raise InputError if labels that another program made do not fit the recording, before anything is run."""
     for name in folders:
         if name in TITLES:
             raise InputError(f"--predictions {name}=...: '{name}' is a method of AutoMOS; give it another name")

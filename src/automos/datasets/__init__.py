@@ -1,8 +1,8 @@
-"""What comes in: recordings found by looking at a path, one module per format, imported when used.
+"""Readers of recordings, one module per format, imported when used. The format is recognised from the path.
 
 A format module declares its :class:`~automos.datasets.formats.Format` as `FORMAT`. Formats are tried in the order of
-`FORMATS`, from those that nothing else looks like to the plain folder; the codec of point files is guessed unless the
-user names it. A recording inside a file or a set of tables is named as if it lay in a folder: `log.mcap/front/points`.
+`FORMATS`, from the most specific to the plain folder. The codec of point files is guessed unless the user names it. A
+recording inside a file or a set of tables has a path as if it were in a folder: `log.mcap/front/points`.
 """
 
 from __future__ import annotations
@@ -50,13 +50,29 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
 
     Parameters
     ----------
-    path : a recording, or a dataset root that holds only one.
-    format : a layout (`FORMATS`) or a codec of the point files (`CODECS`), where the guess is not what you want.
+    path : str or Path
+        A recording, or the root of a data set that holds only one.
+    format : str, optional
+        Layout (one of `FORMATS`) or codec of the point files (one of `CODECS`). Guessed if not given.
+
+    Returns
+    -------
+    Sequence
+        The recording. Scans are read when they are asked for.
 
     Raises
     ------
     InputError
-        No such folder, no recording or several recordings in it, an unknown format, or files that cannot be used.
+        The path does not exist, holds no recording or several, the format is unknown, or a file cannot be used.
+
+    Examples
+    --------
+    >>> import automos
+    >>> recording = automos.open_sequence("my_log")
+    >>> len(recording)
+    12
+    >>> recording[0].points.shape[1]
+    3
     """
     found = _find(given_path(path, "a recording"), format)
     if len(found) > 1:
@@ -66,7 +82,7 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
 
 
 def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
-    """Return what `open_sequence` takes of each recording at `path`, without opening any; in the order of their names.
+    """Return the path of each recording at `path`, sorted by name, as `open_sequence` takes it; opens none.
 
     Parameters and errors are those of `open_sequence`.
     """
@@ -74,9 +90,30 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
-    """Return all recordings at `path`: those of a dataset root (`sequences/*`) in order of name, or the one that it is.
+    """Return all recordings at `path`.
 
-    Parameters and errors are those of `open_sequence`.
+    Parameters
+    ----------
+    path : str or Path
+        A recording, or a folder that holds recordings, such as the root of a data set.
+    format : str, optional
+        As for `open_sequence`.
+
+    Returns
+    -------
+    list of Sequence
+        The recordings, sorted by name; at least one.
+
+    Raises
+    ------
+    InputError
+        As for `open_sequence`, except that there may be several recordings.
+
+    Examples
+    --------
+    >>> import automos
+    >>> [recording.name for recording in automos.open_recordings("my_log")]
+    ['my_log']
     """
     return [one.open() for one in _find(given_path(path, "a recording"), format)]
 
@@ -90,7 +127,7 @@ class _Found(NamedTuple):
 
     def open(self) -> Sequence:
         if not is_text(str(self.path)):
-            raise InputError(f"{str(self.path)!a} is no UTF-8; rename what is not")
+            raise InputError(f"{str(self.path)!a} is not UTF-8; rename what is not")
         with damage_told(self.path), limited(self.path) if self.reader.needs else nullcontext():
             return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 
@@ -141,7 +178,7 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
 
 
 def _beside(path: Path, format: str | None) -> list[_Found]:
-    """Return the recordings at `path`, none where it only looks like one: text beside recordings tells of them."""
+    """Return the recordings at `path`, none if it only looks like one, as text files that describe recordings do."""
     from automos.datasets.files import holds_point_files, holds_scans
 
     if not path.is_dir() or (holds_point_files(path) and not holds_scans(path)):
@@ -167,7 +204,7 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
 def _nothing_found(path: Path, format: str | None) -> str:
     if path.is_file():
         if format in FORMATS:
-            return f"{path} is no recording of format {format!r} ({load_format(format).layout}); leave --format out"
+            return f"{path} is not a recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
     from automos.datasets.files import holds_point_files
 

@@ -59,14 +59,14 @@ def read_apart(module: str, path: Path) -> Columns:
 
 def _read(reader: _Reader, module: str, path: Path) -> Columns:
     try:
-        told = reader.read(module, path)
+        answer = reader.read(module, path)
     except BaseException:  # Ctrl-C, for example: half of an answer is still on its way
         reader.end()
         raise
     _idle[os.getpid()].append(reader)
-    if isinstance(told, str):
-        raise InputError(told)
-    return told
+    if isinstance(answer, str):
+        raise InputError(answer)
+    return answer
 
 
 class _EndedError(Exception):
@@ -120,8 +120,8 @@ class _Reader:
             head = self._answers.readline()
             if not head.endswith(b"\n"):
                 raise EOFError
-            told = json.loads(head)
-            return told if isinstance(told, str) else {name: self._array(*of) for name, of in told.items()}
+            about = json.loads(head)
+            return about if isinstance(about, str) else {name: self._array(*of) for name, of in about.items()}
         except (BrokenPipeError, EOFError):
             raise _EndedError(self.end()) from None
 
@@ -187,22 +187,22 @@ def serve() -> None:
     if sys.platform == "win32":  # nor a window that asks what to do about it
         ctypes.windll.kernel32.SetErrorMode(0x0003)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # what a library prints is not an answer
     answers.write(b"ready\n")
     answers.flush()
     for line in sys.stdin.buffer:
         module, path, here = json.loads(line)
         with suppress(OSError):
             os.chdir(here or ".")
-        told, arrays = _answer(module, path)
-        answers.write(json.dumps(told).encode() + b"\n")
+        about, arrays = _answer(module, path)
+        answers.write(json.dumps(about).encode() + b"\n")
         for array in arrays:
             answers.write(memoryview(array.reshape(-1).view(np.uint8).data))
         answers.flush()
 
 
 def _answer(module: str, path: str) -> tuple[Any, list[np.ndarray]]:
-    """Return what is told of a file (kind and shape of each column, or what is wrong with it) and the columns."""
+    """Return a description of a file (type and shape of each column, or what is wrong with it) and its columns."""
     read = importlib.import_module(f"automos.datasets.{module}").read_here
     try:
         columns = {name: np.ascontiguousarray(column) for name, column in read(Path(path)).items()}

@@ -42,7 +42,7 @@ class ApolloSequence(FolderSequence):
         try:
             return self._rows()[:, 1]
         except InputError:
-            return None  # labels need no poses, and the points may have times; who asks for the poses is told
+            return None  # labels need no poses, and points may have times; asking for the poses raises the error
 
     @cached_property
     def reference_poses(self) -> Pose:

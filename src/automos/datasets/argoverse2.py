@@ -1,8 +1,7 @@
 """Argoverse 2 Sensor logs: sensors/lidar/*.feather, calibration, ego poses, boxes, and per-point flow where it is.
 
-The files hold both 32-beam sensors' points in the vehicle's frame, carried to one time. The points are brought back to
-the frame of the upper sensor; which of the two each was seen from is told by its laser: rays start there, not on the
-rear axle.
+The files hold the points of both 32-beam sensors in the vehicle's frame, at one time. The points are transformed to the
+frame of the upper sensor. The laser number says which of the two measured a point, and so where its ray starts.
 """
 
 from __future__ import annotations
@@ -43,10 +42,10 @@ _WORDS = {"sensor_name", "track_uuid", "category"}
 
 
 class Table(dict[str, npt.NDArray]):
-    """The columns of a file; one that is absent or of another kind is told with the file."""
+    """The columns of a file; a missing column or one of another type is an error that names the file."""
 
     def __init__(self, path: Path, columns: dict[str, npt.NDArray]):
-        with damage_told(path, "has names that are no text"):  # lists
+        with damage_told(path, "has names that are not text"):  # lists
             words = {name: values.astype(str) for name, values in columns.items() if name in _WORDS}
         super().__init__(columns | words)
         self.path = path
@@ -142,7 +141,7 @@ class Argoverse2Sequence(ListedSequence):
     def _T_ego_sensors(self) -> Pose | None:
         """(2, 4, 4) of the sensors of lasers 0 to 31 and 32 to 63; None where the log has but one.
 
-        Which half is whose is told by the first sweep: seen from its own sensor, a laser has one elevation.
+        The first sweep shows which half is whose: seen from its own sensor, a laser has one elevation.
         """
         if _SENSORS[1] not in self._calibration["sensor_name"]:
             return None

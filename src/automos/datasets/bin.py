@@ -1,6 +1,6 @@
 """Packed float32 rows without header: KITTI's x, y, z, intensity, and its wider and narrower relatives.
 
-Nothing in such a file tells how many columns it has. 5 is taken if it fits every file of the recording and the fifth
+Such a file does not say how many columns it has. 5 is taken if it fits every file of the recording and the fifth
 column is a ring (whole numbers, as nuScenes writes it), even where 4 fits, too, as it does organised clouds.
 Else 4 is taken wherever it fits every file, then 3 if it fits every file and 6 does not. Everything else is asked for.
 """

@@ -23,7 +23,7 @@ PACE = 1.0
 MOVED = 0.5
 """Metres: a box that gets further than this within PACE moves. Argoverse 2 calls points above 0.5 m/s dynamic."""
 STOOD = 0.25
-"""Metres: a box that never gets further than this within PACE stands; between the two nobody can tell."""
+"""Metres: a box that never gets further than this within PACE stands; between the two it is not known."""
 MARGIN = 0.3
 """Metres around a mover's box that are left unlabeled."""
 SOLE = 0.2
@@ -74,7 +74,7 @@ def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path
 def judge_boxes(
     track: npt.NDArray[np.int64], time: npt.NDArray[np.float64], center_world: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.uint8]:
-    """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED where that cannot be told.
+    """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED if that is not known.
 
     Parameters
     ----------

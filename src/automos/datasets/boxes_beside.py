@@ -50,5 +50,5 @@ def _read(path: Path) -> tuple[npt.NDArray[np.int64], Boxes, Pose]:
         center, size, yaw = columns[0].reshape(-1, 3), columns[1].reshape(-1, 3), columns[2].reshape(len(ids))
         T_level_sensor = np.array(document["T_level_sensor"], np.float64).reshape(4, 4)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no file of boxes ({error!r}); simulate the recording again") from None
+        raise InputError(f"{path} is not a file of boxes ({error!r}); simulate the recording again") from None
     return ids, checked_boxes(center, size, yaw, path), rigid_transforms(T_level_sensor[None], path)[0]

@@ -1,7 +1,7 @@
 """Named columns of a point file, whatever wrote it, made into a scan.
 
 Drivers agree on x, y, z and on little else. Names are compared without case; a column that is absent, constant (time)
-or not what its name says (a ring that is no whole number) becomes None rather than a guess.
+or not what its name says (a ring that is not a whole number) becomes None rather than a guess.
 """
 
 from __future__ import annotations

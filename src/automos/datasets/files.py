@@ -1,4 +1,4 @@
-"""The scan files of a folder in time order, and the times their names may tell."""
+"""The scan files of a folder in time order, and the times that their names may hold."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _EPOCH = (1.0e9, 2.2e9)
 """Seconds since 1970 that a recording may bear: 2001 to 2039."""
 
 _PERIOD = (0.005, 5.0)
-"""Seconds between scans (median) that tell a clock from a counter."""
+"""Seconds between scans (median) that distinguish a clock from a counter."""
 
 
 def holds_point_files(folder: Path) -> bool:
@@ -106,20 +106,22 @@ def copies_told(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[st
 
 
 def _glimpse(path: Path, size: int) -> bytes:
-    """Return a few bytes from the middle of a file: nearly always enough to tell two scans apart."""
+    """Return a few bytes from the middle of a file: nearly always enough to distinguish two scans."""
     with path.open("rb") as file:
         file.seek(size // 2)
         return file.read(4096)
 
 
 def _require_sound(names: Sequence[str], folder: Path) -> None:
-    """Raise where two scans differ in their suffix alone, a name is no text, or a scan is no plain file."""
+    """Raise where two scans differ in their suffix alone, a name is not text, or a scan is not a regular file."""
     known: dict[str, str] = {}
     for name in names:
         if not os.path.isfile(folder / name):
-            raise InputError(f"{folder / name} is no plain file but a pipe, a device or a link to nothing; remove it")
+            raise InputError(
+                f"{folder / name} is not a regular file (a pipe, a device or a link to nothing); remove it"
+            )
         if not is_text(name):
-            raise InputError(f"{folder} holds a scan whose name is no UTF-8, {name!a}; rename it")
+            raise InputError(f"{folder} holds a scan whose name is not UTF-8, {name!a}; rename it")
         twin = known.setdefault(os.path.splitext(name)[0], name)
         if twin != name:
             raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")

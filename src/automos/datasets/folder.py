@@ -1,4 +1,4 @@
-"""A plain folder of point files, and what may lie beside: times.txt, poses.txt, calib.txt, mounts.yaml, labels/."""
+"""A plain folder of point files, with optional times.txt, poses.txt, calib.txt, mounts.yaml and labels/ beside them."""
 
 from __future__ import annotations
 
@@ -134,13 +134,7 @@ class FolderSequence(Sequence):
         return inverse(T[0]) @ T
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None where there are no labels.
-
-        Raises
-        ------
-        InputError
-            Some scans have labels but not this one, or it has another number of points.
-        """
+        """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None if no scan has labels."""
         if not self._has_truth:
             return None
         index = range(len(self))[index]
@@ -170,7 +164,7 @@ class FolderSequence(Sequence):
 
     @cached_property
     def _fullest(self) -> Path:
-        """The largest file, which tells most of how all are to be read."""
+        """The largest file, which says most about how all of them are to be read."""
         return max(self._paths, key=lambda path: path.stat().st_size)
 
     def _pose_files(self) -> list[Path]:
@@ -191,7 +185,7 @@ class FolderSequence(Sequence):
             raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
         is_time = np.abs(times) < LATEST
         if not is_time.all():
-            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is no number of seconds")
+            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
         return times
 
@@ -218,13 +212,13 @@ class FolderSequence(Sequence):
     @cached_property
     def _unit(self) -> tuple[float, list[str]]:
         """Metres per unit of the coordinates, and what to say of it."""
-        with contextlib.suppress(InputError):  # told when the scan itself is read
+        with contextlib.suppress(InputError):  # reported when the scan itself is read
             return unit_of(coordinates(read_columns(self._fullest, self._codec), self._fullest))
         return 1.0, []
 
     @cached_property
     def _point_times(self) -> PointTimes:
-        """How the points' times are read, found once: a scan of few points may not tell."""
+        """How the points' times are read, determined once: a scan of few points may not show it."""
         if self._codec in WIDTHS:
             return PointTimes()
         columns = read_columns(self._fullest, self._codec)
@@ -233,7 +227,7 @@ class FolderSequence(Sequence):
 
 
 def _usual_gap(times: npt.NDArray[np.float64] | None) -> float | None:
-    """Return the seconds that usually lie between scans; None where no clock tells."""
+    """Return the seconds that usually lie between scans; None without a clock."""
     steps = np.zeros(0) if times is None else np.diff(np.sort(times))
     return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
 

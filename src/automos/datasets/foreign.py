@@ -1,7 +1,7 @@
 """Calls of libraries that others wrote, on files that came from anywhere: ended when they take too long or too much.
 
 A damaged file can make a library loop for ever or ask for more memory than there is. Where it loops in Python, it is
-interrupted and the file is told, as any damage is. Where it does not come back from compiled code, nothing in the same
+interrupted and reported, as any damage is. Where it does not come back from compiled code, nothing in the same
 process can stop it but its end: under the command line, and in workers that it started, that is a sentence and exit
 code 2; in a program of somebody else the exception waits until the library comes back.
 """

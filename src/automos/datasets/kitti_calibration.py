@@ -18,7 +18,7 @@ from automos.scan import Points, Pose
 
 EARTH_RADIUS = 6378137.0
 _MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
-"""Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are no vehicles."""
+"""Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are not vehicles."""
 IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
 
@@ -53,7 +53,7 @@ def take(rows: dict[str, npt.NDArray[np.float64]], path: Path, *names: str, size
     if row is None or len(row) != size:
         raise InputError(f"{path} has no line {names[0]!r} of {size} numbers; download the calibration again")
     if not (np.abs(row) < FARTHEST).all():
-        raise InputError(f"{path}: line {names[0]!r} holds what is no number; download the calibration again")
+        raise InputError(f"{path}: line {names[0]!r} holds what is not a number; download the calibration again")
     return row
 
 

@@ -117,7 +117,7 @@ class KittiRawSequence(FolderSequence):
             rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
             table = np.array(rows, np.float64).reshape(-1, 9)
         except (OSError, *DAMAGE, ElementTree.ParseError) as error:
-            raise InputError(f"{path} is no whole file of tracklets ({error}); download it again") from None
+            raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
         drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
         frames = np.array([int(name) for name in self._names])
         place = np.searchsorted(frames, table[:, 1]).clip(0, len(frames) - 1)
@@ -125,7 +125,7 @@ class KittiRawSequence(FolderSequence):
         table, drawn, scan = table[has_scan], drawn[has_scan], place[has_scan]
         poses = self.reference_poses
         if poses is None:
-            raise InputError(f"{self.source / 'oxts'} is missing; without poses nobody can tell which boxes move")
+            raise InputError(f"{self.source / 'oxts'} is missing; without poses it is not known which boxes move")
         seconds = 0.1 * table[:, 1] if self._stamps is None else self._stamps[scan]
         track = table[:, 0].astype(np.int64)
         return DrawnBoxes(
@@ -155,7 +155,7 @@ def _items(path: Path) -> list[ElementTree.Element]:
 
 
 def _rows_of(item: ElementTree.Element, track: int) -> list[list[float]]:
-    """Return a tracklet's boxes: track, frame, centre, length, width, height, yaw. KITTI tells where they stand."""
+    """Return a tracklet's boxes: track, frame, centre, length, width, height, yaw; KITTI gives the bottom's centre."""
     height, width, length = (float(str(item.findtext(side))) for side in ("h", "w", "l"))
     first = int(str(item.findtext("first_frame")))
     rows = []

@@ -127,7 +127,7 @@ class KittiTrackingSequence(FolderSequence):
             numbers = np.array([row[:2] for row in objects], np.int64).reshape(-1, 2)
             table = np.array([row[10:17] for row in objects], np.float64).reshape(-1, 7)
         except (OSError, ValueError, IndexError, OverflowError) as error:
-            raise InputError(f"{path} is no file of KITTI's tracking labels ({error}); download it again") from None
+            raise InputError(f"{path} is not a file of KITTI's tracking labels ({error}); download it again") from None
         in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
         place = np.searchsorted(self._frames, numbers[:, 0]).clip(0, len(self._frames) - 1)
         has_scan = self._frames[place] == numbers[:, 0]
@@ -140,7 +140,7 @@ class KittiTrackingSequence(FolderSequence):
         heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
         poses = self.reference_poses
         if poses is None:
-            raise InputError(f"{self._beside('oxts')} is missing; without poses nobody can tell which boxes move")
+            raise InputError(f"{self._beside('oxts')} is missing; without poses it is not known which boxes move")
         track = numbers[:, 1] + 1
         return DrawnBoxes(
             scan,

@@ -42,7 +42,7 @@ def read_here(path: Path) -> Columns:
     except (OSError, InputError):
         raise
     except Exception as error:  # damaged files break the library in many ways
-        raise InputError(f"{path} is no whole LAS file ({error}); copy it again") from error
+        raise InputError(f"{path} is not a complete LAS file ({error}); copy it again") from error
     if len(las) != n_points:
         raise InputError(f"{path} is cut short: {len(las)} points, its header promises {n_points}; copy it again")
     names = set(las.point_format.dimension_names)

@@ -14,7 +14,7 @@ from automos.geometry import FARTHEST
 _HEADER, _VLR, _EVLR = 227, 54, 60
 """Bytes of the shortest header and of the headers of variable and of extended variable length records."""
 _FORM, _PACKED = 104, 0xC0
-"""The byte that tells the form of points, and its bits that tell that they are packed."""
+"""The byte with the format of points, and its bits for compressed ones."""
 _COARSEST = 1e3
 """Metres that coordinates are counted in, less than which any sensor's are."""
 _MOST_PACKED = 10_000
@@ -42,7 +42,7 @@ def require_whole(path: Path) -> int:
     with path.open("rb") as file:
         head = file.read(375)
     if len(head) < _HEADER or head[:4] != b"LASF":
-        raise InputError(f"{path} is no LAS file: it does not begin as one")
+        raise InputError(f"{path} is not an LAS file: it does not begin as one")
     header_size, start, n_records, form, width, n_points = struct.unpack_from("<HIIBHI", head, 94)
     n_extended = extended = 0
     if head[25] >= 4 and len(head) >= 375:
@@ -72,12 +72,14 @@ def require_whole(path: Path) -> int:
     }
     fault = next((what for what, is_so in faults.items() if is_so), None)
     if fault is not None:
-        raise InputError(f"{path} is cut short or damaged: its header tells of {fault}, in {size} bytes; copy it again")
+        raise InputError(
+            f"{path} is cut short or damaged: its header announces {fault}, in {size} bytes; copy it again"
+        )
     return int(n_points)
 
 
 def _first_layers(path: Path, start: int, form: int, width: int) -> tuple[int | None, int]:
-    """Return how many points and bytes the first chunk of a LAZ file tells of; None and 0 where it tells neither.
+    """Return how many points and bytes the first chunk of a LAZ file announces; None and 0 if it announces neither.
 
     It does where its points are packed in layers (form 6 on). The library takes memory for them before it reads.
     """
@@ -92,7 +94,7 @@ def _first_layers(path: Path, start: int, form: int, width: int) -> tuple[int | 
 
 
 def _chunk_size(path: Path, header_size: int, n_records: int) -> int:
-    """Return how many points all chunks of a LAZ file but its last have; 0 where that differs, or nothing tells."""
+    """Return how many points all chunks of a LAZ file but its last have; 0 where that differs, or is not stored."""
     with path.open("rb") as file:
         file.seek(header_size)
         for _ in range(n_records):
@@ -108,7 +110,7 @@ def _chunk_size(path: Path, header_size: int, n_records: int) -> int:
 
 
 def _count_chunks(path: Path, start: int, size: int) -> int:
-    """Return of how many chunks the table of a LAZ file tells, more than there are bytes where it has none."""
+    """Return of how many chunks the table of a LAZ file announces, more than there are bytes where it has none."""
     with path.open("rb") as file:
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))

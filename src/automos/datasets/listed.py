@@ -37,7 +37,7 @@ class ListedSequence(ScanSequence):
         """
         stray = next((file for file in files if not is_text(file.name)), None)
         if stray is not None:
-            raise InputError(f"{source} holds a scan whose name is no UTF-8, {stray.name!a}; rename it")
+            raise InputError(f"{source} holds a scan whose name is not UTF-8, {stray.name!a}; rename it")
         if not files:
             raise InputError(f"{source} holds no scans; check that it was copied or downloaded whole")
         self.source = source

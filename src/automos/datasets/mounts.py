@@ -1,4 +1,4 @@
-"""Where the LiDARs of a merged cloud sit, told by a file beside it or by the recording itself.
+"""Where the LiDARs of a merged cloud sit, from a file beside it or from the recording itself.
 
 `mounts.yaml` in a recording's folder names each LiDAR, in the order of their numbers in the points' column `sensor`
 (or `lidar`, `lidar_id`, `sensor_id`), or with the rings, first and last, that are its own:
@@ -69,7 +69,7 @@ def checked_mount(T: npt.ArrayLike, name: str, where: Path) -> Pose:
     Raises
     ------
     InputError
-        `T` is no rigid transform.
+        `T` is not a rigid transform.
     """
     try:
         T = np.asarray(T, np.float64)
@@ -77,7 +77,7 @@ def checked_mount(T: npt.ArrayLike, name: str, where: Path) -> Pose:
         T = np.zeros((0, 0))
     if T.shape != (4, 4) or not is_rigid(T):
         raise InputError(
-            f"{where}: the mount of {name} is no rigid transform: give 4 x 4 numbers, rotation and translation in "
+            f"{where}: the mount of {name} is not a rigid transform: give 4 x 4 numbers, rotation and translation in "
             "metres only, without scale or mirroring"
         )
     u, _, vt = np.linalg.svd(T[:3, :3])
@@ -92,7 +92,7 @@ def read_mounts(folder: Path) -> Mounts | None:
     Raises
     ------
     InputError
-        A file that cannot be read as mounts, or a mount that is no rigid transform.
+        A file that cannot be read as mounts, or a mount that is not a rigid transform.
     """
     path = folder / FILE
     if not is_there(path):
@@ -132,6 +132,6 @@ def _transform_of(entry: dict[str, Any], name: str, path: Path) -> Pose:
         raise InputError(f"{path}: {name} needs a translation of 3 numbers and a rotation of 4, x y z w") from None
     if not abs(np.linalg.norm(xyzw) - 1.0) < 0.01:
         length = np.linalg.norm(xyzw)
-        raise InputError(f"{path}: the mount of {name} is no rigid transform: its quaternion has length {length:.3g}")
+        raise InputError(f"{path}: the mount of {name} is not a rigid transform: its quaternion has norm {length:.3g}")
     T[:3, :3] = Rotation.from_quat(xyzw).as_matrix()
     return checked_mount(T, name, path)

@@ -1,6 +1,6 @@
 """MulRan: Ouster/<nanoseconds>.bin of an OS1-64, global_pose.csv of the vehicle.
 
-Clouds are 64 x 1024, column after column, so that a point's place in the file tells its beam and time. A few files are
+Clouds are 64 x 1024, column after column, so that a point's place in the file gives its beam and time. A few files are
 incomplete; those have neither.
 """
 

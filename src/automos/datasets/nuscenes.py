@@ -190,9 +190,9 @@ def _judge(
     says_anything = np.array([bool(found) for found in names])
     n = int(instance.max()) + 1
     moves = np.bincount(instance, says_moving, n) > 0
-    told = np.bincount(instance, says_anything, n) > 0
+    is_annotated = np.bincount(instance, says_anything, n) > 0
     by_attribute = np.where(moves, Label.MOVING, Label.STATIC)[instance]
-    return np.where(told[instance], by_attribute, judge_boxes(instance, seconds, center)).astype(np.uint8)
+    return np.where(is_annotated[instance], by_attribute, judge_boxes(instance, seconds, center)).astype(np.uint8)
 
 
 FORMAT = Format(

@@ -157,7 +157,7 @@ def make_to_points(info: Any, path: Path) -> Any:
     Raises
     ------
     InputError
-        The metadata tells of beams that point nowhere; `path` is what it came with.
+        The metadata lists beams without a direction; `path` is what it came with.
     """
     angles = np.concatenate([info.beam_altitude_angles, info.beam_azimuth_angles])
     mounts = np.concatenate([np.ravel(info.beam_to_lidar_transform), np.ravel(info.lidar_to_sensor_transform)])

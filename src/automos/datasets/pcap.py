@@ -1,7 +1,7 @@
-"""Captures of network traffic (libpcap's classic files): the UDP datagrams of a size in a stretch of one.
+"""Captures of network traffic (libpcap's classic files): the UDP datagrams of one size in a part of one.
 
-Records are walked from any one of them on, a piece of the file in memory at a time, so that what lies before a stretch
-need not be read again. Libraries for captures read from the start and do not tell places.
+Records can be read from any record on, a piece of the file in memory at a time, so the part before need not be read
+again. Libraries for captures read from the start and do not report positions.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def open_capture(path: Path) -> Capture:
     Raises
     ------
     InputError
-        It cannot be read, or is no classic capture.
+        It cannot be read, or is not a classic capture.
     """
     try:
         with open(path, "rb") as file:
@@ -122,7 +122,7 @@ def open_capture(path: Path) -> Capture:
             return Capture(path, path.stat().st_size, is_big, _MAGIC[words[0]], _LINKS[link])
     if head[:4] == _PCAPNG.to_bytes(4, "big"):
         raise InputError(f"{path} is a pcapng file; make it a classic one: editcap -F pcap {path.name} classic.pcap")
-    raise InputError(f"{path} is no capture of packets (libpcap); copy it again")
+    raise InputError(f"{path} is not a capture of packets (libpcap); copy it again")
 
 
 def require_whole(path: Path) -> None:

@@ -47,7 +47,7 @@ def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = No
     except FileNotFoundError:
         raise InputError(f"{path} is missing; the recording needs it for {what}") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} is no table of {n_columns} numbers a line ({error})") from None
+        raise InputError(f"{path} is not a table of {n_columns} numbers a line ({error})") from None
     if not np.isfinite(table).all():
         raise InputError(f"{path} holds a number that is none; {what} are {n_columns} numbers a line")
     if table.ndim != 2 or table.shape[1] != n_columns or len(table) == 0:

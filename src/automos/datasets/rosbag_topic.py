@@ -117,7 +117,7 @@ class RosbagSequence(Sequence):
         """The opened bag; one for each thread, as readers are not made to be shared."""
         if not hasattr(self._threads, "reader"):
             anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
-            # Bags of early ROS 2 do not tell their types; this one has not changed since.
+            # Bags of early ROS 2 do not store their types; this one has not changed since.
             types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
             for file in _files(self.source):
                 require_regular(file)
@@ -184,7 +184,7 @@ class RosbagSequence(Sequence):
 
     @cached_property
     def _point_times(self) -> PointTimes:
-        """How the points' times are read, found once: a scan of few points may not tell."""
+        """How the points' times are read, determined once: a scan of few points may not show it."""
         gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
         return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
 

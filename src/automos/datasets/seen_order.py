@@ -1,6 +1,6 @@
 """Renumbered scans without any times, recognised by what they saw.
 
-A copy whose scans were numbered anew in the alphabetical order of their numbers (0, 1, 10, 11, ..., 2, 20, ...) leaps
+A copy whose scans were numbered anew in the alphabetical order of their numbers (0, 1, 10, 11, ..., 2, 20, ...) jumps
 about in a fifth of its steps. Scans that follow each other look alike: where the steps that only the right order has
 join scans that are clearly more alike than those that only the files' order has, the copy is put in order. A handful of
 these steps decides, so that opening a long recording costs no more than opening a short one.
@@ -45,7 +45,7 @@ def put_in_seen_order(points_of: Callable[[int], Points], names: Sequence[str], 
     """
     as_given = np.arange(len(names))
     order = None
-    with contextlib.suppress(InputError):  # told when the scan itself is read
+    with contextlib.suppress(InputError):  # reported when the scan itself is read
         order = find_renumbering(len(names), points_of)
     if order is None:
         return TimeOrder(as_given, None, [])

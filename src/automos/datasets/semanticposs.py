@@ -38,7 +38,7 @@ class SemanticPossSequence(kitti.KittiSequence):
 
 FORMAT = Format(
     layout="SemanticPOSS: KITTI's layout and tag/*.tag",
-    truth="static classes of labels/*.label; nothing tells what moves",
+    truth="static classes of labels/*.label; what moves is not labelled",
     find=find,
     open=SemanticPossSequence,
 )

@@ -29,21 +29,21 @@ def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> n
     Raises
     ------
     ValueError
-        If rows differ in length, or hold something that is no number; NUL bytes are no blanks: what a disk lost is full
-        of them.
+        If rows differ in length or hold something that is not a number. NUL bytes are not blanks: a disk that lost data
+        leaves them.
     """
     characters, most = np.frombuffer(text, np.uint8), len(text)  # a header may promise more rows than an integer holds
     n_skipped, n_rows = min(n_skipped, most), most if n_rows is None else min(n_rows, most)
     begin, end, rows, columns, ragged = _find_table(characters, n_skipped, n_rows)
     if ragged >= 0 and text[ragged] < 32 and not text[ragged : ragged + 1].isspace():
-        raise ValueError(f"line {_line_number(text, ragged)} holds the byte {text[ragged]:#04x}, which is no text")
+        raise ValueError(f"line {_line_number(text, ragged)} holds the byte {text[ragged]:#04x}, which is not text")
     if ragged >= 0:
         raise ValueError(f"line {_line_number(text, ragged)} has not {columns} numbers, as those before it have")
     table = np.empty((rows, columns))
     bad = _parse_numbers(characters, begin, end, table.reshape(-1))
     if bad >= 0:
         word = text[bad : bad + 40].split()[0].decode("ascii", "replace")
-        raise ValueError(f"line {_line_number(text, bad)} holds {word!r}, which is no number")
+        raise ValueError(f"line {_line_number(text, bad)} holds {word!r}, which is not a number")
     return table
 
 

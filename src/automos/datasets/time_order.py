@@ -17,7 +17,7 @@ _MIXED = 3
 """Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
 do more than this often for each time, two runs of the clock overlap."""
 _ONE_TIME = 1e-9
-"""Seconds, less than which no clock tells apart: times that differ by less are one, which would not increase later."""
+"""Seconds, below the resolution of any clock: times that differ by less are equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class TimeOrder:
     Attributes
     ----------
     order : (N,) int64, the scans' numbers in the order of time.
-    stamps : (N,) seconds, strictly increasing, in that order; None where the clock tells nothing.
+    stamps : (N,) seconds, strictly increasing, in that order; None without a usable clock.
     warnings : what was found and done, in sentences.
     """
 

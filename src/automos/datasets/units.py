@@ -15,7 +15,7 @@ from automos.scan import MIN_RANGE, Points
 UNITS = {"centimetres": 0.01, "millimetres": 0.001}
 """Metres of what recorders write beside metres."""
 FARTHEST = 500.0
-"""Metres: where more than one in twenty points is further off, these are no metres."""
+"""Metres: where more than one in twenty points is further off, these are not metres."""
 USUAL = 50.0
 """Metres within which a LiDAR outdoors sees all but one in twenty of its points."""
 NEAREST = 30.0
@@ -25,7 +25,7 @@ NEAREST = 30.0
 CROWDED = 0.6
 """Of the range that all but one in twenty points are within, where a sensor has half of them: it sees most nearby."""
 MIN_POINTS = 100
-"""Points from which on ranges tell a unit."""
+"""Number of points from which ranges determine the unit."""
 
 
 def unit_of(cloud: Points) -> tuple[float, list[str]]:
@@ -45,7 +45,7 @@ def unit_of(cloud: Points) -> tuple[float, list[str]]:
     name, unit = min(UNITS.items(), key=lambda item: abs(np.log(item[1] * far / USUAL)))
     if unit * far > FARTHEST or unit * near > NEAREST or middle > CROWDED * far:
         return 1.0, []
-    return unit, [f"coordinates reach {far:,.0f} from the sensor, which are no metres; they are taken for {name}."]
+    return unit, [f"coordinates reach {far:,.0f} from the sensor, which are not metres; they are taken for {name}."]
 
 
 def _ranges(cloud: Points) -> npt.NDArray[np.float64]:

@@ -26,7 +26,7 @@ from automos.errors import InputError
 from automos.scan import Scan, Sequence
 
 _LOOKED_AT = (24, 1 << 23)
-"""The stretch of a capture in which a Velodyne's packets must be for it to be found: after the header, 8 MB."""
+"""The part of a capture that is searched for a Velodyne's packets: 8 MB after the header."""
 
 
 def find(path: Path) -> list[Path]:
@@ -66,7 +66,7 @@ class VelodyneSequence(Sequence):
         self._starts, self._stamps = sweeps[self._sender]
         self.name = self.source.stem if wanted is None else f"{self.source.stem}_{wanted}"
         require_increasing(self._stamps, self.names, self.source)
-        self[0]  # a model that is not known is told now
+        self[0]  # an unknown model is reported now
 
     @property
     def address(self) -> Path:

@@ -18,14 +18,14 @@ from automos.errors import InputError
 from automos.scan import Scan
 
 FACTORY = slice(1204, 1206)
-"""Return mode and model in a packet, always the same; an HDL-64E tells its state and calibration there, by and by."""
+"""Return mode and model in a packet, always the same; an HDL-64E sends its state and calibration there bytewise."""
 
 
 class SweepDecoder:
     """Makes scans of the packets of one sensor's sweeps."""
 
     def __init__(self, packets: Iterable[bytes], source: str):
-        """Take packets that tell the model, and of an HDL-64E its calibration (4160 in a row do); read when needed.
+        """Take packets that contain the model, and of an HDL-64E its calibration (4160 in a row do); read when needed.
 
         `source` is where they come from, for messages.
         """
@@ -73,9 +73,9 @@ class SweepDecoder:
         first = list(islice(packets, 5))
         if tells_calibration(first):
             status = decoder.hdl64e.read_status_info(chain(first, packets))
-            told = decoder.hdl64e.status_info_to_calib_dict(status)
-            config.model = decoder.Model[f"HDL64E_{told['status']['Model']}"]
-            config.calibration = decoder.Calibration.from_string(yaml.safe_dump(told))
+            status_values = decoder.hdl64e.status_info_to_calib_dict(status)
+            config.model = decoder.Model[f"HDL64E_{status_values['status']['Model']}"]
+            config.calibration = decoder.Calibration.from_string(yaml.safe_dump(status_values))
         return config
 
 

@@ -1,4 +1,4 @@
-"""Where the sweeps of Velodyne sensors begin in a capture, told by the azimuths and clocks in their packets.
+"""Where the sweeps of Velodyne sensors begin in a capture, from the azimuths and clocks in their packets.
 
 A sweep begins where the azimuth comes round to that of the capture's first packet, so all but the last are whole.
 """
@@ -22,15 +22,15 @@ _LONGEST = 0.3
 """Seconds: no sensor turns as slowly, so what lasts longer has a gap."""
 
 
-def find_packets(capture: Capture, *stretch: int) -> Iterator[Datagrams]:
-    """Yield, piece by piece, the packets of points in a stretch of the file (first byte, end); none: in all of it.
+def find_packets(capture: Capture, *part: int) -> Iterator[Datagrams]:
+    """Yield, piece by piece, the packets of points in a part of the file (first byte, end); without it, in all of it.
 
     Raises
     ------
     InputError
         A damaged file.
     """
-    for piece in capture.datagrams(PACKET, *stretch):
+    for piece in capture.datagrams(PACKET, *part):
         yield piece[is_of_points(piece.payloads)]
 
 

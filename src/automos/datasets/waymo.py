@@ -221,7 +221,7 @@ class WaymoSequence(Sequence):
         with damage_told(path):
             yaw, *sides = (table[part].astype(np.float64) for part in parts)
             if table[_TIME].dtype.kind not in "iu":
-                raise ValueError("times that are no whole numbers")
+                raise ValueError("times that are not whole numbers")
             _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
         boxes = checked_boxes(np.column_stack(sides[:3]), np.column_stack(sides[3:]), yaw, path)
         scan = np.searchsorted(self._micros, table[_TIME]).clip(max=len(self) - 1)

@@ -1,1 +1,1 @@
-"""How good labels and trajectories are (paper IV)."""
+"""Scores of labels and trajectories (paper IV)."""

@@ -1,4 +1,4 @@
-"""Estimated poses against reference poses, as a table."""
+"""Errors of estimated poses against reference poses, as a table."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ def compare_trajectories(estimate_file: Path, reference_file: Path, calib_file: 
 
     Parameters
     ----------
-    calib_file : calib.txt with Tr:, where the reference holds the camera's poses and the estimate the sensor's.
+    calib_file : Path, optional
+        Calib.txt with Tr:, where the reference holds the camera's poses and the estimate the sensor's.
 
     Raises
     ------
-    InputError : a file that cannot be read, or files of different lengths.
+    InputError
+        A file that cannot be read, or files of different lengths.
     """
     n, n_reference = count_poses(estimate_file), count_poses(reference_file)
     if n != n_reference:

@@ -1,10 +1,10 @@
-"""Scene flow: how far off the motion of single points is, each in metres until the next scan.
+"""End-point errors of scene flow, in metres until the next scan.
 
-Only what points move themselves is compared, the sensor's own motion taken out of both. Two ways of counting are in
-use. *Three-way*: the mean error of moving points of objects, of standing points of objects, and of the background, each
-by itself, because nine points in ten stand. *Bucket-normalised*: moving points by their true speed, the error of each
-bucket divided by its speed, so that a pedestrian counts as much as a car; 0 is exact, 1 is what "nothing moves" gets.
-(Argoverse 2's first and second scene-flow challenge; labels here have no classes, so buckets are of all objects.)
+Only the points' own motion is compared; the sensor's motion is removed from both. Two metrics are in use. *Three-way*:
+the mean errors of moving object points, static object points and background points, each on its own, because nine
+points in ten are static. *Bucket-normalised*: moving points by their true speed, the error of each bucket divided by
+its speed, so that a pedestrian counts as much as a car; 0 is exact, 1 is the score of "nothing moves". (Argoverse 2's
+first and second scene-flow challenge; labels here have no classes, so each bucket covers all objects.)
 """
 
 from __future__ import annotations
@@ -37,8 +37,10 @@ class FlowCounts:
 
     Attributes
     ----------
-    threeway : (3, 2) points and sum of errors (m): moving objects, standing objects, background.
-    buckets : (B, 3) points on objects, sum of errors (m), sum of true motion (m), by true speed.
+    threeway : (3, 2) float64
+        Points and sum of errors (m): moving objects, standing objects, background.
+    buckets : (B, 3) float64
+        Points on objects, sum of errors (m), sum of true motion (m), by true speed.
     """
 
     threeway: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 2)))
@@ -49,7 +51,7 @@ class FlowCounts:
 
     @property
     def epe(self) -> dict[str, float]:
-        """Mean end-point errors, metres: moving, standing, background, and `three_way`, the mean of those there are."""
+        """Mean end-point errors, metres: moving, standing, background, and `three_way`, their mean."""
         n, total = self.threeway.T
         means = np.divide(total, n, out=np.full(3, np.nan), where=n > 0)
         three = float(np.nanmean(means)) if (n > 0).any() else float("nan")
@@ -57,7 +59,7 @@ class FlowCounts:
 
     @property
     def normalised(self) -> float:
-        """Mean over the buckets of moving points of error by speed; nan where nothing moves."""
+        """Mean over the buckets of moving points of error by speed; nan if nothing moves."""
         n, error, motion = self.buckets[1:].T
         return float((error[n > 0] / motion[n > 0]).mean()) if (n > 0).any() else float("nan")
 
@@ -83,9 +85,12 @@ def count_flow(motion: Metres, truth: Metres, is_object: npt.NDArray[np.bool_], 
 
     Parameters
     ----------
-    motion, truth : (N, 3) metres until the next scan, beyond the sensor's; rows with a NaN in the truth do not count.
-    is_object : (N,) whether the truth knows an object there.
-    seconds : until the next scan.
+    motion, truth : (N, 3) array
+        Metres until the next scan, beyond the sensor's; rows with a NaN in the truth do not count.
+    is_object : (N,) bool
+        Whether the truth knows an object there.
+    seconds : float
+        Until the next scan.
     """
     known = np.isfinite(truth).all(axis=1)
     motion, truth = motion[known], truth[known]
@@ -100,7 +105,7 @@ def count_flow(motion: Metres, truth: Metres, is_object: npt.NDArray[np.bool_], 
 
 
 def evaluate_flow(sequence: Sequence, motion_of: Callable[[int], Metres]) -> FlowCounts:
-    """Return the counts of all scans of `sequence` whose points' motion is known; `motion_of` gives what was found."""
+    """Return the counts of all scans of `sequence` with known motion; `motion_of` gives the estimate."""
     counts, stamps = FlowCounts(), sequence.stamps
     for i in range(len(sequence) - 1):
         truth = sequence.truth_motion(i)

@@ -1,8 +1,8 @@
-"""IoU of the moving class, counted as SemanticKITTI's moving-object benchmark counts it.
+"""IoU of the moving class, computed as in SemanticKITTI's moving-object benchmark.
 
-Points of all scans go into one confusion matrix: the score of a recording is not the mean over its scans, that of
-several recordings not their mean. Points whose truth is unlabeled do not count. A prediction "unlabeled" is wrong on a
-moving point (a false static) and nothing on a static one, which is what the benchmark's matrix does with it.
+The points of all scans go into one confusion matrix: the score of a recording is not the mean over its scans, and that
+of several recordings not their mean. Points without ground truth do not count. As in the benchmark, the prediction
+"unlabeled" is an error on a moving point (a false static) and counts neither way on a static one.
 """
 
 from __future__ import annotations
@@ -28,13 +28,16 @@ _CLASS_OF_LABEL[Label.MOVING] = MOVING
 
 @dataclass(frozen=True)
 class Scores:
-    """What one confusion matrix says of the moving class. Ratios are nan where nothing was to be found or was found.
+    """Scores of the moving class. A ratio is nan if its denominator is 0.
 
     Attributes
     ----------
-    true_dynamic, false_dynamic, false_static : points, TD, FD, FS of the paper (IV-A).
-    n_points : points whose truth is static or moving.
-    n_unlabeled : points of these that were predicted unlabeled.
+    true_dynamic, false_dynamic, false_static : int
+        Number of points: TD, FD and FS of the paper (IV-A).
+    n_points : int
+        Points whose ground truth is static or moving.
+    n_unlabeled : int
+        Points of these that were predicted unlabeled.
     """
 
     true_dynamic: int
@@ -61,13 +64,15 @@ class Scores:
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Points by range, truth and prediction; counts of several scans or recordings add up with `+`.
+    """Points by range, ground truth and prediction; counts of several scans or recordings add up with `+`.
 
     Attributes
     ----------
-    confusion : (R + 1, 3, 3) int64: range bin, truth, prediction (UNLABELED, STATIC, MOVING). The last bin holds points
-        whose range is unknown or not finite.
-    n_scans : number of scans counted.
+    confusion : (R + 1, 3, 3) int64
+        Range bin, ground truth, prediction (UNLABELED, STATIC, MOVING). The last bin holds points whose range is
+        unknown or not finite.
+    n_scans : int
+        Number of scans.
     """
 
     confusion: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((len(RANGES), 3, 3), np.int64))
@@ -88,17 +93,30 @@ class Counts:
 
 
 def count(prediction: npt.ArrayLike, truth: npt.ArrayLike, ranges: npt.ArrayLike | None = None) -> Counts:
-    """Return the counts of one scan.
+    """Count the points of one scan by range, ground truth and prediction.
 
     Parameters
     ----------
-    prediction, truth : (N,) integers, SemanticKITTI labels; the lower 16 bits count, 9..99 are static, 251..259 moving.
-    ranges : (N,) metres from the sensor, for the scores by range.
+    prediction, truth : (N,) integer
+        SemanticKITTI labels. Only the lower 16 bits count: 9 to 99 are static, 251 to 259 moving.
+    ranges : (N,) float, optional
+        Distance from the sensor in metres, for scores by range.
+
+    Returns
+    -------
+    Counts
+        Counts of several scans add up with `+`; `.scores` has IoU, precision and recall.
 
     Raises
     ------
     ValueError
-        If the arrays differ in length.
+        The arrays differ in length.
+
+    Examples
+    --------
+    >>> from automos.evaluation.moving import count
+    >>> count([251, 251, 9, 9], [251, 9, 251, 9]).scores.iou  # one right, one false, one missed
+    0.3333333333333333
     """
     predicted, true = _CLASS_OF_LABEL[to_mos(prediction)], _CLASS_OF_LABEL[to_mos(truth)]
     if predicted.shape != true.shape:

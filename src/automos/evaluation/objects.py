@@ -1,7 +1,7 @@
-"""Recall of moving objects, where the truth has instance ids.
+"""Recall of moving objects, if the ground truth has instance ids.
 
-IoU counts points, and a near van has a hundred times the points of a far pedestrian. Recall per object says how many of
-those that move were found at all.
+IoU counts points, and a near van has a hundred times the points of a far pedestrian. Recall per object says how many
+moving objects were found at all.
 """
 
 from __future__ import annotations
@@ -20,10 +20,14 @@ class ObjectCounts:
 
     Attributes
     ----------
-    label : (K,) uint32, increasing: class and instance id as in the truth. One object, as ids are kept over time.
-    n_points : (K,) int64, points of the object.
-    n_found : (K,) int64, those predicted moving.
-    n_scans : (K,) int64, scans the object was seen in.
+    label : (K,) uint32
+        Increasing: class and instance id as in the truth. One object, as ids are kept over time.
+    n_points : (K,) int64
+        Points of the object.
+    n_found : (K,) int64
+        Those predicted moving.
+    n_scans : (K,) int64
+        Scans the object was seen in.
     """
 
     label: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
@@ -60,7 +64,8 @@ def count_objects(prediction: npt.ArrayLike, truth: npt.ArrayLike) -> ObjectCoun
 
     Parameters
     ----------
-    prediction, truth : (N,) integers, SemanticKITTI labels; objects are the instance ids in the truth's upper 16 bits.
+    prediction, truth : (N,) integers
+        SemanticKITTI labels; objects are the instance ids in the truth's upper 16 bits.
     """
     labels = np.asarray(truth).astype(np.uint32)
     is_object = (to_mos(labels) == Label.MOVING) & (labels >> 16 > 0)

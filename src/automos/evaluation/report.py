@@ -1,4 +1,4 @@
-"""Scores of labels on disk: files paired with scans by name, counted, pooled, shown as a table and as JSON."""
+"""Scores of labels on disk: label files are matched with scans by name and counted together; table and JSON."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Counts of recordings by name, and what follows from them."""
+    """Counts of recordings by name, and their scores."""
 
     recordings: dict[str, Result]
 
@@ -55,7 +55,7 @@ class Report:
         return self.counts.scores
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all scores as plain numbers; ratios in [0, 1], None where nothing was to be found or was found."""
+        """Return all scores as plain numbers; ratios in [0, 1], None if undefined."""
         return {
             **_counts_dict(self.counts),
             "recordings": {
@@ -98,19 +98,35 @@ class Report:
 def evaluate_recordings(
     predictions: str | Path, sequences: Iterable[Sequence], progress: Progress | None = None
 ) -> Report:
-    """Return the scores of the labels in `predictions` on `sequences`; those that came without truth are left out.
+    """Score labels on disk against the ground truth that comes with the recordings.
 
     Parameters
     ----------
-    predictions : for one recording a results folder or a folder of .label files; for several, a folder that holds one
-        such folder of each recording's name, or `sequences/<name>/predictions` as the benchmark wants it.
-    sequences : recordings.
-    progress : called with what is done, scans done and scans in all.
+    predictions : str or Path
+        For one recording, a results folder or a folder of `.label` files. For several, a folder that holds one such
+        folder per recording, named after it, or `sequences/<name>/predictions` as the SemanticKITTI benchmark wants.
+    sequences : iterable of Sequence
+        The recordings. Those without ground truth are left out, with a warning in the log.
+    progress : callable, optional
+        Called as `progress(what, done, total)` after each scan.
+
+    Returns
+    -------
+    Report
+        Scores of all points together, by range, and of each recording.
 
     Raises
     ------
     InputError
-        No truth at all, or predictions that are missing or of another length than their scan.
+        No recording has ground truth, or a prediction is missing or has another number of points than its scan.
+
+    Examples
+    --------
+    >>> import automos
+    >>> from automos.evaluation.report import evaluate_recordings
+    >>> report = evaluate_recordings("automos_runs/my_log", automos.open_recordings("my_log"))
+    >>> 0.0 <= report.scores.iou <= 1.0
+    True
     """
     recordings = list(sequences)
     labeled = [sequence for sequence in recordings if _has_truth(sequence)]
@@ -128,7 +144,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
     Raises
     ------
     InputError
-        A prediction that is missing, damaged or of another length than its scan, or truth that is.
+        A prediction or the ground truth of a scan is missing, damaged, or has another number of points.
     """
     folder = Path(folder)
     counts, objects = Counts(), ObjectCounts()
@@ -146,7 +162,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
 
 
 def find_predictions(root: Path, name: str, is_only: bool) -> Path:
-    """Return the folder of recording `name`'s label files; `root` itself may be it if the recording `is_only` one."""
+    """Return the folder of recording `name`'s label files; for a single recording (`is_only`), also `root`."""
     homes = [root / name, root / "sequences" / name]
     if is_only:
         homes.insert(0, root)
@@ -159,7 +175,7 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
 
 
 def _require_finished(folder: Path) -> None:
-    """Raise where `folder` holds a run of ours that was not labelled to its end; labels of others may lie anywhere."""
+    """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
     is_ours = any((folder / name).exists() for name in ("stages", *RESULT_FILES))
     in_fleet = (folder.parent / "ledger").is_dir()
     last = "complete.json" if in_fleet else RUN_FILE

@@ -1,7 +1,7 @@
-"""Errors of a trajectory against a reference: absolute (ATE), relative (RPE) and KITTI's drift per length driven.
+"""Errors of a trajectory against a reference: absolute (ATE), relative (RPE) and KITTI's drift per length.
 
 All functions take poses `T_world_sensor` (N, 4, 4) of the same N scans in both trajectories. Relative errors need no
-common world; absolute ones align the two first.
+common world frame; for absolute errors the two trajectories are aligned first.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 
 # ------------------------------------------------------------------------------------------------------ absolute
 def align(estimate: npt.ArrayLike, reference: npt.ArrayLike) -> Array:
-    """Return the (4, 4) T_reference_estimate that brings the positions of `estimate` nearest to those of `reference`.
+    """Return the (4, 4) T_reference_estimate that aligns the positions of `estimate` with those of `reference`.
 
-    Umeyama's least squares without scale. On a straight line the turn about it is free; positions do not depend on it.
+    Umeyama's least squares without scale. On a straight line, the rotation about it is free, which moves no position.
     """
     p, q = _positions(estimate, reference)
     p_mean, q_mean = p.mean(axis=0), q.mean(axis=0)
@@ -52,10 +52,14 @@ class RelativeErrors:
 
     Attributes
     ----------
-    start, end : (K,) int64, first and last scan of each segment.
-    length : (K,) metres driven on it, along the reference.
-    translation : (K,) metres.
-    rotation_deg : (K,) degrees.
+    start, end : (K,) int64
+        First and last scan of each segment.
+    length : (K,) float64
+        Metres driven on it, along the reference.
+    translation : (K,) float64
+        Metres.
+    rotation_deg : (K,) float64
+        Degrees.
     """
 
     start: npt.NDArray[np.int64]
@@ -133,7 +137,7 @@ def _relative(
 
 
 def rotation_angle(R: npt.ArrayLike) -> Array:
-    """Return (...,) radians in [0, pi] that rotations `R` (..., 3, 3) turn by; exact for small angles too."""
+    """Return (...,) radians in [0, pi] by which `R` (..., 3, 3) rotate; also exact for small angles."""
     R = np.asarray(R, np.float64)
     axis = np.stack(
         [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1
@@ -148,9 +152,12 @@ class Drift:
 
     Attributes
     ----------
-    t_err : percent of the length driven, nan where the drive is shorter than every length.
-    r_err : degrees per metre.
-    n_segments : segments the mean is over.
+    t_err : float
+        Percent of the length driven, nan if the drive is shorter than every length.
+    r_err : float
+        Degrees per metre.
+    n_segments : int
+        Segments the mean is over.
     """
 
     t_err: float

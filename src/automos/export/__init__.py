@@ -1,4 +1,4 @@
-"""What goes out: files that other tools read, one module per format, imported when used."""
+"""Export of results to the files that other tools read: one module per format, imported when used."""
 
 from __future__ import annotations
 
@@ -48,44 +48,74 @@ def export_run(
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     deskewed: bool = False,
 ) -> list[Path]:
-    """Write the results in `folder` in another format; return the files or folders that were written.
+    """Write the results in `folder` in another format.
 
     Parameters
     ----------
-    folder : a results folder; of several recordings, the folder that holds one results folder of each one's name.
-    sequences : the recordings that the results were made from.
-    format : one of `EXPORTS`.
-    out : file or folder to write; for several recordings the folder to write one of each name into, a zip excepted,
-        which takes them all. Where not given, `folder / "export" / format`.
-    deskewed : write points as seen from their scan's pose, the sensor's motion during the sweep taken out.
+    folder : str or Path
+        Results folder. For several recordings, a folder with a results folder for each, named after it.
+    sequences : list of Sequence
+        The recordings that were labelled.
+    format : str
+        One of `automos.export.EXPORTS`.
+    out : str or Path, optional
+        File or folder to write; `folder / "export" / format` if not given. For several recordings, the folder that
+        gets one entry for each, or a zip file for all of them.
+    progress : callable, optional
+        Called as `progress(what, done, total)` after each scan.
+    deskewed : bool, default False
+        Write motion-compensated points: as seen from the pose of their scan.
+
+    Returns
+    -------
+    list of Path
+        The files or folders that were written.
 
     Raises
     ------
     InputError
-        Results that do not belong to the recordings, an unknown format, or a place that cannot be written.
+        The results do not belong to the recordings, the format is unknown, or `out` cannot be written.
+
+    Examples
+    --------
+    >>> import automos
+    >>> recordings = automos.open_recordings("my_log")
+    >>> written = automos.export_run("automos_runs/my_log", recordings, "pcd", out="clouds")
+    >>> len(list(written[0].glob("*.pcd")))
+    12
     """
-    from automos.results.claiming import refuse_folders_of, refuse_results
     from automos.results.run_files import RunFiles
 
     export, folder = load_export(format), given_path(folder, "a results folder")
-    if deskewed and not export.is_of_points:
-        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
-        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
+    if deskewed:
+        _require_points(export, format)
     target = folder / "export" / format if out is None else given_path(out, "where to export to")
     require_kind(sequences, Sequence, "sequences", "a list of the recordings that were labelled")
-    written = []
+    written: dict[Path, None] = {}
     for sequence in map(as_sequence, sequences):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
-        if place.exists() and not (place.is_file() if export.suffix else place.is_dir()):
-            kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
-            raise InputError(f"{place} is {kind}: choose another --out")
-        refuse_folders_of(sequence, place.parent if export.suffix else place)
-        refuse_results(place)
+        _require_free(place, sequence, is_file=bool(export.suffix))
         export.write(run, place)
-        if place not in written:
-            written.append(place)
-    return written
+        written[place] = None  # each once, in order
+    return list(written)
+
+
+def _require_points(export: Export, format: str) -> None:
+    if not export.is_of_points:
+        point_formats = ", ".join(name for name in EXPORTS if load_export(name).is_of_points)
+        raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
+
+
+def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
+    """Raise InputError if `place` is part of a recording or of a run's results, or is of another kind."""
+    from automos.results.claiming import refuse_folders_of, refuse_results
+
+    if place.exists() and not (place.is_file() if is_file else place.is_dir()):
+        kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
+        raise InputError(f"{place} is {kind}: choose another --out")
+    refuse_folders_of(sequence, place.parent if is_file else place)
+    refuse_results(place)
 
 
 def _place(out: Path, export: Export, name: str, n_recordings: int) -> Path:

@@ -1,4 +1,4 @@
-"""CVAT's export "Datumaro 3D 1.0": what of it is read, unpacked and checked before anything is taken from it."""
+"""CVAT's export "Datumaro 3D 1.0": the parts that are read, checked before they are used."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def read_datumaro(path: Path) -> Datumaro | None:
     Raises
     ------
     InputError
-        It is damaged, or holds shapes that are no boxes.
+        It is damaged, or holds shapes that are not boxes.
     """
     try:
         if path.is_dir():
@@ -90,7 +90,7 @@ def read_datumaro(path: Path) -> Datumaro | None:
     try:
         return checked(_DATUMARO, document)
     except ValueError as error:
-        raise InputError(f"{path} is no export of CVAT as 'Datumaro 3D' ({error}); export it again") from None
+        raise InputError(f"{path} is not an export of CVAT as 'Datumaro 3D' ({error}); export it again") from None
 
 
 def _read_zip(path: Path) -> object:

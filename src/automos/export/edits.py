@@ -1,7 +1,7 @@
-"""What people corrected in another tool, read back: boxes from SUSTechPOINTS and CVAT.
+"""Reads boxes that were corrected in another tool: SUSTechPOINTS or CVAT.
 
-Both give boxes in the scans' upright frames, as they were exported. SUSTechPOINTS keeps the tracks' ids; CVAT numbers
-them anew, so its tracks are recognised by where their boxes are.
+Both give boxes in the scans' upright frames, as they were exported. SUSTechPOINTS keeps the ids of tracks; CVAT
+renumbers them, so its tracks are recognised by the places of their boxes.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        raise InputError(f"{path} is no label file of SUSTechPOINTS ({error}); save the scene again") from None
+        raise InputError(f"{path} is not a label file of SUSTechPOINTS ({error}); save the scene again") from None
 
 
 def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
@@ -196,7 +196,7 @@ def _make_box(
     if min(size) < 0 or max(size) == 0:
         raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, none below 0")
     size = tuple(max(side, MIN_SIDE) for side in size)  # tools round thin ones to nothing
-    # A half turn about x or y is how some tools tell a heading beyond 90 degrees; the box is the same.
+    # Some tools write a heading beyond 90 degrees as a half turn about x or y; the box is the same.
     if max(abs(np.sin(rotation[0])), abs(np.sin(rotation[1]))) > np.sin(MAX_TILT):
         raise InputError(f"{path} has a box at {center} that is tilted by {rotation[:2]} rad; stand it upright")
     yaw = rotation[2] if np.cos(rotation[0]) * np.cos(rotation[1]) > 0 else -rotation[2]

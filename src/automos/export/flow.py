@@ -1,6 +1,6 @@
-"""Scene flow of a run: how far each point moves until the next scan, by itself and as the moving sensor sees it.
+"""Scene flow of a run: the motion of each point until the next scan, on its own and as seen by the moving sensor.
 
-A point moves as the track it is on; everything else stands. What the sensor's own motion adds follows from the poses.
+A point moves with its track; all others are static. The apparent motion by the sensor follows from the poses.
 """
 
 from __future__ import annotations

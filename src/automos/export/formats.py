@@ -1,4 +1,4 @@
-"""What a writer declares of itself."""
+"""The declaration of a writer: what it writes, and how."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Track ids alone, for those who know classes already: one NumPy file per scan."""
+"""Track ids alone, for users who have classes already: one NumPy file per scan."""
 
 from __future__ import annotations
 

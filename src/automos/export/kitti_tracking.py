@@ -1,8 +1,8 @@
-"""Boxes and tracks as KITTI's tracking benchmark writes them: label_02/SSSS.txt, and the calibration to go with it.
+"""Boxes and tracks as in KITTI's tracking benchmark: label_02/SSSS.txt, and the calibration that goes with it.
 
-KITTI's boxes live in a camera's frame: x right, y down, z forward, upright about y. Here that is a camera at the
-sensor that looks along its heading, level at the first scan; calib/SSSS.txt tells where it is. There is no picture, so
-boxes in the image are -1 and alpha -10, as for results in 3D only.
+KITTI's boxes are in a camera's frame: x right, y down, z forward, upright about y. Here that is a camera at the sensor
+that looks along its heading, level at the first scan; its pose is in calib/SSSS.txt. There is no picture, so boxes in
+the image are -1 and alpha is -10, as for results in 3D only.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Compressed LAS files, one per scan, for the tools of surveyors.
 
-LAS keeps coordinates as whole numbers of a step, here a tenth of a millimetre; what is no number becomes 0, 0, 0, which
-is how drivers write "no return". The label is the classification and, with the instance, an extra dimension.
+LAS stores coordinates as multiples of a step, here a tenth of a millimetre. Coordinates that are not finite become
+0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an extra dimension.
 """
 
 from __future__ import annotations

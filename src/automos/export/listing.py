@@ -1,4 +1,4 @@
-"""All formats as tables: what `automos formats` shows."""
+"""Tables of all formats, for `automos formats`."""
 
 from __future__ import annotations
 

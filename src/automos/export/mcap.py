@@ -1,6 +1,6 @@
-"""The recording with its labels as ROS 2 messages: one MCAP file that players and viewers open as it is.
+"""The recording with its labels as ROS 2 messages: one MCAP file that players and viewers open.
 
-Clouds have the fields of `point_columns`; time is called `t`, as drivers call it, in nanoseconds after the first point.
+Clouds have the fields of `point_columns`. As in drivers, time is called `t`, in nanoseconds after the first point.
 """
 
 from __future__ import annotations

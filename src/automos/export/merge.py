@@ -1,4 +1,4 @@
-"""Corrections made in another tool, merged into a run's results: new labels and tracks, and a count of what changed."""
+"""Merges corrections made in another tool into a run's results: new labels and tracks, and a count of changes."""
 
 from __future__ import annotations
 

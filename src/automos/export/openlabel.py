@@ -1,4 +1,4 @@
-"""ASAM OpenLABEL 1.0: objects with a cuboid per frame in a world that z points up in, and the sensor's place in it."""
+"""ASAM OpenLABEL 1.0: objects with a cuboid per frame in a world frame with z up, and the sensor's pose in it."""
 
 from __future__ import annotations
 

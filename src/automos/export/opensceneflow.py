@@ -1,6 +1,6 @@
-"""OpenSceneFlow's HDF5: a file a recording, a group a scan, and the index of scans that its data loader starts from.
+"""OpenSceneFlow's HDF5: one file per recording, one group per scan, and the index of scans for its data loader.
 
-Points, poses and flow are in the sensor's frame; poses are float32 there, so they start at the recording's beginning.
+Points, poses and flow are in the sensor's frame. Poses are float32 there, so they are relative to the first scan.
 Labels here have no classes: the category of every point is 0, "none".
 """
 

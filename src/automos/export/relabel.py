@@ -1,7 +1,7 @@
 """The labels of one scan after its boxes were corrected.
 
-Only what a correction concerns changes: points of an object whose box was moved, removed or given another verdict, and
-points that came to lie in a moving box. The ground under a moving object does not move with it.
+A correction changes only the points of an object whose box was moved, removed or given another verdict, and points that
+are now in a moving box. The ground under a moving object is not changed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from automos.datasets.box_truth import SOLE
 from automos.export.edits import EditedBox, EditedScan
 from automos.labels import Label
-from automos.results.run_files import ScanBoxes
+from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import VERDICTS
 from automos.scan import Points
 from automos.upright_boxes import points_in_boxes

@@ -1,7 +1,7 @@
 """A zip as SemanticKITTI's benchmark wants it: sequences/SS/predictions/NNNNNN.label.
 
 Its validation asks for the directories as entries of their own, for files named by six digits, and for four bytes per
-point. A recording whose name is no sequence number is written as sequence 00.
+point. A recording whose name is not a sequence number is written as sequence 00.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
                 if entry.filename != "sequences/" and not entry.filename.startswith(without):
                     archive.writestr(entry, before.read(entry))
     except zipfile.BadZipFile:
-        raise InputError(f"{old} is no zip; remove it or choose another --out") from None
+        raise InputError(f"{old} is not a zip file; remove it or choose another --out") from None
 
 
 EXPORT = Export(writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip")

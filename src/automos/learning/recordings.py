@@ -77,9 +77,8 @@ class LabeledRecording:
     def __init__(
         self, sequence: Sequence, trajectory: Trajectory, settings: ImageSettings, results: Path | None = None
     ):
-        """Take the labels of `results`, else the recording's own; raise InputError where there are none."""
+        """Take the labels of `results`, else the recording's own; raise InputError if there are none."""
         self.sequence, self.trajectory, self.settings = sequence, trajectory, settings
-        self._results = results
         self._predictions = None if results is None else find_predictions(results, sequence.name, is_only=True)
         if results is None and all(sequence.truth(i) is None for i in range(min(len(sequence), 10))):
             raise InputError(
@@ -118,7 +117,7 @@ class LabeledRecording:
         return [self.sequence[i] for i in _spread(len(self.sequence), 5)]
 
     def _labels(self, index: int, n_points: int) -> tuple[Labels, npt.NDArray[np.float32]]:
-        """Return the (N,) labels of a scan, 0 where nobody labelled it, and how sure each is."""
+        """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
         name = self.sequence.names[index]
         certain = np.ones(n_points, np.float32)
         if self._predictions is None:

@@ -101,7 +101,7 @@ def draw_sector(
 def _targets(
     index: npt.NDArray[np.int32], classes: npt.NDArray[np.uint8], confidence: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-    """Return the class (H, W) int64 and the confidence (H, W) of what each pixel shows; 0 where it shows nothing."""
+    """Return the class (H, W) int64 and the confidence (H, W) of what each pixel shows; 0 if it shows nothing."""
     if len(classes) == 0:
         return np.zeros(index.shape, np.int64), np.zeros(index.shape, np.float32)
     is_seen = index >= 0

@@ -16,7 +16,7 @@ from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
 from automos.online.segment import stamped
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.results.claiming import claimed
 from automos.run import Progress
 from automos.scan import Sequence
@@ -54,11 +54,13 @@ def segment_recording(
 
     Parameters
     ----------
-    probabilities : also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
+    probabilities : bool
+        Also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
 
     Raises
     ------
-    InputError : the folder holds another program's labels, or cannot be written.
+    InputError
+        The folder holds another program's labels, or cannot be written.
     """
     with claimed(folder, ["predictions", *(["probabilities"] if probabilities else [])], sequence):
         segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)

@@ -27,9 +27,12 @@ class Curves:
 
     Attributes
     ----------
-    validation : by training, the IoU before it and after each epoch, over the pixels of validation scans, in [0, 1].
-    test : by number of epochs of fine-tuning, the IoU over all points of the test recordings.
-    retrained : the same of the network that was trained there from scratch.
+    validation : dict of str to list of float
+        By training, the IoU before it and after each epoch, over the pixels of validation scans, in [0, 1].
+    test : dict of int to float
+        By number of epochs of fine-tuning, the IoU over all points of the test recordings.
+    retrained : float
+        The same of the network that was trained there from scratch.
     """
 
     validation: dict[str, list[float]]

@@ -1,4 +1,4 @@
-"""Where scans come from: a thread that puts them in as they come, and a recording replayed at its own pace."""
+"""Sources of scans: a thread that receives them, and a recording replayed at its own rate."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Feed:
         raise NotImplementedError
 
     def summary(self) -> str:
-        """Return what came beside scans, in a sentence; empty where there is nothing to tell."""
+        """Return a sentence on other data that arrived; empty if there was none."""
         return ""
 
     def take(self, seconds: float) -> Scan | None:
-        """Return the next scan, None where none comes within `seconds`.
+        """Return the next scan, None if none comes within `seconds`.
 
         Raises
         ------

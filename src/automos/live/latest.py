@@ -1,4 +1,4 @@
-"""Room for one scan between the thread that receives and the one that labels."""
+"""A buffer for one scan between the receiving and the labelling thread."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Latest:
             self._changed.notify_all()
 
     def take(self, seconds: float) -> Scan | None:
-        """Return the latest scan, None where none comes within `seconds` or none will come any more."""
+        """Return the latest scan, None if none comes within `seconds` or none will come any more."""
         with self._changed:
             self._changed.wait_for(lambda: self._scan is not None or self._is_closed, seconds)
             scan, self._scan = self._scan, None

@@ -1,7 +1,7 @@
-"""What is sent on of every labelled scan: one UDP datagram, of which docs/how-to/live.md tells every byte.
+"""The message sent for each labelled scan: one UDP datagram, described byte by byte in docs/how-to/live.md.
 
-All numbers are little-endian. A header of 128 bytes is followed by `objects` records of 44 bytes and by the labels of
-the points, compressed; labels that do not fit into a datagram are left out.
+All numbers are little-endian. A header of 128 bytes is followed by `objects` records of 44 bytes and by the compressed
+labels of the points; labels that do not fit into a datagram are left out.
 """
 
 from __future__ import annotations
@@ -43,10 +43,14 @@ class Message:
 
     Attributes
     ----------
-    index, stamp : number of the scan, and its seconds.
-    pose : (4, 4) float64, T_world_sensor.
-    objects : (K,) of `OBJECT`, what moves: world frame, metres, radians, m/s.
-    labels : (N,) uint8, 251 moving, 9 static, 0 not known; None where they were left out.
+    index, stamp : int and float
+        Number of the scan, and its seconds.
+    pose : (4, 4) float64
+        T_world_sensor.
+    objects : (K,) array
+        `OBJECT`, what moves: world frame, metres, radians, m/s.
+    labels : (N,) uint8, optional
+        251 moving, 9 static, 0 not known; None if they were left out.
     """
 
     index: int
@@ -80,7 +84,7 @@ def decode(data: bytes) -> Message:
     InputError : it is none of these messages, or only the beginning of one.
     """
     if len(data) < HEADER.itemsize or data[:4] != MAGIC:
-        raise InputError(f"these {len(data)} bytes are no message of automos live")
+        raise InputError(f"these {len(data)} bytes are not a message of automos live")
     header = np.frombuffer(data, HEADER, 1)[0]
     if header["version"] != VERSION:
         raise InputError(f"this message is of version {header['version']}, {VERSION} is read: use one version")
@@ -101,7 +105,7 @@ def _labels(packed: bytes, n: int) -> npt.NDArray[np.uint8]:
     except zlib.error as error:
         raise InputError(f"the labels of this message are damaged ({error})") from None
     if len(labels) != n:
-        raise InputError(f"this message tells of {n} points, but holds the labels of {len(labels)}")
+        raise InputError(f"this message announces {n} points, but holds the labels of {len(labels)}")
     return np.frombuffer(labels, np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""From what a user names, an address or a recording, to a feed of scans."""
+"""Opens the feed of scans for an address or a recording."""
 
 from __future__ import annotations
 

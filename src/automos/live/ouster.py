@@ -32,7 +32,7 @@ class OusterAssembler:
             self._format = self._core.PacketFormat.from_info(self._info)
         except Exception as error:  # the library raises what it likes
             raise InputError(
-                f"{metadata} is no metadata of an Ouster ({error}); save it from the sensor: "
+                f"{metadata} is not metadata of an Ouster ({error}); save it from the sensor: "
                 "http://SENSOR/api/v1/sensor/metadata"
             ) from None
         self._to_points = make_to_points(self._info, metadata)
@@ -65,7 +65,7 @@ class OusterAssembler:
         return [frame_to_scan(frame, self._to_points, first_stamp(frame), f"{next(self._number):06d}")]
 
     def _packet(self, payload: bytes, moment: float) -> Any:
-        """Return the library's packet, None where it is not this sensor's."""
+        """Return the library's packet, None if it is not this sensor's."""
         if len(payload) != self._format.lidar_packet_size:
             return None
         packet = self._core.LidarPacket(len(payload))

@@ -1,4 +1,4 @@
-"""The loop: the latest scan in, labels out to whoever wants them, until the feed is over or Ctrl-C."""
+"""The loop: takes the latest scan and passes on labels until the feed ends or Ctrl-C."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Sink = Callable[[Scan, LabelledScan], None]
 
 LOOK = 0.2
 """Seconds after which it is looked whether the feed is over."""
-TELL = 5.0
+REPORT_EVERY = 5.0
 """Seconds between two sentences about scans that are left out."""
 
 
@@ -32,9 +32,12 @@ class Tally:
 
     Attributes
     ----------
-    labelled, left_out : scans.
-    points, moving : points of the labelled scans, and those of them that move.
-    milliseconds : from when a scan was taken to when all that it tells was labelled, of the latest thousand scans.
+    labelled, left_out : int
+        Scans.
+    points, moving : int
+        Points of the labelled scans, and those of them that move.
+    milliseconds : deque[float]
+        From when a scan was taken to when it was labelled, of the latest thousand scans.
     """
 
     labelled: int = 0
@@ -67,7 +70,7 @@ def run_live(
     labeler: Labeler,
     sinks: Iterable[Sink],
     names: list[str] | None = None,
-    tell: Callable[[Tally], None] | None = None,
+    report: Callable[[Tally], None] | None = None,
 ) -> Tally:
     """Label what `feed` brings until it is over; Ctrl-C ends it too, and what was pushed is still given back.
 
@@ -75,7 +78,7 @@ def run_live(
     ----------
     sinks : each is given every labelled scan, in order.
     names : is appended the name of every scan that is pushed.
-    tell : is called before the first and after every scan.
+    report : is called before the first and after every scan.
 
     Raises
     ------
@@ -104,16 +107,16 @@ def run_live(
                 sink(scan, given)
 
     try:
-        if tell is not None:
-            tell(tally)
+        if report is not None:
+            report(tally)
         with feed:
             for done in labeler.push_each(taken()):
                 tally.milliseconds.append(1e3 * (time.perf_counter() - taken_at.popleft()))
                 give(done)
                 tally.left_out = feed.latest.left_out
                 watch.look(tally, feed.latest.offered)
-                if tell is not None:
-                    tell(tally)
+                if report is not None:
+                    report(tally)
     except KeyboardInterrupt:
         _log.info("ended by Ctrl-C")
     finally:
@@ -139,13 +142,13 @@ class _Watch:
     """Says when scans are left out, not more often than every few seconds."""
 
     def __init__(self) -> None:
-        self._told, self._at = 0, -np.inf
+        self._reported, self._at = 0, -np.inf
 
     def look(self, tally: Tally, offered: int) -> None:
         now = time.monotonic()
-        if tally.left_out > self._told and now - self._at > TELL:
+        if tally.left_out > self._reported and now - self._at > REPORT_EVERY:
             _log.warning(
                 "too slow: %d of %d scans were left out so far; labelling one takes %.0f ms",
                 *(tally.left_out, offered, float(np.median(tally.milliseconds))),
             )
-            self._told, self._at = tally.left_out, now
+            self._reported, self._at = tally.left_out, now

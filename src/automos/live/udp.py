@@ -1,4 +1,4 @@
-"""Packets of one sensor from UDP: received on one address, told from whatever else comes there."""
+"""Packets of one sensor over UDP: received on one address, separated from other packets."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def parse_address(text: str) -> tuple[str, int]:
     except ValueError:
         port = None
     if parts.scheme != "udp" or port is None or parts.path not in ("", "/"):
-        raise InputError(f"{text} is no address: write udp://127.0.0.1:2368, or udp://0.0.0.0:2368 for every network")
+        raise InputError(
+            f"{text} is not an address: write udp://127.0.0.1:2368, or udp://0.0.0.0:2368 for all networks"
+        )
     return parts.hostname or LOCAL, port
 
 
@@ -63,12 +65,15 @@ class UdpFeed(Feed):
 
         Parameters
         ----------
-        assembler : of the sensor's maker.
-        patience : seconds without packets of the sensor after which the feed ends, with a sentence.
+        assembler : Assembler
+            Of the sensor's maker.
+        patience : float
+            Seconds without packets of the sensor after which the feed ends, with a sentence.
 
         Raises
         ------
-        InputError : the port is taken, or the address is none of this machine's.
+        InputError
+            The port is taken, or the address is none of this machine's.
         """
         super().__init__()
         self.name = f"{assembler.kind.lower()}_{port}"
@@ -139,7 +144,7 @@ class UdpFeed(Feed):
         self.n_packets, self.n_foreign = self.n_packets + n_own, self.n_foreign + n_foreign
 
     def _give_up(self) -> None:
-        """Say that nothing comes any more; raise InputError where nothing came at all."""
+        """Say that nothing comes any more; raise InputError if nothing came at all."""
         seconds, others = f"{self._patience:g} s", ""
         if self.n_foreign:
             others = f", but {self.n_foreign:,} of another kind or sensor did; is --sensor right?"
@@ -148,5 +153,5 @@ class UdpFeed(Feed):
             return
         raise InputError(
             f"no packets of a {self._assembler.kind} came to udp://{self._where} for {seconds}{others or ';'} look at "
-            "the address and port that the sensor sends to, or listen on every network, udp://0.0.0.0:PORT"
+            "the address and port that the sensor sends to, or listen on all networks, udp://0.0.0.0:PORT"
         )

@@ -12,8 +12,8 @@ from automos.datasets.velodyne_sweeps import PACKET, SweepCutter, is_of_points
 from automos.scan import Scan
 
 CALIBRATION = 4160 + 16
-"""Packets in which an HDL-64E tells its whole calibration; its first seconds are spent on that."""
-TOLD = 5
+"""Packets in which an HDL-64E sends its whole calibration; its first seconds are spent on that."""
+MODEL_PACKETS = 5
 """Packets that show whether it does."""
 LONGEST_SWEEP = 4000
 """Packets: no sweep has more; a sensor that stands still would fill memory."""
@@ -28,7 +28,7 @@ class VelodyneAssembler:
         self._cutter, self._parts = SweepCutter(), list[Datagrams]()
         self._first: list[bytes] = []
         self._decoder: SweepDecoder | None = None
-        self._is_telling = False
+        self._sends_calibration = False
         self._stamp, self._number = 0.0, count()
 
     def add(self, payloads: list[bytes], seconds: list[float]) -> tuple[list[Scan], int]:
@@ -57,22 +57,22 @@ class VelodyneAssembler:
     def rest(self) -> list[Scan]:
         """Return the scan that was begun, if there is one."""
         parts, self._parts = self._parts, []
-        if not parts or self._decoder is None or (self._is_telling and len(self._first) < CALIBRATION):
+        if not parts or self._decoder is None or (self._sends_calibration and len(self._first) < CALIBRATION):
             return []
         return [self._decoder.scan(join(parts), self._stamp, f"{next(self._number):06d}")]
 
     def _is_own(self, payload: bytes) -> bool:
         if len(payload) != PACKET or not is_of_points(np.frombuffer(payload, np.uint8)[None])[0]:
             return False
-        return self._decoder is None or self._is_telling or payload[FACTORY] == self._first[0][FACTORY]
+        return self._decoder is None or self._sends_calibration or payload[FACTORY] == self._first[0][FACTORY]
 
     def _learn(self, packets: Datagrams) -> None:
-        """Keep the packets that tell the model, and of an HDL-64E its calibration."""
-        wanted = CALIBRATION if self._is_telling else TOLD
+        """Keep the packets that contain the model, and of an HDL-64E its calibration."""
+        wanted = CALIBRATION if self._sends_calibration else MODEL_PACKETS
         for payload in packets.payloads:
             if len(self._first) < wanted:
                 self._first.append(payload.tobytes())
-                if len(self._first) == TOLD:
-                    self._is_telling = tells_calibration(self._first)
-                    wanted = CALIBRATION if self._is_telling else TOLD
+                if len(self._first) == MODEL_PACKETS:
+                    self._sends_calibration = tells_calibration(self._first)
+                    wanted = CALIBRATION if self._sends_calibration else MODEL_PACKETS
                     self._decoder = SweepDecoder(self._first, "what comes")

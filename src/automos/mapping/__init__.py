@@ -1,1 +1,1 @@
-"""Maps of a recording without what moves (paper Fig. 5), and how good they are."""
+"""Maps of a recording without moving objects (paper Fig. 5), and their metrics."""

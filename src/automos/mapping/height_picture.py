@@ -1,4 +1,4 @@
-"""A map from above, coloured by height: what stands high is on top, so what moved shows as trails."""
+"""A map from above, coloured by height; higher points cover lower ones, so moving objects show as trails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of a recording without what moves, written while it is made."""
+"""Builds the map of a recording without moving objects and writes it piece by piece."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PICTURE_PIXELS = 3000
 
 @dataclass(frozen=True)
 class MadeMap:
-    """Where a map is, how many points it has, and its scores, None where the recording has no truth."""
+    """The path of a map, its number of points, and its scores (None without ground truth)."""
 
     files: list[Path]
     n_points: int
@@ -44,18 +44,22 @@ def make_map(
     settings: MapSettings,
     progress: Progress | None = None,
 ) -> MadeMap:
-    """Write the map without what moves, a picture of it, and one of the map with all points, into the folder `out`.
+    """Write the map without moving objects, a picture of it, and one of the map with all points, to the folder `out`.
 
     Parameters
     ----------
-    frames, sequence : the recording, posed, and as it is.
-    labels_of : takes a scan's index and number of points, returns their labels (N,) of `Label`. Only points called
-        static are kept.
-    kinds : "ply", "pcd", "laz": map.KIND is written for each.
+    frames, sequence : Frames and Sequence
+        The recording, posed, and as it is.
+    labels_of : callable
+        Takes a scan's index and number of points, returns their labels (N,) of `Label`. Only points called static are
+        kept.
+    kinds : list of str
+        "ply", "pcd", "laz": map.KIND is written for each.
 
     Raises
     ------
-    InputError : a kind that there is not, or a folder that cannot be written.
+    InputError
+        A kind that there is not, or a folder that cannot be written.
     """
     clouds = [out / f"map.{kind}" for kind in kinds]
     for cloud in clouds:
@@ -122,7 +126,7 @@ def _about(n_points: int, scores: MapScores | None, settings: MapSettings) -> di
 
 
 def scores_by_name(scores: MapScores) -> dict[str, float]:
-    """Return the six figures by the names the field gives them, in [0, 1]."""
+    """Return the six scores by their usual names, in [0, 1]."""
     return {
         "PR": scores.preservation,
         "RR": scores.rejection,

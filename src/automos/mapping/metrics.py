@@ -1,10 +1,9 @@
-"""How well a cleaned map keeps what stands and loses what moved, as the field counts it.
+"""Metrics of a cleaned map: how much of the static world it keeps, and how much of the moving points it removes.
 
-Preservation and rejection rate (Lim et al., ERASOR): of the 0.2 m voxels that hold static points by the truth, the
-share that a kept point lies in; of those that hold nothing but moving points, the share that no kept point lies in;
-F1 is their harmonic mean. Static, dynamic and associated accuracy (Zhang et al., DynamicMap): SA, of static points
-the share kept; DA, of moving points the share removed; AA, the square root of their product. Points without truth
-do not count.
+Preservation and rejection rate (Lim et al., ERASOR): of the 0.2 m voxels with truly static points, the share that still
+has a point; of the voxels with truly moving points only, the share that has none. F1 is their harmonic mean. Static,
+dynamic and associated accuracy (Zhang et al., DynamicMap): SA, the share of static points kept; DA, the share of moving
+points removed; AA, the square root of their product. Points without ground truth do not count.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from automos.scan import Mask
 
 @dataclass(frozen=True)
 class MapScores:
-    """Shares in [0, 1], nan where there is nothing to count: PR, RR and F1 of voxels, SA, DA and AA of points."""
+    """Shares in [0, 1], nan if there is nothing to count: PR, RR and F1 of voxels, SA, DA and AA of points."""
 
     preservation: float
     rejection: float
@@ -41,7 +40,7 @@ class MapScores:
 
 @dataclass
 class MapCounts:
-    """Adds up scans; memory is that of the tiles in the sensor's reach."""
+    """Counts over scans; memory is that of the tiles in the sensor's range."""
 
     voxel: float = 0.2
     tile: float = TILE
@@ -66,7 +65,7 @@ class MapCounts:
             self._finish(tile)
 
     def scores(self) -> MapScores:
-        """Return the scores of all that was added; nothing may be added afterwards."""
+        """Return the scores of everything added; nothing may be added afterwards."""
         for tile in self._tiles.rest():
             self._finish(tile)
         return MapScores(

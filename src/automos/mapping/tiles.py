@@ -1,7 +1,7 @@
-"""Voxels of a map in square tiles, of which only those near the sensor are kept.
+"""Voxels of a map in square tiles, of which only those near the sensor are in memory.
 
-A tile that is out of the sensor's reach is complete and can be written. Memory is that of the tiles in reach, however
-long the drive; a place that is come back to later is another tile, so a few of its voxels are written twice.
+A tile out of the sensor's range is complete and can be written, so memory does not grow with the drive. A place that is
+visited again later is another tile, so a few of its voxels are written twice.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Tile:
         return self._marks[: len(self.voxels)]
 
     def add(self, points: npt.NDArray, marks: npt.NDArray) -> None:
-        """Add `points` (N, 3), metres, that bear `marks` (N, K) bool."""
+        """Add `points` (N, 3), metres, that has `marks` (N, K) bool."""
         ids = self.voxels.add(points)
         if len(self.voxels) > len(self._marks):
             more = np.zeros((max(len(self.voxels), 2 * len(self._marks)) - len(self._marks), marks.shape[1]), np.int64)
@@ -49,7 +49,7 @@ class Tile:
 
 
 class Tiles:
-    """The tiles in reach of the sensor."""
+    """The tiles within the sensor's range."""
 
     def __init__(self, voxel: float, side: float, n_marks: int = 0):
         """Take the edges of voxels and tiles, metres; a tile's is rounded to whole voxels."""
@@ -77,7 +77,7 @@ class Tiles:
             self._tiles[place].add(points[is_here], marks[is_here])
 
     def leave(self, origin: npt.NDArray, reach: float) -> Iterator[Tile]:
-        """Give away the tiles that lie wholly further than `reach` (metres) from `origin` (2 or 3,)."""
+        """Remove and yield the tiles that are completely further than `reach` (metres) from `origin` (2 or 3,)."""
         for place in list(self._tiles):
             low = np.array(place) * self._side
             away = np.maximum(np.maximum(low - origin[:2], origin[:2] - low - self._side), 0.0)
@@ -85,6 +85,6 @@ class Tiles:
                 yield self._tiles.pop(place)
 
     def rest(self) -> Iterator[Tile]:
-        """Give away all tiles that are left."""
+        """Yield all remaining tiles."""
         while self._tiles:
             yield self._tiles.pop(next(iter(self._tiles)))

@@ -1,4 +1,4 @@
-"""Point clouds written piece by piece, as they come: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
+"""Point cloud writers that append: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def open_cloud(path: Path) -> Iterator[Write]:
 
 
 def check_kind(path: Path) -> None:
-    """Raise what `open_cloud` would."""
+    """Raise the error that `open_cloud` would raise."""
     if path.suffix not in (*_HEADERS, ".laz"):
         raise InputError(f"{path} is of no kind that maps are written in: choose .ply, .pcd or .laz")
     if path.suffix == ".laz":

@@ -42,13 +42,20 @@ class Change:
 
     Attributes
     ----------
-    T : (4, 4) rigid or mirroring, applied in every scan's sensor frame.
-    dropped : share of points taken out of every scan.
-    keeps_intensity : whether intensities stay.
-    is_blind : (H, W) bool, pixels of which no scan has points; None for none.
-    noise : metres, standard deviation added to every range.
-    specks : share of points that are seen too near, as at edges and in the air.
-    sway : metres and, times _SWAY_TURN, radians by which the motion between two past scans is wrong.
+    T : (4, 4) float64
+        Rigid or mirroring, applied in every scan's sensor frame.
+    dropped : float
+        Share of points taken out of every scan.
+    keeps_intensity : bool
+        Whether intensities stay.
+    is_blind : (H, W) bool, optional
+        Pixels of which no scan has points; None for none.
+    noise : float
+        Metres, standard deviation added to every range.
+    specks : float
+        Share of points that are seen too near, as at edges and in the air.
+    sway : float
+        Metres and, times _SWAY_TURN, radians by which the motion between two past scans is wrong.
     """
 
     T: Array

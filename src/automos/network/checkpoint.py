@@ -24,9 +24,12 @@ class Checkpoint:
 
     Attributes
     ----------
-    network : in evaluation mode.
-    image, model : its settings.
-    card : what it was trained on and how it scored, plain values.
+    network : LMNet
+        In evaluation mode.
+    image, model : ImageSettings and ModelSettings
+        Its settings.
+    card : dict of str to Any
+        What it was trained on and how it scored, plain values.
     """
 
     network: LMNet
@@ -65,7 +68,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
         content = torch.load(path, map_location="cpu", weights_only=True)
         version = content["format"]
     except Exception as error:  # torch raises what its readers raise: pickle's, zip's and its own errors
-        raise InputError(f"{path} is no checkpoint of automos train ({type(error).__name__}): give best.pt") from None
+        why = type(error).__name__
+        raise InputError(f"{path} is not a checkpoint of automos train ({why}): give best.pt") from None
     if version != FORMAT:
         raise InputError(f"{path} is a checkpoint of format {version}, this version reads {FORMAT}: train again")
     try:

@@ -30,8 +30,10 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
 
     Parameters
     ----------
-    image : the image that was segmented.
-    moving : (H, W) float32, probability of moving in each pixel.
+    image : RangeImage
+        The image that was segmented.
+    moving : (H, W) float32
+        Probability of moving in each pixel.
 
     Where no pixel is near enough the nearest one votes; points without a pixel have 0.
     """
@@ -48,7 +50,7 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
 
 @kernel
 def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
-    """Tell in which windows pixels that show something differ."""
+    """Return in which windows pixels that show something differ."""
     height, width = seen.shape
     for row in range(height):
         for column in range(width):

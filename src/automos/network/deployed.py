@@ -31,10 +31,14 @@ class Deployed:
 
     Attributes
     ----------
-    image : the images it takes.
-    run : (5 + K, H, W) float32 to (H, W) float32 in [0, 1].
-    engine : what runs it.
-    card : what it was trained on and how it scored.
+    image : ImageSettings
+        The images it takes.
+    run : callable
+        (5 + K, H, W) float32 to (H, W) float32 in [0, 1].
+    engine : str
+        What runs it.
+    card : dict of str to Any
+        What it was trained on and how it scored.
     """
 
     image: ImageSettings
@@ -48,14 +52,19 @@ def load_network(weights: Path, engine: str = "auto", device: str = "auto", thre
 
     Parameters
     ----------
-    engine : "torch", "onnxruntime", "openvino", or "auto": the first that is installed and runs the file.
-    device : "cpu", "gpu", or "auto".
-    threads : of the network on a CPU; 0: one per core.
+    engine : str
+        "torch", "onnxruntime", "openvino", or "auto": the first that is installed and runs the file.
+    device : str
+        "cpu", "gpu", or "auto".
+    threads : int
+        Of the network on a CPU; 0: one per core.
 
     Raises
     ------
-    InputError : no such file, not a network of ours, an engine that cannot run it, or no GPU where one is asked for.
-    MissingExtraError : nothing that runs it is installed.
+    InputError
+        No such file, not a network of ours, an engine that cannot run it, or no GPU where one is asked for.
+    MissingExtraError
+        Nothing that runs it is installed.
     """
     for name, value, known in (("engine", engine, ENGINES), ("device", device, DEVICES)):
         if value not in known:

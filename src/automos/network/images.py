@@ -28,8 +28,10 @@ class SensorView:
 
     Attributes
     ----------
-    grid : where its beams fall.
-    intensity_scale : the intensity that counts as 1; 0 where the sensor measures none.
+    grid : ImageGrid
+        Where its beams fall.
+    intensity_scale : float
+        The intensity that counts as 1; 0 if the sensor measures none.
     """
 
     grid: ImageGrid
@@ -44,7 +46,7 @@ class Window:
     ----------
     points : (N, 3) float32, metres.
     intensity : (N,) float32 or None.
-    past : K earlier clouds (M, 3) float32, None where there is none.
+    past : K earlier clouds (M, 3) float32, None if there is none.
     T_now_past : (K, 4, 4) float64, from each of them to the present one.
     """
 
@@ -60,10 +62,14 @@ class RangeImage:
 
     Attributes
     ----------
-    channels : (5 + K, H, W) float32: range, x, y, z, intensity in [0, 1], residuals; 0 where a pixel is empty.
-    index : (H, W) int32, the point each pixel shows, -1 for none.
-    pixels : (N,) int32, the pixel each point falls into, -1 for none.
-    ranges : (N,) float32, metres.
+    channels : (5 + K, H, W) float32
+        Range, x, y, z, intensity in [0, 1], residuals; 0 if a pixel is empty.
+    index : (H, W) int32
+        The point each pixel shows, -1 for none.
+    pixels : (N,) int32
+        The pixel each point falls into, -1 for none.
+    ranges : (N,) float32
+        Metres.
     """
 
     channels: Image

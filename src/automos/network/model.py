@@ -15,7 +15,7 @@ from automos.settings import ImageSettings, ModelSettings
 
 
 class Class(IntEnum):
-    """What the network tells apart."""
+    """The classes of the network."""
 
     UNLABELED = 0
     STATIC = 1

@@ -25,9 +25,10 @@ class ImageGrid:
 
     Attributes
     ----------
-    height, width : pixels; row 0 looks up most, column 0 backwards, columns go clockwise.
-    row_of_sine : (SINE_BINS + 1,) float32, row (a pixel's centre is at + 0.5) at sines of elevation evenly spaced in
-        [-1, 1].
+    height, width : int
+        Pixels; row 0 looks up most, column 0 backwards, columns go clockwise.
+    row_of_sine : (SINE_BINS + 1,) float32
+        Row (a pixel's centre is at + 0.5) at sines of elevation evenly spaced in [-1, 1].
     """
 
     height: int
@@ -44,20 +45,15 @@ class ImageGrid:
         return self.height * self.width
 
 
-def even_grid(height: int, width: int, up_deg: float, down_deg: float) -> ImageGrid:
-    """Return a grid of rows evenly spaced between two elevations in degrees (paper: HDL-64E, +3 to -25)."""
-    elevation = np.degrees(np.arcsin(np.linspace(-1.0, 1.0, SINE_BINS + 1)))
-    row = (up_deg - elevation) / (up_deg - down_deg) * height
-    return ImageGrid(height, width, row.astype(np.float32))
-
-
 def beam_grid(height: int, width: int, beam_of_sine: npt.NDArray, n_beams: int) -> ImageGrid:
     """Return a grid whose rows are a sensor's beams, evenly shared out where there are more or fewer of them.
 
     Parameters
     ----------
-    beam_of_sine : (SINE_BINS + 1,) number of the beam, counted from below, its centre at + 0.5, at each sine.
-    n_beams : how many there are.
+    beam_of_sine : (SINE_BINS + 1,) array
+        Number of the beam, counted from below, its centre at + 0.5, at each sine.
+    n_beams : int
+        How many there are.
     """
     row = height * (1.0 - np.asarray(beam_of_sine, np.float64) / n_beams)
     return ImageGrid(height, width, row.astype(np.float32))
@@ -76,7 +72,7 @@ def project(points: Points, grid: ImageGrid) -> tuple[npt.NDArray[np.int32], npt
 def nearest_points(
     pixels: npt.NDArray[np.int32], ranges: npt.NDArray[np.float32], n_pixels: int
 ) -> npt.NDArray[np.int32]:
-    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 where there is none."""
+    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 if there is none."""
     index = np.full(n_pixels, -1, np.int32)
     _nearest(pixels, ranges, index)
     return index

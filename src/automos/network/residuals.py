@@ -3,7 +3,7 @@
 LMNet's residual (III-A) is |range now - range before| / range now along one pixel. It says the same of a place that was
 free before (something came here) and of one that was hidden before (something went away), and in foliage and at edges,
 where a neighbouring ray hit something else, it is as large as for what moves. So the sign is kept, and the rays around
-the pixel are asked as well: seen through is only what all of them passed. The pictures are made when they are needed,
+the pixel are asked as well: seen as free is only what all of them passed. The pictures are made when they are needed,
 never stored.
 """
 
@@ -34,7 +34,7 @@ def residual_images(
     T_now_past: Pose,
     grid: ImageGrid,
 ) -> Image:
-    """Return (K, H, W) float32 in [-1, 1]: -1 something was here, 1 the place was free, 0 nobody knows.
+    """Return (K, H, W) float32 in [-1, 1]: -1 something was here, 1 the place was free, 0 it is unknown.
 
     Of the rays that went past a pixel before, in a window of 3 x 3 pixels, that one counts whose range comes nearest
     to the range of now. With g, by how many times the tolerance it went further, the value is (g - 1) / (g + 1); where
@@ -42,9 +42,12 @@ def residual_images(
 
     Parameters
     ----------
-    range_now : (H, W) float32, metres, 0 where a pixel is empty.
-    past : K earlier clouds (M, 3) float32 in their own sensor frames; None where there is none, which gives zeros.
-    T_now_past : (K, 4, 4) from each cloud's frame to the present one.
+    range_now : (H, W) float32
+        Metres, 0 if a pixel is empty.
+    past : sequence of Points, optional
+        K earlier clouds (M, 3) float32 in their own sensor frames; None if there is none, which gives zeros.
+    T_now_past : (K, 4, 4) float64
+        From each cloud's frame to the present one.
     """
     out = np.zeros((len(past), grid.height, grid.width), np.float32)
     before = np.empty((grid.height, grid.width), np.float32)
@@ -62,10 +65,13 @@ def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -
 
     Parameters
     ----------
-    ages : (M,) seconds > 0 since each of the earlier scans.
-    n : residual images; image k looks back k * spacing seconds.
-    spacing : seconds. Scans that are further than this from the wanted moment are not taken, so sensors of any rate
-        see the same spans of time.
+    ages : (M,) float64
+        Seconds > 0 since each of the earlier scans.
+    n : int
+        Residual images; image k looks back k * spacing seconds.
+    spacing : float
+        Seconds. Scans that are further than this from the wanted moment are not taken, so sensors of any rate see the
+        same spans of time.
     """
     wanted = spacing * np.arange(1, n + 1)
     if len(ages) == 0:

@@ -104,7 +104,8 @@ def train_network(
     best = ModelCheckpoint(out, "best-{epoch}", monitor=MONITORED, mode="max", enable_version_counter=False)
     latest = ModelCheckpoint(out, "last", enable_version_counter=False)  # of every epoch, whether it got better or not
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
-    callbacks = [best, stop, latest, _Kept(out / "epochs", settings.training.keep, card), *_told(progress)]
+    kept = _Kept(out / "epochs", settings.training.keep, card)
+    callbacks = [best, stop, latest, kept, *_progress_of(progress)]
     data = _Data(train, validation, settings.training.batch, loaders)
     last = out / "last.ckpt"
     with _quiet():
@@ -184,7 +185,7 @@ def read_curve(out: Path) -> list[dict[str, float]]:
     return [rows[epoch] for epoch in sorted(rows)]
 
 
-def _told(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
+def _progress_of(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
     return [] if progress is None else [_Told(progress)]
 
 

@@ -1,1 +1,1 @@
-"""The method at the pace of the sensor: the stages of `label`, fed scan by scan, with a window of the past."""
+"""Online labelling: the stages of `label`, scan by scan, with a window of the past."""

@@ -1,4 +1,4 @@
-"""What the scans of the last seconds saw, and what they say of each other's points."""
+"""Free-space evidence among the scans of the last seconds."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Objects of the last seconds and the verdicts on them, as far as the scans so far tell.
+"""Tracks of the last seconds, and the verdicts on them so far.
 
-The tracker moves on once the evidence of a scan is complete. The scans after it are followed anew each time from there,
-with what is known of them today, because the next scan may tell more. A track is judged by its last seconds; one that
-had moved by then has moved, however long it waits.
+The tracker advances once the evidence of a scan is complete. Later scans are tracked again from there each time, with
+the evidence known so far, because the next scan may add to it. A track is judged by its last seconds; a track that has
+moved stays a mover, however long it waits.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MEMORY = 8.0
 
 
 PAST_ALONE = 1.0
-"""Log-odds more, that what is seen in a scan has moved, of which the past alone was asked: what comes later would tell
+"""Log-odds more, that what is seen in a scan has moved, from the past alone: later scans would show
 of more of a mover's points. On simulated worlds, of what would have a probability of 0.6 to 0.8, four in five move."""
 LACKING = -2.0
 """Log-odds less, for each other that could not be asked of the `FEW` that should be: one of them decides then, and its
@@ -42,7 +42,12 @@ class Asked:
 
     Attributes
     ----------
-    n : how many others.   is_far : whether some were a second or more away.   is_past : whether all came before it.
+    n : int
+        How many others.
+    is_far : bool
+        Whether some were a second or more away.
+    is_past : bool
+        Whether all came before it.
     """
 
     n: int
@@ -63,9 +68,14 @@ class Followed:
 
     Attributes
     ----------
-    here : their rows in that scan; `track` counts from 0 and is the row of what follows.
-    verdicts : on each of them.   numbers : (T,) int64, the number by which each is known from scan to scan.
-    is_followed : whether scans come fast enough for tracks to be trusted.
+    here : Tracks
+        Their rows in that scan; `track` counts from 0 and is the row of what follows.
+    verdicts : Verdicts
+        On each of them.
+    numbers : (T,) int64
+        The number by which each is known from scan to scan.
+    is_followed : bool
+        Whether scans come fast enough for tracks to be trusted.
     """
 
     here: Tracks

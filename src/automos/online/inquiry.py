@@ -1,4 +1,4 @@
-"""Finding something out beside a stream that goes on: how sweeps are timed, how fast the sensor was at first."""
+"""Determines something in the background of a stream: how sweeps are timed, or the initial speed of the sensor."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def find_timing(scans: list[Scan], settings: OdometrySettings, is_compensated: b
 
 
 def told_by(scan: Scan) -> SweepTiming | None:
-    """Return the timing that a scan's own times tell; None where it has none."""
+    """Return the timing from a scan's own times; None without them."""
     duration = recorded_duration(scan)
     return None if duration is None else SweepTiming("file", duration=duration, share=1.0)
 

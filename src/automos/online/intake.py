@@ -1,7 +1,7 @@
-"""What comes in from a sensor: the next scan, or one that cannot be used, and when to begin anew.
+"""Checks each scan that arrives: whether it is the next one, unusable, or the start of a new stream.
 
-Drivers send scans twice, late, empty; cables are pulled, clocks set, sensors changed. None of it must stop a robot:
-what cannot be used is left out, and where the stream breaks off it begins anew.
+Drivers send scans twice, late or empty; cables are unplugged, clocks are set, sensors are changed. None of this may
+stop a robot: unusable scans are left out, and after an interruption a new stream starts.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Intake:
         self._trouble: Kind | None = None
 
     def take(self, scan: Scan) -> Taken:
-        """Return what the scan is. Trouble that goes on is told once."""
+        """Return what the scan is. A lasting problem is reported once."""
         stamp, own = self._stamp_of(scan), scan.stamp
         kind, why = self._judge(scan, stamp)
         if kind in (Kind.NEXT, Kind.RESTART):
@@ -64,7 +64,7 @@ class Intake:
         is_new = kind is not self._trouble or kind is Kind.RESTART
         self._trouble = None if kind is Kind.NEXT else kind
         if own is not None and not abs(own) < LATEST and not why:
-            why = f"its stamp is {own}, which is no time; it is taken to have come in its turn"
+            why = f"its stamp is {own}, which is not a time; it is taken to have come in its turn"
         return Taken(kind, stamp, why if is_new else "")
 
     def _stamp_of(self, scan: Scan) -> float:

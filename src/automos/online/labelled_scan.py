@@ -1,4 +1,4 @@
-"""What is given back of a scan that was labelled as it came."""
+"""The result of online labelling: one scan with its labels and moving objects."""
 
 from __future__ import annotations
 
@@ -15,26 +15,33 @@ from automos.tracking.tracks import Tracks
 from automos.workspace import Arrays
 
 if TYPE_CHECKING:
-    from automos.pipeline import Result
+    from automos.result import Result
 
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledScan:
-    """A scan as it is given back: every point in its place.
+    """A labelled scan of N points, in the order of the scan.
 
     Attributes
     ----------
-    index : how many scans were pushed before it.
-    stamp : seconds.
-    pose : (4, 4) float64, T_world_sensor at mid-sweep. The world has z up and the ground under the first scan at z = 0.
-    labels : (N,) uint8 of `Label`: 251 moving, 9 static, 0 what is no point, what rides along and what is not known
-        yet: places that were never seen before.
-    track_ids : (N,) int32, the moving object each point belongs to, -1 for none. An object keeps its number.
-    confidence : (N,) float32 in [0, 1], how sure a label is; of points that are not known yet, how likely they stay.
-    objects : (K,) structured, one row for each moving object in this scan, in the world frame: `track`, its number,
-        `center` (3) and `size` (3: length, width, height) metres, `yaw` radians, `velocity` (3) m/s.
+    index : int
+        Number of scans that were pushed before it.
+    stamp : float
+        Seconds.
+    pose : (4, 4) float64
+        T_world_sensor at mid-sweep. The world frame has z up and the ground under the first scan at z = 0.
+    labels : (N,) uint8
+        `Label` of each point: 251 moving, 9 static, 0 for missing returns, the ego body, and places that were never
+        observed before.
+    track_ids : (N,) int32
+        Number of the moving object that each point belongs to, -1 for none. An object keeps its number.
+    confidence : (N,) float32
+        Probability in [0, 1] that the label is right; for points that are not known yet, that they are static.
+    objects : (K,) structured array
+        One row per moving object in this scan, in the world frame: `track` (its number), `center` (3) and `size`
+        (3: length, width, height) in metres, `yaw` in radians, `velocity` (3) in m/s.
     """
 
     index: int

@@ -1,7 +1,7 @@
-"""What is learnt of the sensor while scans come: how its beams lie, and what of its own vehicle they meet.
+"""What is learnt about the sensor during a stream: the directions of its beams, and the ego body.
 
-The first scan with enough points shows the beams. The body shows in scans some way apart, beside the stream, and once
-more whenever the way has doubled, until all that may be body was seen from elsewhere.
+The first scan with enough points shows the beams. The ego body is determined in the background from scans some distance
+apart, again whenever the path has doubled in length, until everything that may be body was seen from elsewhere.
 """
 
 from __future__ import annotations

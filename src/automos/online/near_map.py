@@ -1,4 +1,4 @@
-"""The last scans as a voxel map on which a scan is registered from further off, with KISS-ICP (Vizzo et al., 2023)."""
+"""A voxel map of the last scans for registration with a large search range, as KISS-ICP (Vizzo et al., 2023)."""
 
 from __future__ import annotations
 

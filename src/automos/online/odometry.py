@@ -1,8 +1,8 @@
-"""The sensor's poses from the scans so far, and their correction once more is known.
+"""Poses of the sensor from the scans so far, and their correction when more is known.
 
-How sweeps are timed and how fast the sensor was at first are found out from some scans, beside the stream. Where the
-answer is not what was believed, the last scans are followed once more under it, a few with every scan that comes, until
-they have caught up; then the new path is taken over.
+The timing of sweeps and the initial speed are determined in the background from some scans. If the result differs from
+the assumption, the last scans are registered again, a few with every new scan, until they have caught up; then the new
+path replaces the old one.
 """
 
 from __future__ import annotations
@@ -42,12 +42,15 @@ class Moved:
 
     Attributes
     ----------
-    stamp : seconds.
-    posed : where it was seen from, in the world of the path that is followed.
-    again : earlier scans on the path that will be taken over, each with its stamp; at first its world is the present
-        one.
-    T_before_now : (4, 4) from the new path's world to that of the one before, in which the last scan stays where it
-        was; None where no other path was taken over.
+    stamp : float
+        Seconds.
+    posed : Posed
+        Where it was seen from, in the world of the path that is followed.
+    again : tuple[tuple[Came, Posed], ...]
+        Earlier scans on the path that will be taken over, each with its stamp; at first its world is the present one.
+    T_before_now : (4, 4) float64, optional
+        From the new path's world to that of the one before, in which the last scan stays where it was; None if no
+        other path was taken over.
     """
 
     stamp: float
@@ -98,7 +101,7 @@ class CausalOdometry:
         timing: SweepTiming | None = None,
         is_compensated: bool | None = None,
     ):
-        """Take threads to work with, and how sweeps are timed, or None where that is to be found out."""
+        """Take threads to work with, and how sweeps are timed, or None if that is to be found out."""
         if timing is None and (is_compensated or settings.time == "none"):
             timing = SweepTiming()
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated

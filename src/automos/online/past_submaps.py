@@ -1,8 +1,8 @@
-"""Where a scan lies on what was seen half a second to two before it.
+"""Registers a scan to submaps of the scans half a second to two seconds before it.
 
-Registration to the scans just before lets errors add up, and rings of a spinning sensor lie on rings wherever it goes:
-it would rather stand still. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; of that, this
-is the part that needs no future.
+Registration to the scans just before accumulates errors, and the rings of a spinning sensor coincide wherever it goes,
+which pulls the motion towards zero. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; this
+is the part of it that needs no future.
 """
 
 from __future__ import annotations
@@ -50,12 +50,16 @@ class Come:
 
     Attributes
     ----------
-    stamp : seconds.
-    T_world_last : (4, 4) of the scan before, `gap` usual times earlier.
-    twist : (6,) expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is
-        (variance).
-    share : of a sweep in the time between scans.
-    is_first : whether `twist` is a guess, because nothing came before.
+    stamp : float
+        Seconds.
+    T_world_last : (4, 4) float64
+        The scan before, `gap` usual times earlier.
+    twist : (6,) float64
+        Expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is (variance).
+    share : float
+        Of a sweep in the time between scans.
+    is_first : bool
+        Whether `twist` is a guess, because nothing came before.
     """
 
     stamp: float
@@ -70,7 +74,7 @@ class Come:
     def evenness(self, off: Array, settings: OdometrySettings) -> Array:
         """Return (6,) weights of even motion against a motion that is `off` (6,) from what is expected.
 
-        What was expected is as uncertain as the motion that it was taken from: where little tells how fast the sensor
+        The prediction is as uncertain as the motion it is based on: where little shows how fast the sensor
         is, it is not held to a guess. Tails are heavy (Cauchy), so that who brakes hard among traffic is not either.
         """
         usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])
@@ -85,7 +89,7 @@ class Come:
 class Laid:
     """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
 
-    share : of the surfels, those that lie on a surface; 0 where nothing is there to lie on.
+    share : of the surfels, those that lie on a surface; 0 if nothing is there to lie on.
     doubt : (6,) variance of the motion to there.
     """
 

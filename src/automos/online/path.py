@@ -1,7 +1,7 @@
-"""Poses of scans as they come, as long as what is believed of the sweeps' timing does not change.
+"""Poses of scans in a stream, as long as the assumed timing of sweeps does not change.
 
-A scan is laid on submaps of the last seconds, beginning where it is expected. At the start, and where it does not fit
-there, it is registered to the last scans as KISS-ICP does, which looks further around.
+A scan is aligned with submaps of the last seconds, starting at its predicted pose. At the start, and where it does not
+fit, it is registered to the last scans as in KISS-ICP, with a larger search range.
 """
 
 from __future__ import annotations
@@ -43,9 +43,12 @@ class Posed:
 
     Attributes
     ----------
-    T_world_sensor : (4, 4), the path's own world.
-    timing : how the time of each point is known.
-    sweep_motion : (6,) motion during the sweep, for its compensation.
+    T_world_sensor : (4, 4) float64
+        The path's own world.
+    timing : SweepTiming
+        How the time of each point is known.
+    sweep_motion : (6,) float64
+        Motion during the sweep, for its compensation.
     """
 
     T_world_sensor: Pose

@@ -1,4 +1,4 @@
-"""What earlier scans saw, made anew a few at a time while another path of the sensor catches up."""
+"""Computes the evidence of earlier scans again, a few at a time, after the path of the sensor was corrected."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Renewal:
         return (frame, seen) if is_kept else (None, as_partner(seen))
 
     def take_over(self, T_after_before: Pose, window: EvidenceWindow) -> dict[float, tuple[Frame, Seen]]:
-        """Put what was made anew into `window`, all moved by (4, 4); return the frames that were kept, by stamp."""
+        """Put what was made again into `window`, all moved by (4, 4); return the frames that were kept, by stamp."""
         made = {stamp: asked.result() for stamp, asked in self._asked.items()}
         self._asked = {}
         window.renew({stamp: seen for stamp, (_, seen) in made.items()}, T_after_before)

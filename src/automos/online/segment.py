@@ -1,4 +1,4 @@
-"""`automos segment`: a recording labelled as a robot would have labelled it, results as `automos label` writes them."""
+"""`automos segment`: labels a recording online, as on a robot, and writes results like `automos label`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry import Trajectory
 from automos.odometry.motion import SweepTiming
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry, write_tracks

@@ -1,8 +1,8 @@
-"""The part of the method that looks at one scan after the other: what others saw of its places, and its segments.
+"""The per-scan part of the method: evidence and segments.
 
-A scan is looked at twice. When it arrives, the past alone says which of its points have moved; when later scans have
-seen its places, too, the evidence is made again. With no lag the first is all. None of it needs to know which objects
-there are: so the next scan may be segmented while those of the last one are followed.
+A scan is processed twice. When it arrives, only the past says which of its points have moved; when later scans have
+seen its places, the evidence is computed again. With no lag, only the first pass is done. Neither needs the tracks, so
+the next scan can be segmented while the objects of the last one are tracked.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SETTLED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class SegmentedScan:
-    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None where it has none."""
+    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None if it has none."""
 
     number: int
     stamp: float
@@ -49,14 +49,18 @@ class SegmentedScan:
 
 @dataclass(frozen=True, eq=False)
 class Segmented:
-    """What has become known with a scan.
+    """The results that a new scan completes.
 
     Attributes
     ----------
-    renewed : segments of scans that were given before, with other evidence.
-    settled : segments that will not change any more, scan by scan.
-    ahead : what is known today of the segments of the scans after those, with their times.
-    due : the scans whose lag is over.
+    renewed : list[Future[Found]]
+        Segments of scans that were given before, with other evidence.
+    settled : list of Found
+        Segments that will not change any more, scan by scan.
+    ahead : list[tuple[float, Detections]]
+        What is known today of the segments of the scans after those, with their times.
+    due : list of SegmentedScan
+        The scans whose lag is over.
     """
 
     renewed: list[Future[Found]]
@@ -94,7 +98,7 @@ class Segmenting:
         is_compensated: bool | None,
         T_world_first: Pose | None,
     ):
-        """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
+        """Take the arguments of `Labeler`, threads, and the end of an earlier stream that this one continues."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
         self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
@@ -112,7 +116,7 @@ class Segmenting:
         return self._sightings.T_level_sensor
 
     def step(self, number: int, scan: Scan) -> Segmented:
-        """Return what has become known with `scan`, which has points and a stamp and is `number`."""
+        """Return the results that `scan` completes, which has points and a stamp and is `number`."""
         renewed = self._grow(scan.stamp)
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)
@@ -131,7 +135,7 @@ class Segmenting:
         return self._give(np.inf, []) if self._held else Segmented([], [], [], [])
 
     def _renew(self, sighted: Sighting) -> None:
-        """Make anew what earlier scans saw, while another path catches up; take all of it over once it has."""
+        """Compute the evidence of earlier scans again while another path catches up; use it once it has."""
         for frame in sighted.again:
             is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
             self._renewal.add(frame, self._lidars, is_held)
@@ -144,7 +148,7 @@ class Segmenting:
         self._doubted = deque(self._growing)
 
     def _grow(self, now: float | None) -> list[Future[Found]]:
-        """Ask about scans some time ago once more, beside what else is done meanwhile."""
+        """Update the evidence of earlier scans in the background."""
         asked = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
@@ -152,7 +156,7 @@ class Segmenting:
         return asked
 
     def _doubt(self) -> list[Future[Found]]:
-        """Ask once more about the last scans, if few could be asked or they were thought to lie elsewhere."""
+        """Update the evidence of the last scans, if it was based on few scans or on other poses."""
         n, asked = len(self._window), []
         few = [held for held in self._growing if held.n_asked < FEW <= n]
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
@@ -177,7 +181,7 @@ class Segmenting:
         return self._settle > 0.0 or held.stamp - self._start >= GROWN
 
     def _find_segments(self, held: _Held) -> None:
-        """Make the scan's evidence and segments from all scans that are remembered."""
+        """Compute the scan's evidence and segments from all scans in the window."""
         if held.seen is None:
             return
         held.n_asked = len(self._window) - 1
@@ -186,7 +190,7 @@ class Segmenting:
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
     def _give(self, now: float, renewed: list[Future[Found]]) -> Segmented:
-        """Return what is settled and due at `now`, seconds, and forget what nobody will ask for."""
+        """Return what is settled and due at `now`, seconds, and drop what is no longer needed."""
         settled = [found for held in self._held if not held.is_settled for found in self._settled(held, now)]
         ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
         due = []

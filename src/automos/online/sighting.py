@@ -1,4 +1,4 @@
-"""Where each scan was taken from, and what it saw: all that it tells by itself, before others are asked about it."""
+"""The pose of each scan and what it saw: all that is known of it without other scans."""
 
 from __future__ import annotations
 
@@ -21,17 +21,23 @@ from automos.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What a scan tells.
+    """What a scan shows on its own.
 
     Attributes
     ----------
-    stamp : seconds.
-    frame : its points, compensated, level frame.
-    seen : what it saw; None while nothing is known of the sensor's beams.
-    lidars : the sensors as they are known with this scan.
-    again : earlier scans on another path that will be taken over, in the level frame as it was before.
-    T_after_before : (4, 4) from the level frame before to that of the path which was taken over, in which the last scan
-        stays where it was; None where no other path was.
+    stamp : float
+        Seconds.
+    frame : Frame
+        Its points, compensated, level frame.
+    seen : Seen, optional
+        What it saw; None while nothing is known of the sensor's beams.
+    lidars : list of Lidar
+        The sensors as they are known with this scan.
+    again : tuple of Frame
+        Earlier scans on another path that will be taken over, in the level frame as it was before.
+    T_after_before : (4, 4) float64, optional
+        From the level frame before to that of the path which was taken over, in which the last scan stays where it was;
+        None if no other path was.
     """
 
     stamp: float
@@ -48,7 +54,7 @@ class Sightings:
     def __init__(
         self, settings: Settings, pool: ThreadPoolExecutor, is_compensated: bool | None, T_world_first: Pose | None
     ):
-        """Take threads, and where an earlier stream has ended, which this one goes on from."""
+        """Take threads, and the end of an earlier stream that this one continues."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
         self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)

@@ -1,4 +1,4 @@
-"""The stages of the method over scans as they come: the same functions, on a window instead of a recording."""
+"""The stages of the method on a stream of scans: the same functions, on a window instead of a recording."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
+from automos.errors import InputError
 from automos.labels import Label
 from automos.online.following import Followed, Following
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
@@ -32,7 +33,7 @@ class Stream:
         T_world_first: Pose | None = None,
         first_track: int = 0,
     ):
-        """Take what `Labeler` takes, threads, and where an earlier stream has ended, which this one goes on from."""
+        """Take the arguments of `Labeler`, threads, and the end of an earlier stream that this one continues."""
         self._settings = settings
         self._segmenting = Segmenting(settings, lag, pool, is_compensated, T_world_first)
         self._following = Following(settings.tracking, first_track)
@@ -48,14 +49,14 @@ class Stream:
         return self._segmenting.T_world_sensor
 
     def segment(self, number: int, scan: Scan) -> Segmented:
-        """Return what has become known with `scan`, which has points and a stamp and is `number`.
+        """Return the results that `scan` completes, which has points and a stamp and is `number`.
 
-        It may be asked ahead, in another thread, in the order of the scans.
+        May be called ahead in another thread, in the order of the scans.
         """
         return self._segmenting.step(number, scan)
 
     def follow(self, segmented: Segmented) -> Iterator[LabelledScan]:
-        """Yield the scans whose lag is over; `segmented` come in the order in which they were found."""
+        """Yield the scans whose lag has passed; `segmented` come in order."""
         for done in segmented.renewed:
             self._following.renew(*done.result())
         for found in segmented.settled:
@@ -89,3 +90,14 @@ def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:
     """Return the boxes and velocities of the tracks `moving` in this scan."""
     here = followed.here[np.flatnonzero(np.isin(followed.here.track, moving))]
     return objects_of(replace(here, track=followed.numbers[here.track]))
+
+
+def require_online_methods(settings: Settings) -> None:
+    """Raise InputError if `settings` choose a method that needs the whole recording."""
+    chosen = {"candidates": settings.candidates.method, "tracking": settings.tracking.method}
+    able = {"candidates": "free_space", "tracking": "evidence"}
+    for stage, method in chosen.items():
+        if method != able[stage]:
+            raise InputError(
+                f"{stage}.method {method} needs the whole recording: set it to {able[stage]}, or lag to math.inf"
+            )

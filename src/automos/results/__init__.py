@@ -1,1 +1,1 @@
-"""The results folder of a run: what is in it, how it is written, and how it is read again with its recording."""
+"""The results folder of a run: its contents, how it is written, and how it is read again with its recording."""

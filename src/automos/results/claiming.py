@@ -1,6 +1,6 @@
-"""Whose a results folder is: what may be written into it, and who does so now.
+"""Checks whether a folder may be written to: whose results it holds, and whether another process is writing.
 
-What a run of ours left half way is known by its folder `stages`, which is there before the first label is.
+An unfinished run of ours is recognised by its folder `stages`, which exists before the first label does.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from automos.atomic import held, remove_parts, told
+from automos.atomic import faults_reported, held, remove_parts
 from automos.datasets.files import holds_scans
 from automos.errors import InputError
 from automos.scan import Sequence
@@ -104,7 +104,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
         if any(stages.glob("*")) or (folder / "merge.json").exists():
             raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
         require_room(folder, recording)
-        with told(folder):
+        with faults_reported(folder):
             stages.mkdir(exist_ok=True)
             for name in (RUN_FILE, *RESULT_FILES):
                 (folder / name).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""A results folder opened together with the recording it was made from, which run.json names."""
+"""Open a results folder together with its recording, whose path is stored in run.json."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from automos.results.run_files import RunFiles
 from automos.workspace import RUN_FILE, Workspace
 
 SHOWN = 5
-"""Folders that are named where another one was given."""
+"""Number of results folders that the message suggests."""
 
 
 def open_run(
@@ -21,21 +21,40 @@ def open_run(
     format: str | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
 ) -> RunFiles:
-    """Return the results in `folder` with their recording.
+    """Open a results folder together with its recording.
 
     Parameters
     ----------
-    recording : where the recording is; not needed while it is where it was when it was labelled.
-    format : the recording's format, where guessing fails.
+    folder : str or Path
+        Results folder written by `automos label`.
+    recording : str or Path, optional
+        The recording, if it is not where it was when it was labelled.
+    format : str, optional
+        Format of the recording, if it is not recognised.
+    progress : callable, optional
+        Called as `progress(what, done, total)` while scans are read.
+
+    Returns
+    -------
+    RunFiles
+        Labels, boxes and poses, scan by scan.
 
     Raises
     ------
     InputError
-        No results in `folder`, no recording where it is looked for, or one of other scans.
+        The folder holds no results, the recording is not found, or it has other scans.
+
+    Examples
+    --------
+    >>> import automos
+    >>> run = automos.open_run("automos_runs/my_log")
+    >>> labels = run.labels(0, len(run.scan(0)))
+    >>> labels.shape == (len(run.scan(0)),)
+    True
     """
     folder = given_path(folder, "a results folder")
     if not folder.is_dir():
-        raise InputError(f"{folder} is no folder; give the results folder of automos label")
+        raise InputError(f"{folder} is not a folder; give the results folder of automos label")
     if recording is not None:
         return RunFiles(folder, open_sequence(recording, format), progress)
     about = Workspace(folder).read_run()
@@ -45,7 +64,7 @@ def open_run(
         raise InputError(f"{folder} holds no results of automos label ({RUN_FILE} is missing or damaged){there}")
     source = about.get("recording", {}).get("source")
     if source is None:
-        raise InputError(f"{folder} does not tell which recording it was made from; give its path after {folder}")
+        raise InputError(f"{folder} does not say which recording it was made from; give its path after {folder}")
     try:
         sequence = open_sequence(source, format)
     except InputError as error:

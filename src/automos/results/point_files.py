@@ -1,4 +1,4 @@
-"""What is written per point of a scan: a label file, and on demand how sure each label is."""
+"""The files with one value per point: labels and, on demand, their confidence."""
 
 from __future__ import annotations
 

@@ -1,14 +1,13 @@
-"""A results folder and the recording it was made from, read back for everything that is written from them.
+"""A results folder together with its recording: labels, boxes and poses, scan by scan.
 
-Boxes of annotation tools stand upright, but a sensor may be mounted at a tilt. They are therefore given in the scan's
-*upright* frame: the sensor's without roll and pitch. Its origin and heading are the sensor's, and z points up.
+Boxes of annotation tools are upright, but a sensor may be mounted at a tilt. Boxes are therefore given in the scan's
+*upright* frame: the sensor frame without roll and pitch. Its origin and heading are the sensor's, and z points up.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +23,7 @@ from automos.label_files import read_labels
 from automos.labels import Label, to_mos
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
+from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.upright_boxes import Boxes
@@ -32,31 +32,25 @@ from automos.workspace import Workspace, require_same
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class ScanBoxes:
-    """The objects of one scan.
-
-    Attributes
-    ----------
-    boxes : (K,) in the frame that was asked for; the score is the confidence of the verdict.
-    ids : (K,) int64 track ids, from 1.
-    verdict : (K,) int8, index into `VERDICTS`.
-    velocity : (K, 3) metres per second, in the same frame.
-    observed : (K,) bool, False where the object was followed through a scan without points of it.
-    """
-
-    boxes: Boxes
-    ids: npt.NDArray[np.int64]
-    verdict: npt.NDArray[np.int8]
-    velocity: npt.NDArray[np.float64]
-    observed: npt.NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-
 class RunFiles:
-    """The labels, tracks and poses in a results folder, scan by scan, with the recording's points."""
+    """The labels, tracks and poses in a results folder, scan by scan, with the recording's points.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    sequence : Sequence
+        The recording that was labelled.
+    progress : callable, optional
+        Called as `progress(what, done, total)` while scans are read.
+    deskewed : bool, default False
+        Whether exported points are motion-compensated.
+
+    Raises
+    ------
+    InputError
+        The folder holds no labels, or those of other scans, or it does not say how to deskew.
+    """
 
     def __init__(
         self,
@@ -65,13 +59,6 @@ class RunFiles:
         progress: Callable[[str, int, int], None] = lambda name, done, total: None,
         deskewed: bool = False,
     ):
-        """Take a results folder and the recording it was made from; whether points are exported `deskewed`.
-
-        Raises
-        ------
-        InputError
-            The folder holds no labels, or those of a recording of other scans; or it does not tell how to deskew.
-        """
         self.folder = folder
         self.sequence = sequence
         self.deskewed = deskewed
@@ -86,7 +73,7 @@ class RunFiles:
             )
 
         if deskewed and self._trajectory is None:
-            raise InputError(f"{folder} does not tell how the sensor moved during its sweeps; label again to deskew")
+            raise InputError(f"{folder} does not say how the sensor moved during its sweeps; label again to deskew")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -95,7 +82,7 @@ class RunFiles:
         return f"<RunFiles {self.folder}: {len(self)} scans of {self.sequence.name!r}>"
 
     def each(self, what: str) -> Iterator[int]:
-        """Yield the index of every scan, telling the progress."""
+        """Yield the index of every scan, and report the progress."""
         for index in range(len(self)):
             yield index
             self._progress(what, index + 1, len(self))
@@ -119,7 +106,7 @@ class RunFiles:
         Raises
         ------
         InputError
-            Neither the label files nor the run's stages tell.
+            Neither the label files nor the run's stages say so.
         """
         packed = self.packed(index, n_points)
         if (packed >> 16).any():
@@ -132,17 +119,17 @@ class RunFiles:
         path = self.folder / "stages" / f"labels-{key}" / f"{self.names[index]}.npz"
         if not path.exists():
             raise InputError(
-                f"{self.folder} does not tell which object each moving point is on; label again with "
+                f"{self.folder} does not say which object each moving point belongs to; label again with "
                 "--set output.track_ids=true"
             )
         tracks = Workspace(self.folder).stage("labels", str(key)).load(self.names[index], "track")["track"]
         return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
     def points_at_pose(self, scan: Scan, index: int) -> Points:
-        """Return the (N, 3) points of `scan` as seen from its pose: the sensor's motion during the sweep taken out.
+        """Return the (N, 3) points of `scan` as seen from its pose, motion-compensated.
 
-        Boxes were fitted to these. Points that could not be used stay as they are, NaN included; so do all where the
-        run does not tell any more how the sensor moved.
+        Boxes were fitted to these. Unusable points stay as they are, NaN included, and so do all points if the run no
+        longer says how the sensor moved.
         """
         if self._trajectory is None:
             return scan.points
@@ -152,7 +139,7 @@ class RunFiles:
         return points
 
     def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
-        """Return (N,) which points of `scan` lie on the ground; none where the run does not tell any more."""
+        """Return (N,) which points of `scan` lie on the ground; none if the run no longer says so."""
         is_ground = np.zeros(len(scan), bool)
         key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
         if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():
@@ -197,7 +184,7 @@ class RunFiles:
         return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], T[:3, 3])
 
     def T_upright_sensor(self, index: int) -> Pose:
-        """Return (4, 4): the turn by which the sensor's z-axis comes to point up."""
+        """Return (4, 4): the rotation that makes the sensor's z-axis point up."""
         return inverse(self.T_level_upright(index)) @ self.T_level_sensor(index)
 
     @property

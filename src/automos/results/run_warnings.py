@@ -1,11 +1,11 @@
-"""Everything that run.json warns of, as sentences: for the terminal, a fleet's books, the viewer and the review."""
+"""All warnings in run.json as sentences: for the terminal, the ledger of many recordings, the viewer and the review."""
 
 from __future__ import annotations
 
 from typing import Any
 
 SHOWN = 4
-"""Places worth a look that are told where only sentences are; all are in the report and in the review."""
+"""Number of places worth a look that are listed in sentences; all are in the report and in the review."""
 
 
 def sentences_of(run: dict[str, Any]) -> list[str]:

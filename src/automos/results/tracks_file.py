@@ -1,6 +1,6 @@
-"""tracks.json: every object with its verdict, how sure that is, and a box for every scan it was followed through.
+"""tracks.json: every object with its verdict, its confidence, and a box for each scan in which it was tracked.
 
-Written by us, but read as anything is that lies in a folder: whatever in it is not as it is written is refused.
+The file is checked like any other input when it is read: anything that does not match the schema is an error.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
         checked(_TRACKS, document)
         T = np.array(document["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
-            raise ValueError("T_world_level is no rigid transform")
+            raise ValueError("T_world_level is not a rigid transform")
         ids = [track["id"] for track in document["tracks"]]
         if len(set(ids)) < len(ids):
             raise ValueError("two tracks have one id")

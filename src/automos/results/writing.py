@@ -1,12 +1,12 @@
-"""The results folder of a run: labels, poses, tracks, and what they were made from and with.
+"""Writes the results folder of a run: labels, poses, tracks, settings and a record of the run.
 
 predictions/*.label   one uint32 per point, in the scan's order, named after the scan
-confidences/*.npy     one float32 per point, how sure its label is; on demand
+confidences/*.npy     one float32 per point, the confidence of its label; on demand
 poses.txt  poses.tum  sensor poses, KITTI and TUM
 tracks.json           every object: verdict, confidence, a box per scan
-settings.yaml         the settings that were used, all of them
+settings.yaml         all settings that were used
 run.json              versions, fingerprints, counts, timings, warnings
-stages/               what each stage found; deleting it costs only time
+stages/               the results of each stage; deleting them costs only time
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from typing import Any
 
 from automos import __version__
 from automos.atomic import remove_parts, write_text
-from automos.pipeline import Result
-from automos.pose_files import write_kitti, write_tum
+from automos.pose_writers import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
+from automos.result import Result
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence

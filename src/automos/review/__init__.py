@@ -1,1 +1,1 @@
-"""A person's word on tracks: shown, decided, kept in a log, and applied to every later run."""
+"""Review of tracks by a person: shown, decided, logged, and applied to every later run."""

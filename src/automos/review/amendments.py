@@ -1,8 +1,8 @@
-"""Objects that a person made: added where none was found, or cut, split or joined from those that were.
+"""Objects made by a person: added where none was found, or cut, split or joined from found ones.
 
-Such an object is its points and its box, scan by scan. The points are rows of the recording's scans and the box is in
-the scan's own sensor frame, so that neither depends on what a run with other settings finds, or where it puts its
-poses. What a person made replaces whatever holds its points in a run: a track that was cut is two such objects.
+Such an object consists of its points and its box, scan by scan. The points are rows of the recording's scans, and the
+box is in the scan's own sensor frame, so neither depends on the results or poses of a run with other settings. In a
+run, the object replaces any track that holds its points; a track that was cut becomes two such objects.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ class Part:
 
     Attributes
     ----------
-    rows : (K,) int64, ascending: its points, rows of the scan as the recording has it.
-    center, heading : (3,) metres, and a unit vector along its length; sensor frame.
-    size : (3,) metres, length, width, height.
+    rows : (K,) int64
+        Ascending: its points, rows of the scan as the recording has it.
+    center, heading : (3,) float64
+        Metres, and a unit vector along its length; sensor frame.
+    size : (3,) float64
+        Metres, length, width, height.
     """
 
     rows: npt.NDArray[np.int64]
@@ -68,7 +71,7 @@ class Amendment:
 
 
 def append_amendments(folder: Path, amendments: Iterable[Amendment]) -> None:
-    """Add objects made by hand to the log in `folder`; errors are those of the log."""
+    """Add objects made by hand to the log in `folder`; errors as for the log."""
     append_lines(
         folder,
         [
@@ -90,7 +93,7 @@ def append_verdicts(folder: Path, at: str, verdicts: Mapping[str, str]) -> None:
 def read_amendments(folder: Path) -> list[Amendment]:
     """Return the objects made by hand that hold, oldest first, with what was decided last; errors as of the log."""
     held: dict[str, Amendment] = {}
-    for key, verdict, made in read_lines(folder, "amendment", "object made by hand", _parse):
+    for key, verdict, made in read_lines(folder, "amendment", "an object made by hand", _parse):
         if made is not None:
             held[key] = made
         elif verdict == "undo":
@@ -102,7 +105,7 @@ def read_amendments(folder: Path) -> list[Amendment]:
 
 def new_keys(folder: Path, n: int) -> list[str]:
     """Return `n` keys that no object in the log of `folder` has or had."""
-    used = read_lines(folder, "amendment", "object made by hand", lambda fields: str(fields["key"]))
+    used = read_lines(folder, "amendment", "an object made by hand", lambda fields: str(fields["key"]))
     first = 1 + max((int(key[1:]) for key in used if key[1:].isdecimal()), default=0)
     return [f"h{first + k}" for k in range(n)]
 

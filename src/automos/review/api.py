@@ -1,4 +1,4 @@
-"""What the page may ask and say, by path: the session's methods with their arguments checked."""
+"""The requests of the page, by path: methods of the session, with checked arguments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_BODY = 200_000
 def _decide(session: Session, body: Body) -> dict[str, Any]:
     named = body.get("tracks", [body.get("track")])
     if not isinstance(named, list):
-        raise InputError("tracks is no list of objects' numbers")
+        raise InputError("tracks is not a list of objects' numbers")
     session.decide([number(track) for track in named], str(body.get("verdict")))
     return session.status()
 
@@ -26,37 +26,37 @@ def _decide(session: Session, body: Body) -> dict[str, Any]:
 def _propose(session: Session, body: Body) -> dict[str, Any]:
     if "boxes" in body:
         if not isinstance(body["boxes"], list) or not body["boxes"]:
-            raise InputError("boxes is no list of drawn boxes")
-        boxes = {number(one.get("index"), "scan"): _box(one.get("box")) for one in body["boxes"] if _is_map(one)}
+            raise InputError("boxes is not a list of drawn boxes")
+        boxes = {number(one.get("index"), "a scan"): _box(one.get("box")) for one in body["boxes"] if _is_map(one)}
         return session.propose(boxes=boxes)
     if "place" in body:
-        return session.propose(number=number(body["place"], "place"))
-    return session.propose(number(body.get("index"), "scan"), (_metres(body.get("x")), _metres(body.get("y"))))
+        return session.propose(number=number(body["place"], "a place"))
+    return session.propose(number(body.get("index"), "a scan"), (_metres(body.get("x")), _metres(body.get("y"))))
 
 
 def _accept(session: Session, body: Body) -> dict[str, Any]:
-    first, last = (number(body.get(key), "scan") for key in ("first", "last"))
+    first, last = (number(body.get(key), "a scan") for key in ("first", "last"))
     return {"id": session.accept(first, last, str(body.get("verdict", "moving"))), **session.status()}
 
 
 def _cut(session: Session, body: Body) -> dict[str, Any]:
-    return {"ids": session.cut(number(body.get("track")), number(body.get("index"), "scan")), **session.status()}
+    return {"ids": session.cut(number(body.get("track")), number(body.get("index"), "a scan")), **session.status()}
 
 
 def _split(session: Session, body: Body) -> dict[str, Any]:
-    made = session.split(number(body.get("track")), number(body.get("index"), "scan"), _box(body.get("box")))
+    made = session.split(number(body.get("track")), number(body.get("index"), "a scan"), _box(body.get("box")))
     return {"ids": made, **session.status()}
 
 
 def _join(session: Session, body: Body) -> dict[str, Any]:
     named = body.get("tracks")
     if not isinstance(named, list):
-        raise InputError("tracks is no list of objects' numbers")
+        raise InputError("tracks is not a list of objects' numbers")
     return {"id": session.join([number(track) for track in named]), **session.status()}
 
 
 def _dismiss(session: Session, body: Body) -> dict[str, Any]:
-    session.dismiss(number(body.get("place"), "place"))
+    session.dismiss(number(body.get("place"), "a place"))
     return session.status()
 
 
@@ -72,7 +72,7 @@ def _looking(session: Session) -> Looking:
 
 
 def _missed(session: Session, body: Body) -> dict[str, Any]:
-    return _looking(session).missed(number(body.get("look"), "look"), _metres(body.get("x")), _metres(body.get("y")))
+    return _looking(session).missed(_look(body), _metres(body.get("x")), _metres(body.get("y")))
 
 
 ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] = {
@@ -81,8 +81,8 @@ ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] =
     "pictures": lambda session, query: session.pictures_now(),
     "scene": lambda session, query: session.scene(number(query.get("track", [""])[0])),
     "sample": lambda session, query: _looking(session).overview(),
-    "look": lambda session, query: _looking(session).look(number(query.get("look", [""])[0], "look")),
-    "place": lambda session, query: session.place(number(query.get("index", [""])[0], "scan")),
+    "look": lambda session, query: _looking(session).look(number(query.get("look", [""])[0], "a look")),
+    "place": lambda session, query: session.place(number(query.get("index", [""])[0], "a scan")),
 }
 """What is asked (GET), given what stands in the address after the question mark."""
 
@@ -95,19 +95,23 @@ SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
     "join": _join,
     "dismiss": _dismiss,
     "finish": _finish,
-    "answer": lambda session, body: _looking(session).answer(number(body.get("look"), "look"), str(body.get("answer"))),
+    "answer": lambda session, body: _looking(session).answer(_look(body), str(body.get("answer"))),
     "missed": _missed,
-    "forget": lambda session, body: _looking(session).forget(number(body.get("look"), "look")),
+    "forget": lambda session, body: _looking(session).forget(_look(body)),
 }
 """What is said (POST), given the body as JSON."""
 
 
-def number(value: Any, what: str = "object") -> int:
+def _look(body: Mapping[str, Any]) -> int:
+    return number(body.get("look"), "a look")
+
+
+def number(value: Any, what: str = "an object") -> int:
     """Return `value` as the number of an object, a scan or a place; InputError if it is none."""
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{value!r} is no {what}'s number") from None
+        raise InputError(f"{value!r} is not the number of {what}") from None
 
 
 def _metres(value: Any) -> float:
@@ -116,7 +120,7 @@ def _metres(value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         found = math.nan
     if not math.isfinite(found):
-        raise InputError(f"{value!r} is no number of metres")
+        raise InputError(f"{value!r} is not a number of metres")
     return found
 
 

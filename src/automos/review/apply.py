@@ -1,9 +1,9 @@
-"""A run's labels, tracks.json and run.json as a person makes them.
+"""Applies decisions to a run's labels, tracks.json and run.json.
 
-A decision replaces a track's verdict, and the scans it concerns are painted again by the stage that painted them first:
-what comes out is what the pipeline would have written, had it judged so. An object made by hand takes its points from
-whatever has them. Everything starts from what the stages found, never from an earlier rewriting, so applying all of it
-twice, or after a crash, gives the same files.
+A decision replaces the verdict of a track, and the scans concerned are labelled again by the `labels` stage: the result
+is what the pipeline would have written with this verdict. An object made by a person takes its points from any other
+object. The inputs are always the results of the stages, never an earlier correction, so applying everything twice, or
+after a crash, gives the same files.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ DOUBTFUL, CERTAIN = 128, 255
 
 @dataclass(frozen=True)
 class Changes:
-    """What a person said of a run: verdicts by track (index, from 0), and objects made by hand."""
+    """The changes to a run by a person: verdicts by track (index, from 0), and objects made by hand."""
 
     decided: dict[int, str] = field(default_factory=dict)
     amendments: list[Amendment] = field(default_factory=list)
 
 
 def read_changes(stages: RunStages) -> tuple[Changes, list[Decision]]:
-    """Return what the log of a run says, and the decisions that find no track any more; errors are the log's."""
+    """Return the changes in the log of a run, and the decisions that match no track any more; errors as for the log."""
     decided, lost = match(stages, read_decisions(stages.folder))
     return Changes(decided, read_amendments(stages.folder)), lost
 
@@ -58,7 +58,7 @@ def read_changes(stages: RunStages) -> tuple[Changes, list[Decision]]:
 def reapply(
     folder: Path, sequence: Sequence, progress: Callable[[str, int, int], None] = lambda name, done, total: None
 ) -> dict[str, Any]:
-    """Apply all that the log of `folder` says to the results there; return what run.json says then.
+    """Apply the log of `folder` to the results there; return the new run.json.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> di
 
 
 def replaced(stages: RunStages, index: int, changes: Changes) -> list[int]:
-    """Return the tracks (indices) that objects made by hand hold most of in scan `index`: they stand for them there."""
+    """Return the tracks (indices) that objects made by hand replace in scan `index`: they hold most of their points."""
     rows = [rows for _, rows in parts_in(stages, index, changes)]
     if not rows:
         return []
@@ -183,7 +183,7 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> di
 
 
 def changed_entries(stages: RunStages, changes: Changes) -> Iterator[dict[str, Any]]:
-    """Yield what tracks.json says after `changes`: tracks where nothing replaces them, then objects made by hand."""
+    """Yield the entries of tracks.json after `changes`: tracks that are not replaced, then objects made by hand."""
     gone: dict[int, set[int]] = defaultdict(set)  # scans by track
     for index in scans_of(stages, [], changes.amendments):
         for track in replaced(stages, index, changes):

@@ -1,7 +1,8 @@
-"""Warnings that point at something: an object, a scan, a place to look at.
+"""Warnings that point at an object, a scan or a place.
 
-A moving track that ends is followed on without the evidence, by the same tracker. If something goes on from there that
-was not there before it came, the evidence may have lost it: a vehicle that halts, one that others hide for long.
+A moving track that ends is followed further by the same tracker, without the evidence. If it leads to something that
+was not there before the object arrived, the evidence may have lost it: a vehicle that stops, or one that is occluded
+for long.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ SAME_PLACE, SAME_SIZE = 0.5, 0.2
 CLIMB = 0.5
 """Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
 LEAST_WAY = 2.0
-"""Metres of way from which its steepness says something."""
+"""Metres of path from which its steepness is significant."""
 
 
 def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, Any]]:
-    """Return what should be looked at, the gravest first.
+    """Return the places to look at, the most serious first.
 
     Each has `kind` and `sentence`; one about a place has `scan` (name), `at` (x, y in metres, level frame), `track`
     (id), `segment` and `points` as well.
@@ -53,7 +54,7 @@ def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, An
 
 
 def _steep(path: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
-    """Poses along which the sensor goes up or down as nothing goes: those of a camera, whose z-axis points ahead."""
+    """Poses on which the sensor climbs or descends impossibly: those of a camera, whose z-axis points ahead."""
     way = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     if way < LEAST_WAY:
         return []
@@ -140,7 +141,7 @@ def _velocity(seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[n
 
 
 def _was_there(seen: list[tuple[int, int]], beyond: Path, detect: Detect) -> bool:
-    """Return whether what goes on stood there while the track was still elsewhere."""
+    """Return whether the continuation stood there while the track was still elsewhere."""
     for scan, (segment, box) in list(beyond.items())[:GOES_ON]:
         for before, own in seen:
             boxes = detect(before).boxes
@@ -173,7 +174,7 @@ def _lost(stages: RunStages, track: int, end: int, beyond: Path, detect: Detect,
 
 
 def note_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, Any]]:
-    """Write what should be looked at into run.json, found once for the tracks that are there; return it."""
+    """Write the places to look at into run.json, once per set of tracks; return them."""
     stage = stages.stage("tracking")
     if not stage.has("concerns"):
         stage.save("concerns", {"json": np.array(json.dumps(find_concerns(stages, has_given_poses)))})

@@ -1,4 +1,4 @@
-"""What a person decided of the tracks that a run found, as lines of the log."""
+"""Decisions of a person on the tracks of a run, as lines of the log."""
 
 from __future__ import annotations
 
@@ -36,12 +36,18 @@ class Decision:
 
     Attributes
     ----------
-    at : time in UTC, ISO 8601.
-    track : id as in tracks.json.
-    verdict : one of `CHOICES`.
-    found : the verdict of the pipeline.
-    tracking : fingerprint of the tracks; another one means other tracks under the same ids.
-    covers : by the scan's name.
+    at : str
+        Time in UTC, ISO 8601.
+    track : int
+        Id as in tracks.json.
+    verdict : str
+        One of `CHOICES`.
+    found : str
+        The verdict of the pipeline.
+    tracking : str
+        Fingerprint of the tracks; another one means other tracks under the same ids.
+    covers : dict of str to Cover
+        By the scan's name.
     """
 
     at: str
@@ -70,13 +76,13 @@ def cover(rows: npt.NDArray[np.int64], most: int = 40) -> Cover:
 
 
 def append_decisions(folder: Path, decisions: Iterable[Decision]) -> None:
-    """Add `decisions` to the log in `folder`, on disk when this returns; errors are those of the log."""
+    """Add `decisions` to the log in `folder`, on disk when this returns; errors as for the log."""
     append_lines(folder, [asdict(decision) for decision in decisions])
 
 
 def read_decisions(folder: Path) -> list[Decision]:
-    """Return the decisions in `folder`, oldest first; none where nobody decided anything; errors as of the log."""
-    return read_lines(folder, None, "decision", _parse)
+    """Return the decisions in `folder`, oldest first; none if nobody decided anything; errors as of the log."""
+    return read_lines(folder, None, "a decision", _parse)
 
 
 def _parse(fields: dict[str, Any]) -> Decision:

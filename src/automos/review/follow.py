@@ -1,8 +1,8 @@
-"""One segment that a person points at, followed through time by the tracker.
+"""Tracks one segment that a person selected.
 
-The tracker follows what the evidence lets it: what is said to have stayed is closed to it, and what is said to have
-moved may be fast. Here a person has said that the thing moves, so the evidence is left out: all segments are open, each
-may be fast, and what continues the one pointed at is chosen by motion, size and number of points alone.
+Usually the evidence limits the tracker: segments said to have stayed are excluded, and segments said to have moved may
+be fast. Here a person has said that the object moves, so the evidence is ignored: all segments are allowed, each may be
+fast, and the continuation is chosen by motion, size and number of points alone.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Heading:
 
 Detect = Callable[[int], Detections]
 Path = dict[int, tuple[int, npt.NDArray[np.float64]]]
-"""By scan, ascending: the segment, -1 where it was out of sight, and the box (7,): centre, size, yaw."""
+"""By scan, ascending: the segment, -1 if it was out of sight, and the box (7,): centre, size, yaw."""
 
 
 def follow_segment(
@@ -46,8 +46,10 @@ def follow_segment(
 
     Parameters
     ----------
-    detect : gives the segments of a scan by its index.
-    stamps : (N,) seconds.
+    detect : Detect
+        Gives the segments of a scan by its index.
+    stamps : (N,) float64
+        Seconds.
     """
     ahead = follow_ahead(detect, stamps, scan, segment, settings, 1)
     behind = follow_ahead(detect, stamps, scan, segment, settings, -1)

@@ -1,8 +1,8 @@
-"""The log of a review: a line of JSON for each thing a person did, only ever added to.
+"""The log of a review: one line of JSON per action of a person, append only.
 
-Every line says which points it is about, as rows of some scans. These belong to the recording: they are the same in
-every run, whatever settings, poses or track numbers it has. The field `kind` tells lines apart: decisions on tracks
-have none, objects made by hand are "amendment", answers on a random sample are "answer".
+Each line names the points it is about, as rows of scans. These belong to the recording: they are the same in every run,
+whatever its settings, poses or track numbers. The field `kind` distinguishes lines: decisions on tracks have none,
+objects made by a person are "amendment", answers on a random sample are "answer".
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
     Raises
     ------
     InputError
-        A line that is no `what`. Lines cut short by a crash, without their closing brace, are passed over.
+        A line that is not `what`. Lines cut short by a crash, without their closing brace, are skipped.
     """
     path = folder / LOG_FILE
     if not path.exists():
         return []
     found = []
-    with damage_told(path, "is no log of a review"):
+    with damage_told(path, "is not a log of a review"):
         lines = read_text(path).split("\n")
     for number, line in enumerate(lines, start=1):
         if not line.strip().endswith("}"):
@@ -74,7 +74,8 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
                 found.append(parse(fields))
         except DAMAGE as error:
             raise InputError(
-                f"{path}, line {number} is no {what} ({' '.join(str(error).split())[:200]}); mend or remove that line"
+                f"{path}, line {number} is not {what} ({' '.join(str(error).split())[:200]}); "
+                "correct or remove that line"
             ) from None
     return found
 
@@ -84,7 +85,7 @@ def key_of_changes(folder: Path) -> str:
     path = folder / LOG_FILE
     if not path.exists():
         return ""
-    with damage_told(path, "is no log of a review"):
+    with damage_told(path, "is not a log of a review"):
         lines = [line for line in read_text(path).split("\n") if line.strip().endswith("}")]
         kept = [line for line in lines if parse_json(line).get("kind") not in CHANGE_NOTHING]
     return f"-{zlib.crc32(chr(10).join(kept).encode()):08x}" if kept else ""

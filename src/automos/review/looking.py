@@ -1,4 +1,4 @@
-"""A sample while a person answers it: what the page shows of each look, what it is told."""
+"""A random sample while a person answers it: what the page shows of each look, and the answers it sends."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Looking:
     """The looks of one sample, and the answers to them."""
 
     def __init__(self, stages: RunStages, sample: Sample, changes: Changes):
-        """Take a run, a sample of it, and what was said of it when the sample was drawn."""
+        """Take a run, a sample of it, and its changes when the sample was drawn."""
         self._stages, self._changes = stages, changes
         self.sample = sample
         self.answers = read_answers(stages.folder, sample)
@@ -50,7 +50,7 @@ class Looking:
         self._lock = threading.Lock()
 
     def overview(self) -> dict[str, Any]:
-        """Return the looks with their answers, and what they say so far."""
+        """Return the looks with their answers, and the result so far."""
         looks = [
             {"look": n, "kind": look.kind, "answer": self.answers.get(n, (None,))[0]}
             for n, look in enumerate(self.sample.looks)
@@ -80,7 +80,7 @@ class Looking:
         look = self._require(n)
         allowed = ("done", "unknown") if look.kind == "moment" else ANSWERS
         if answer not in allowed:
-            raise InputError(f"{answer!r} is no answer: say {', '.join(allowed)}")
+            raise InputError(f"{answer!r} is not an answer: say {', '.join(allowed)}")
         missed = len(np.unique(np.concatenate([[0], *self._clicked.get(n, [])]))) - 1 if answer == "done" else 0
         append_answer(self._stages.folder, self.sample, n, answer, missed)
         self.answers[n] = answer, missed

@@ -1,4 +1,4 @@
-"""Which tracks of a run a decision is about: those that lie on the points that were decided on."""
+"""Finds the tracks of a run that a decision is about: those that share most points with it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def cover_tracks(stages: RunStages, tracks: Iterable[int]) -> dict[int, dict[str
 
 
 def match(stages: RunStages, decisions: Iterable[Decision]) -> tuple[dict[int, str], list[Decision]]:
-    """Return the verdict decided for each track (index, from 0), and the decisions that find no track any more.
+    """Return the verdict decided for each track (index, from 0), and the decisions that match no track any more.
 
     Decisions on tracks of this very run hold for the track of their number. Others hold for every track that shares
     more than half of its points with them; a track that was cut in two keeps the decision in both. Later decisions

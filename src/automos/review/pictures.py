@@ -1,4 +1,4 @@
-"""Pictures for the list, made behind the scenes: one walk through the scans for all that was found."""
+"""Pictures of all tracks for the list, made in the background in one pass over the scans."""
 
 from __future__ import annotations
 

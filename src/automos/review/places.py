@@ -1,4 +1,4 @@
-"""What the page shows of one scan: everything around the sensor from above, and what moves in it."""
+"""The view of one scan: the surroundings of the sensor from above, and its moving objects."""
 
 from __future__ import annotations
 

@@ -1,13 +1,12 @@
-"""What a person adds, before it is accepted: a cluster or a box, followed through time, with its points.
+"""Objects that a person proposes: a cluster or a box, tracked through the recording, with its points.
 
-Pieces that the evidence cut out of a whole are offered to the tracker beside the whole; what a person points at is the
-smallest segment that holds the point. Points of what already moves stay with it: where the way of the new object enters
-another that moves, it ends.
+The tracker is offered a whole segment and the pieces that the evidence cut out of it; a click selects the smallest
+segment that holds the point. Points that already belong to a moving object stay with it: where the path of the new
+object enters a moving one, it ends.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -229,12 +228,6 @@ class Proposer:
 
 def _proposed(parts: dict[str, Part]) -> Amendment:
     return Amendment("", now(), "added", "moving", dict(sorted(parts.items())))
-
-
-def shortened(amendment: Amendment, names: list[str]) -> Amendment:
-    """Return `amendment` in the scans called `names` alone."""
-    kept = set(names)
-    return replace(amendment, parts={name: part for name, part in amendment.parts.items() if name in kept})
 
 
 def _inside(points: npt.NDArray, box: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

@@ -1,18 +1,18 @@
-"""How good labels are, from a random sample that a person looked at: precision and recall with 95 % intervals.
+"""Precision and recall of labels, with 95 % intervals, from a random sample that a person judged.
 
-Every point is in one of three strata, by what is at stake there. *Moving*: labelled so; random points of it, judged
-moving or not, give the precision. *Fringe*: not labelled moving, but in or beside the box of something that is; random
-points of it tell how much of found objects was left out. *Rest*: all else. Points of the rest that move are far too few
-to be met by drawing points, but someone who looks at a whole scan sees all of them at once; so of the rest moments are
-drawn, one from each of as many equal stretches of the recording, and all that was missed in them is counted.
+Every point is in one of three strata. *Moving*: labelled moving; random points of it, judged moving or not, give the
+precision. *Fringe*: not labelled moving, but in or near the box of a moving object; random points of it show how much
+of found objects was missed. *Rest*: all other points. Moving points are far too rare in the rest to be found by drawing
+points, but a person who looks at a whole scan sees all of them at once. So moments are drawn from the rest, one in each
+of several windows of equal length, and all missed points in them are counted.
 
     TP = N_moving p        FN = N_fringe q + sum_h M_h y_h        precision = p        recall = TP / (TP + FN)
 
-p, q: shares of the looks; M_h: scans of stretch h; y_h: points missed in the one that was drawn. The intervals of p and
-q are Clopper and Pearson's (Biometrika 1934), which hold whatever the truth. The variance of the sum over stretches is
-taken from differences of neighbours (Wolter, Introduction to Variance Estimation, 2007, 8.2), and what may have been
-missed where nobody looked is added as the rule of three has it: if something is missed in a share s of the moments, m
-of them all look clean with a chance of (1 - s)^m. The parts are put together by MOVER (Zou and Donner, Statistics in
+p, q: shares of the looks; M_h: scans in window h; y_h: points missed in the scan drawn from it. The intervals of p and
+q are Clopper and Pearson's (Biometrika 1934), which hold for any truth. The variance of the sum over windows is
+estimated from differences of neighbours (Wolter, Introduction to Variance Estimation, 2007, 8.2). What may have been
+missed in scans that were not drawn is added by the rule of three: if something is missed in a share s of the moments,
+m of them all look clean with probability (1 - s)^m. The parts are combined by MOVER (Zou and Donner, Statistics in
 Medicine 2008; Donner and Zou 2012 for the ratio).
 """
 
@@ -58,9 +58,12 @@ def total_of_moments(missed: npt.NDArray[np.float64], n_scans: npt.NDArray[np.in
 
     Parameters
     ----------
-    missed : (m,) points missed in the scan drawn from each stretch, in the order of time.
-    n_scans : (m,) scans of each stretch.
-    usual : points that an object has in a scan: what is missed where nobody looked is taken to be of this size.
+    missed : (m,) float64
+        Points missed in the scan drawn from each window, in the order of time.
+    n_scans : (m,) int64
+        Scans in each window.
+    usual : float
+        Points that an object has in a scan: what is missed where nobody looked is taken to be of this size.
     """
     totals = n_scans * missed
     value, m = float(totals.sum()), len(totals)

@@ -1,4 +1,4 @@
-"""What there is to decide on, as the page lists it: objects and places, those first that a minute mends most."""
+"""The list of objects and places to decide on, ordered by the number of labels that a decision may correct."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Queue:
     """The objects of a run and the places that its warnings point at, with what is at stake in each."""
 
     def __init__(self, stages: RunStages, concerns: list[dict[str, Any]]):
-        """Take a run and what it warns of."""
+        """Take a run and its warnings."""
         self._stages = stages
         self._stakes = weigh(stages)
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
@@ -29,7 +29,7 @@ class Queue:
         self._gone: dict[int, set[int]] = {}
 
     def note(self, changes: Changes) -> None:
-        """Find anew which tracks objects made by hand stand for."""
+        """Update which tracks are replaced by objects made by hand."""
         gone: dict[int, set[int]] = defaultdict(set)
         for index in scans_of(self._stages, [], changes.amendments):
             for track in replaced(self._stages, index, changes):
@@ -109,14 +109,14 @@ class Queue:
 
     # -------------------------------------------------------------------------------------------------------- places
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at a place: by one of its points, which other runs know too."""
+        """Log that nothing was missed at a place, by one of its points, which other runs have, too."""
         place = self.places[number]
         row = self._points_of(place)[0]
         append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])
 
     def _is_dismissed(self, place: dict[str, Any]) -> bool:
         dismissed = read_lines(
-            self._stages.folder, "dismissed", "place", lambda fields: (str(fields["scan"]), int(fields["row"]))
+            self._stages.folder, "dismissed", "a place", lambda fields: (str(fields["scan"]), int(fields["row"]))
         )
         rows = {row for scan, row in dismissed if scan == place["scan"]}
         return bool(rows) and bool(rows & set(self._points_of(place)))

@@ -1,4 +1,4 @@
-"""What was decided and made by hand so far: every decision is logged at once, whole, and one at a time."""
+"""All decisions and objects of a review; each is logged at once, completely, and one at a time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Record:
     """The changes of one review, the queue that they are worked off from, and the thread that writes the results."""
 
     def __init__(self, run: RunFiles, stages: RunStages):
-        """Read what was decided before; InputError where the log is damaged."""
+        """Read the earlier decisions; InputError if the log is damaged."""
         self._run, self._stages = run, stages
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
@@ -49,7 +49,7 @@ class Record:
         for track in tracks:
             self.require(track)
         if verdict not in (*CHOICES, "found"):
-            raise InputError(f"{verdict!r} is no verdict: decide on {', '.join(CHOICES)}")
+            raise InputError(f"{verdict!r} is not a verdict: decide on {', '.join(CHOICES)}")
         with self._gated(", ".join(f"object {track}" for track in tracks)):
             found = [track - 1 for track in tracks if track not in made]
             self._log_decisions(found, verdict)
@@ -73,7 +73,7 @@ class Record:
         self.changes = replace(self.changes, decided=held)
 
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at the place with this number; InputError if there is none."""
+        """Log that nothing was missed at the place with this number; InputError if there is none."""
         if not 0 <= number < len(self.queue.places):
             raise InputError(f"there is no place {number}")
         with self._gated(f"place {number}"):
@@ -108,7 +108,7 @@ class Record:
             self.writer.finish()
 
     def end(self) -> None:
-        """Refuse whatever is decided from now on; said before `finish`, so that who comes late is told so at once."""
+        """Refuse all decisions from now on; called before `finish`, so that late ones get an answer at once."""
         self._has_ended = True
 
     def number(self, amendment: Amendment) -> int:

@@ -1,4 +1,4 @@
-"""Cutting, splitting and joining objects: what comes out is made by hand, and stands for what went in."""
+"""Cutting, splitting and joining of objects; the results are objects made by a person that replace the old ones."""
 
 from __future__ import annotations
 

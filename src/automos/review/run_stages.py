@@ -1,4 +1,4 @@
-"""What the stages of a run found, read back: the ground on which a decision is painted."""
+"""The stage results of a run, read back to label scans again after a decision."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class RunStages:
 
     @cached_property
     def scans(self) -> Scans:
-        """The scans with what was found of them."""
+        """The scans with their stage results."""
         return Scans(self.frames, self.names, self.stage("candidates"), self.stage("instances"))
 
     def stage(self, name: str) -> Stage:
@@ -115,7 +115,7 @@ class RunStages:
 
 
 class _CachedFrames(SequenceFrames):
-    """Frames of which the last ones looked at are kept; InputError tells one of a scan that has changed."""
+    """Frames with a cache of the last ones; InputError for a scan that has changed."""
 
     def __init__(self, sequence: Sequence, trajectory: Trajectory, candidates: Stage):
         super().__init__(sequence, trajectory)

@@ -1,4 +1,4 @@
-"""A random sample of a run's labels for a person to judge, kept in sample.json; answers are lines of the log."""
+"""A random sample of a run's labels for a person to judge, stored in sample.json; answers are lines of the log."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Sample:
-    """What was drawn, and from how much.
+    """A random sample, and the sizes of its strata.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ def append_answer(folder: Path, sample: Sample, look: int, answer: str, missed: 
 def read_answers(folder: Path, sample: Sample) -> dict[int, tuple[str, int]]:
     """Return the last answer to each look of `sample`, and the points missed; errors are the log's."""
     lines = read_lines(
-        folder, "answer", "answer",
+        folder, "answer", "an answer",
         lambda line: (str(line["sample"]), int(line["look"]), str(line["answer"]), int(line["missed"])),
     )  # fmt: skip
     return {look: (answer, missed) for key, look, answer, missed in lines if key == sample.key}
@@ -194,21 +194,23 @@ def read_answers(folder: Path, sample: Sample) -> dict[int, tuple[str, int]]:
 
 # ------------------------------------------------------------------------------------------------------- what it says
 def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, Any]:
-    """Return precision and recall as far as the answers go: `value`, `low`, `high`, or None; and looks by stratum."""
+    """Return precision and recall from the answers so far: `value`, `low`, `high`, or None; and looks by stratum."""
     by_kind = {kind: [n for n, look in enumerate(sample.looks) if look.kind == kind] for kind in SHARES}
-    told = {kind: [n for n in these if n in answers and answers[n][0] != "unknown"] for kind, these in by_kind.items()}
+    judged = {
+        kind: [n for n in these if n in answers and answers[n][0] != "unknown"] for kind, these in by_kind.items()
+    }
 
     def of(kind: str) -> Estimate:
-        return share(sum(answers[n][0] == "moving" for n in told[kind]), len(told[kind]))
+        return share(sum(answers[n][0] == "moving" for n in judged[kind]), len(judged[kind]))
 
-    moments = [(answers[n][1], sample.looks[n].n_scans) for n in told["moment"]]
+    moments = [(answers[n][1], sample.looks[n].n_scans) for n in judged["moment"]]
     found = precision = None
-    if told["moving"]:
+    if judged["moving"]:
         precision = of("moving")
         is_whole = all(n in answers for kind in ("fringe", "moment") for n in by_kind[kind]) and moments
         if is_whole:
             missed, n_scans = np.array(moments).T
-            # A stretch whose moment could not be judged is taken to be like the others.
+            # A window whose moment could not be judged is assumed to be like the others.
             n_scans = n_scans * sum(look.n_scans for look in sample.looks if look.kind == "moment") / n_scans.sum()
             parts = [total_of_moments(missed.astype(np.float64), n_scans, sample.usual)]
             if sample.n_fringe:
@@ -217,13 +219,13 @@ def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, A
     return {
         "precision": None if precision is None else _rounded(precision),
         "recall": None if found is None else _rounded(found),
-        "answered": {kind: len(these) for kind, these in told.items()},
+        "answered": {kind: len(these) for kind, these in judged.items()},
         "drawn": sample.key,
     }
 
 
 def note_quality(folder: Path) -> None:
-    """Write into run.json what the sample says of the labels there; what was said of other labels goes."""
+    """Write the result of the sample to run.json, and remove results for other labels."""
     sample = read_sample(folder)
     answers = {} if sample is None or sample.labels != key_of_labels(folder) else read_answers(folder, sample)
     run = Workspace(folder).read_run()
@@ -235,7 +237,7 @@ def note_quality(folder: Path) -> None:
 
 
 def key_of_labels(folder: Path) -> str:
-    """Return what tells the labels in `folder` from others: of the run, and of what was decided since."""
+    """Return a fingerprint of the labels in `folder`: of the run and of the decisions since."""
     return f"{Workspace(folder).read_run().get('fingerprint')}{key_of_changes(folder)}"
 
 

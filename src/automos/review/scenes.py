@@ -1,4 +1,4 @@
-"""What the page shows of one object: the points around it at moments of its life, in a frame that does not move."""
+"""The view of one object: the points around it at several moments, in a fixed frame."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""The review's page, served to this machine alone.
+"""The server of the review's page, for this machine only.
 
-Bound to 127.0.0.1, but a browser here shows pages of strangers too, and these can send requests to any address. So a
-request counts only if it names this server as its host (a stranger's name that resolves to 127.0.0.1 does not), comes
-from no other origin, and a decision only as JSON, which other origins may not send unasked. Other programs and users of
-this machine do not know the token that the printed address ends in; the page keeps it as a cookie.
+It is bound to 127.0.0.1, but the browser also shows pages of other origins, which can send requests to any address. So
+a request is accepted only if it names this server as its host (a foreign name that resolves to 127.0.0.1 does not) and
+comes from no other origin, and a decision only as JSON, which other origins cannot send without permission. Other
+programs and users of this machine do not know the token at the end of the printed address; the page keeps it as a
+cookie.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class ReviewServer(ThreadingHTTPServer):
 
     @property
     def cookie(self) -> str:
-        """What a request that may ask bears; cookies do not tell ports apart, so its name does."""
+        """The cookie of an authorised request; cookies do not distinguish ports, so its name does."""
         return f"automos{self.server_port}={self.token}"
 
     def process_request(self, request: Any, client_address: Any) -> None:
@@ -170,7 +171,7 @@ class _Handler(BaseHTTPRequestHandler):
             return self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "decisions come as JSON")
         size = self.headers.get("Content-Length", "")
         if not (size.isascii() and size.isdigit() and len(size) < 9 and int(size) <= MAX_BODY):
-            return self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "that is no decision")
+            return self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "that is not a decision")
         try:
             body = parse_json(self.rfile.read(int(size)) or b"{}")
         except ValueError:

@@ -1,4 +1,4 @@
-"""A review while it lasts: what the page shows, what is decided there, and what is made by hand."""
+"""A running review: what the page shows, the decisions, and the objects made by a person."""
 
 from __future__ import annotations
 
@@ -106,19 +106,19 @@ class Session:
 
     # ------------------------------------------------------------------------------------------------ what is decided
     def decide(self, tracks: Iterable[int], verdict: str) -> None:
-        """Log the decision that the objects with ids `tracks` are `verdict`; errors are those of `Record.decide`."""
+        """Log the decision that the objects with ids `tracks` are `verdict`; errors as for `Record.decide`."""
         self.record.decide(tracks, verdict)
 
     def dismiss(self, number: int) -> None:
-        """Log that nothing is to be mended at the place with this number; InputError if there is none."""
+        """Log that nothing was missed at the place with this number; InputError if there is none."""
         self.record.dismiss(number)
 
     def finish(self) -> None:
-        """Wait until everything is in the results, and write the report; errors are those of `Record.finish`."""
+        """Wait until everything is in the results, and write the report; errors as for `Record.finish`."""
         self.record.finish()
 
     def close(self) -> None:
-        """Finish, and refuse whatever is decided from now on; errors are those of `finish`."""
+        """Finish, and refuse whatever is decided from now on; errors as for `finish`."""
         self.record.end()
         self._pictures.stop()
         self.finish()
@@ -175,7 +175,7 @@ class Session:
         if not parts:
             raise InputError("nothing of it is left: its end lies before its beginning")
         if verdict not in ("moving", "static", "unknown"):
-            raise InputError(f"{verdict!r} is no verdict: an object is moving, static or unknown")
+            raise InputError(f"{verdict!r} is not a verdict: an object is moving, static or unknown")
         (made,) = self.record.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
         self._proposal = None
         return made

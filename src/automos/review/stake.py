@@ -1,7 +1,7 @@
-"""What is at stake with each track: how many labels hang on its verdict, and how doubtful that is.
+"""What is at stake with each track: the labels that depend on its verdict, and how doubtful the verdict is.
 
-The doubtful points of a track are the labels one may expect to be wrong because of it: its points times the chance
-that its verdict is wrong. Ordered by these, a queue begins where a minute mends most, and where it may end can be told.
+The doubtful points of a track are the expected number of wrong labels: its points times the probability that its
+verdict is wrong. Sorted by this number, the queue starts where a minute corrects most, and shows when to stop.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ class Stakes:
 
     Attributes
     ----------
-    points : (T,) how many points its segments have in all scans.
-    doubt : (T,) in [0, 1], the chance that its verdict is wrong.
+    points : (T,) float64
+        How many points its segments have in all scans.
+    doubt : (T,) float64
+        In [0, 1], the chance that its verdict is wrong.
     """
 
     points: npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What a scene can be drawn of: something with a box in some scans, and points that are its own."""
+"""Anything that can be shown in a scene: boxes in some scans, and points."""
 
 from __future__ import annotations
 
@@ -18,11 +18,16 @@ class Subject:
 
     Attributes
     ----------
-    id : what the page calls it, 0 where it has no number yet.
-    scans : (K,) indices, ascending.
-    boxes : (K, 7) centre, size, yaw; level frame, metres, radians.
-    speed : (K,) metres per second over the ground.
-    own_rows : of a scan's index, the rows of its points in the scan as the recording has it.
+    id : int
+        What the page calls it, 0 if it has no number yet.
+    scans : (K,) int64
+        Indices, ascending.
+    boxes : (K, 7) float64
+        Centre, size, yaw; level frame, metres, radians.
+    speed : (K,) float64
+        Metres per second over the ground.
+    own_rows : callable
+        Of a scan's index, the rows of its points in the scan as the recording has it.
     """
 
     id: int

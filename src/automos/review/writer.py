@@ -1,4 +1,4 @@
-"""The thread that writes what was decided into the results, behind the page's back."""
+"""The background thread that writes decisions into the results."""
 
 from __future__ import annotations
 

@@ -14,9 +14,12 @@ class Executor:
 
     Attributes
     ----------
-    slots : orders worked on at a time.
-    cores : processor cores all orders may use together.
-    max_threads : most that one order may use.
+    slots : int
+        Orders worked on at a time.
+    cores : int
+        Processor cores all orders may use together.
+    max_threads : int
+        Most that one order may use.
     """
 
     def __init__(self, slots: int, cores: int, max_threads: int):

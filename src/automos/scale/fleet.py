@@ -42,13 +42,13 @@ class Outcome:
 
     @property
     def n_ended(self) -> int:
-        """How many recordings nothing more is done about."""
+        """Number of recordings that are finished or failed."""
         return len(self.labelled) + len(self.had_been) + len(self.failed)
 
 
 @dataclass
 class _Work:
-    """What is known of one recording while it is worked on."""
+    """The state of one recording while it is processed."""
 
     recording: Recording
     scans: int = 0

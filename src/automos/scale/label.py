@@ -1,4 +1,4 @@
-"""`automos label` over many recordings: from what the user gave to labels, books and a report."""
+"""`automos label` over many recordings: from the user's input to labels, ledger and report."""
 
 from __future__ import annotations
 
@@ -34,12 +34,18 @@ class Resources:
 
     Attributes
     ----------
-    workers : processes on this machine; 0: one per core, if each then has `memory_gb`.
-    ray : address of a cluster to use instead of this machine.
-    memory_gb : memory that a worker needs.
-    cache_gb : most that copies of recordings in stores may take on a machine's disk.
-    work : folder for these, and for results on their way to a store.
-    chunk : scans per unit of work.
+    workers : int
+        Processes on this machine; 0: one per core, if each then has `memory_gb`.
+    ray : str, optional
+        Address of a cluster to use instead of this machine.
+    memory_gb : float
+        Memory that a worker needs.
+    cache_gb : float
+        Most that copies of recordings in stores may take on a machine's disk.
+    work : Path
+        Folder for these, and for results on their way to a store.
+    chunk : int
+        Scans per unit of work.
     """
 
     workers: int = 0
@@ -70,13 +76,17 @@ def label_fleet(
 
     Parameters
     ----------
-    shard : which part of a run this process does, where `recordings` are a part.
-    poses : pose file and calibration of a run of one recording.
-    executor : makes what does the work; by `resources` where not given.
+    shard : tuple[int, int], optional
+        Which part of a run this process does, where `recordings` are a part.
+    poses : tuple[Path, Path], optional
+        Pose file and calibration of a run of one recording.
+    executor : callable, optional
+        Makes what does the work; by `resources` where not given.
 
     Raises
     ------
-    InputError : `target` holds results made with other settings, lies in a recording, or cannot be written.
+    InputError
+        `target` holds results made with other settings, lies in a recording, or cannot be written.
     """
     if not is_url(target):
         target = str(Path(target).absolute())  # workers may stand elsewhere

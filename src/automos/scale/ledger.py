@@ -1,4 +1,4 @@
-"""A run's books: one SQLite file with every recording and every unit of work, its state, cost and fate.
+"""The ledger of a run: an SQLite file with every recording and unit of work, its state, cost and result.
 
 Only the process that deals out the work writes, a few rows a second, so a plain rollback journal is enough, and unlike
 a write-ahead log it can be read from other machines that share the disk. Array jobs keep a file each; readers merge
@@ -39,10 +39,10 @@ CREATE TABLE IF NOT EXISTS units (
 
 
 class Ledger:
-    """The books of one process that deals out work; others read them with `read_books`."""
+    """The ledger of one process that distributes work; others read it with `read_status`."""
 
     def __init__(self, path: Path, published: str | None = None):
-        """Open or begin the books at `path`; `published` is the URL of a copy to be kept up to date."""
+        """Open or create the ledger at `path`; `published` is the URL of a copy to be kept up to date."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path, self._published, self._saved = path, published, 0.0
         self._is_broken = False
@@ -55,7 +55,7 @@ class Ledger:
     def begin(
         self, recordings: Iterable[Recording], settings_key: str, settings: str, versions: dict[str, str], slots: int
     ) -> None:
-        """Write down what there is to do; what an earlier call of the command did stays written."""
+        """Record the work to do; the records of an earlier call are kept."""
         now = time.time()
         with self._writing():
             self._books.execute("BEGIN")
@@ -80,7 +80,7 @@ class Ledger:
         self.save()
 
     def started(self, order: Order, tries: int) -> None:
-        """Write down that a unit was given to a worker."""
+        """Record that a unit was given to a worker."""
         with self._writing():
             self._books.execute(
                 "INSERT OR REPLACE INTO units (recording, unit, state, tries, started) VALUES (?, ?, 'running', ?, ?)",
@@ -89,7 +89,7 @@ class Ledger:
             self._set(order.recording.name, state="running")
 
     def ended(self, order: Order, report: Report) -> None:
-        """Write down what came of a unit."""
+        """Record the outcome of a unit."""
         costs = (report.seconds, report.cpu_seconds, report.peak_mb)
         values = (report.state.value, report.place, report.reason, time.time(), *costs)
         with self._writing():
@@ -102,7 +102,7 @@ class Ledger:
                 self._set(order.recording.name, scans=report.scans)
 
     def labelled(self, recording: Recording, report: Report) -> None:
-        """Write down that a recording is labelled."""
+        """Record that a recording is labelled."""
         with self._writing():
             self._set(
                 recording.name,
@@ -125,19 +125,19 @@ class Ledger:
                 )
 
     def failed(self, recording: Recording, reason: str, trace: str) -> None:
-        """Write down why a recording is not labelled."""
+        """Record why a recording is not labelled."""
         with self._writing():
             self._set(recording.name, state="failed", reason=reason, trace=trace, ended=time.time())
 
     def tick(self) -> None:
-        """Say that the run is alive; from time to time, bring a copy of the books to where others look."""
+        """Record that the run is alive; from time to time, upload a copy of the ledger."""
         with self._writing():
             self._books.execute("UPDATE run SET seen = ?", (time.time(),))
         if time.monotonic() - self._saved > _SAVE_EVERY_S:
             self.save()
 
     def save(self) -> None:
-        """Bring a copy of the books to where others look, if that is elsewhere."""
+        """Upload a copy of the ledger, if it is published."""
         self._saved = time.monotonic()
         if self._published is None:
             return
@@ -154,7 +154,7 @@ class Ledger:
             copy.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Write down that nobody works on the run any more."""
+        """Record that the run has ended."""
         with self._writing():
             self._books.execute("UPDATE run SET ended = ?", (time.time(),))
             self._books.execute("UPDATE recordings SET state = 'waiting' WHERE state = 'running'")
@@ -179,16 +179,16 @@ class Ledger:
 
 
 def ledger_name(shard: tuple[int, int] | None) -> str:
-    """Return the file name of the books of shard (i, n), or of a run that is not shared out."""
+    """Return the file name of the ledger of shard (i, n), or of a run that is not shared out."""
     return "run.sqlite" if shard is None else f"shard-{shard[0]}-of-{shard[1]}.sqlite"
 
 
 def missing_shards(names: Iterable[str]) -> list[str]:
-    """Return the shards, as i/n, whose books are not among those named, though another shard's of the same n are."""
+    """Return the shards, as i/n, whose ledger is missing although that of another shard of the same n exists."""
     there = {(int(found[1]), int(found[2])) for found in map(_SHARD.fullmatch, names) if found}
     return [f"{i}/{n}" for n in sorted({n for _, n in there}) for i in range(n) if (i, n) not in there]
 
 
 def ledger_folder(target: str) -> str:
-    """Return the path or URL of the folder that holds a run's books."""
+    """Return the path or URL of the folder that holds a run's ledgers."""
     return join(target, "ledger")

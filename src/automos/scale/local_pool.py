@@ -28,7 +28,7 @@ class LocalPool(Executor):
     """Processes of this machine."""
 
     def __init__(self, workers: int, cores: int):
-        """Take how many processes, and how many cores for all of them; processes start when they are needed."""
+        """Take the number of processes and their total number of cores; processes start on demand."""
         super().__init__(workers, cores, max_threads=cores)
         self._limits = thread_limits(max(1, cores // workers))
         self._idle: list[_Worker] = []
@@ -37,7 +37,7 @@ class LocalPool(Executor):
 
     @property
     def pids(self) -> list[int]:
-        """The processes that have an order."""
+        """The process ids of busy workers."""
         return [worker.process.pid for worker in self._busy]
 
     def submit(self, order: Order) -> None:
@@ -47,7 +47,7 @@ class LocalPool(Executor):
         worker.give(order)
 
     def wait(self, seconds: float) -> list[Ended]:
-        """Return one order that ended or was lost, none if that takes longer."""
+        """Return one order that ended or was lost; none after a timeout."""
         try:
             worker, report = self._said.get(timeout=seconds)
         except queue.Empty:
@@ -97,7 +97,7 @@ class _Worker:
         if code >= 0:
             return f"its worker ended by itself, with code {code}"
         name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-        why = ": by somebody, or by the system, for want of memory" if name == "SIGKILL" else ""
+        why = ": by a user, or by the system because memory ran out" if name == "SIGKILL" else ""
         return f"its worker was killed ({name}{why})"
 
     def end(self) -> None:

@@ -27,7 +27,7 @@ def cpu_seconds() -> float:
 
 
 def peak_megabytes() -> float:
-    """Return the most memory this process ever had, 0 where the system does not tell."""
+    """Return the most memory this process ever had, 0 if the system does not report it."""
     try:
         import resource
     except ImportError:
@@ -37,7 +37,7 @@ def peak_megabytes() -> float:
 
 
 def memory_bytes() -> int:
-    """Return this machine's memory, 0 where the system does not tell."""
+    """Return this machine's memory, 0 if the system does not report it."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

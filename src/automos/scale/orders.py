@@ -20,10 +20,14 @@ class Recording:
 
     Attributes
     ----------
-    name : unlike any other's in the run.
-    source : a path or URL that `automos label` takes.
-    format : the recording's format, where guessing fails.
-    folder : its results' place below the run's folder; its name where not given.
+    name : str
+        Unique in the run.
+    source : str
+        A path or URL that `automos label` takes.
+    format : str, optional
+        The recording's format, if it is not recognised.
+    folder : str, optional
+        Its results' place below the run's folder; its name where not given.
     """
 
     name: str
@@ -60,16 +64,22 @@ class Unit:
 
 @dataclass(frozen=True)
 class Job:
-    """What all orders of a run have in common.
+    """The common part of all orders of a run.
 
     Attributes
     ----------
-    settings : what shapes the labels.
-    target : path or URL under which each recording's results come to lie, in a folder of its name.
-    work : folder on the worker's own disk: results on their way to a bucket, copies of recordings from one.
-    cache_bytes : most that copies of recordings may take there.
-    chunk : scans per unit; recordings of more than two of these are cut.
-    pose_file, calib_file : poses to use instead of odometry, of a run of one recording.
+    settings : Settings
+        What shapes the labels.
+    target : str
+        Path or URL of the results, with a folder for each recording, named after it.
+    work : Path
+        Folder on the worker's own disk: results on their way to a bucket, copies of recordings from one.
+    cache_bytes : int
+        Most that copies of recordings may take there.
+    chunk : int
+        Scans per unit; recordings of more than two of these are cut.
+    pose_file, calib_file : Path, optional
+        Poses to use instead of odometry, of a run of one recording.
     """
 
     settings: Settings
@@ -107,16 +117,28 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class Report:
-    """What came of a unit.
+    """The outcome of a unit.
 
     Attributes
     ----------
-    reason : a sentence, where it failed.  trace : where in the program, if the reason is no sentence for users.
-    scans, points, moving : counts of the recording, once its labels are there.
-    fingerprint : of the labels.  warnings : sentences about them.
-    is_fresh : False where the labels had been there already.
-    seconds, cpu_seconds : of this unit.  peak_mb : most memory its process ever had.
-    place : where it was done.
+    reason : str
+        A sentence, if it failed.
+    trace : str
+        Traceback, if the reason is not a sentence for users.
+    scans, points, moving : int
+        Counts of the recording, once its labels are there.
+    fingerprint : str
+        Of the labels.
+    warnings : list of str
+        Sentences about them.
+    is_fresh : bool
+        False if the labels existed already.
+    seconds, cpu_seconds : float
+        Of this unit.
+    peak_mb : float
+        Peak memory of its process.
+    place : str
+        Where it was done.
     """
 
     state: State

@@ -36,10 +36,18 @@ class Marker:
 
     Attributes
     ----------
-    source : changes with the recording.  settings : changes with the settings and the version.
-    fingerprint : of the labels, as run.json has it.
-    counts : scans, points, and those of them that move.  warnings : sentences.
-    files : path below the folder: bytes and SHA-256.
+    source : str
+        Changes with the recording.
+    settings : str
+        Changes with the settings and the version.
+    fingerprint : str
+        Of the labels, as run.json has it.
+    counts : dict of str to int
+        Scans, points, and moving points.
+    warnings : list of str
+        Sentences.
+    files : dict of str to dict[str, Any]
+        Path below the folder: bytes and SHA-256.
     """
 
     source: str
@@ -51,7 +59,7 @@ class Marker:
 
 
 def read_marker(target: str) -> Marker | None:
-    """Return the marker of the results at `target` (a path or URL), None where there are no complete ones.
+    """Return the marker of the results at `target` (a path or URL), None if there are no complete ones.
 
     Labels that are gone, or of another size than it says, were damaged since, and make results incomplete; what
     a review changes does not.
@@ -59,7 +67,7 @@ def read_marker(target: str) -> Marker | None:
     text = Store(target).read(MARKER) if is_url(target) else _read_here(Path(target) / MARKER)
     try:
         marker = Marker(**parse_json(text or b""))
-        labels = {path: int(told["bytes"]) for path, told in marker.files.items() if _is_like(path, _LABELS)}
+        labels = {path: int(file["bytes"]) for path, file in marker.files.items() if _is_like(path, _LABELS)}
     except (ValueError, TypeError, LookupError, AttributeError):  # absent, or damaged from outside
         return None
     return marker if labels.items() <= _sizes(target, labels).items() else None
@@ -107,12 +115,15 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
 
     Parameters
     ----------
-    target : a URL, or the path of `folder` itself: then the marker alone is written.
-    source : where the recording lies; named in run.json, which else would name a copy of it.
+    target : str
+        A URL, or the path of `folder` itself: then the marker alone is written.
+    source : str
+        Where the recording lies; named in run.json, which else would name a copy of it.
 
     Raises
     ------
-    StoreError : a file did not arrive as it was sent, or the store did not answer.
+    StoreError
+        A file did not arrive as it was sent, or the store did not answer.
     """
     if is_url(source):
         run = Workspace(folder).read_run()
@@ -165,7 +176,7 @@ def _check(store: Store, path: str, there: dict[str, Any] | None, sent: dict[str
 
 
 def _md5_of(info: dict[str, Any]) -> str | None:
-    """Return the MD5 that S3, Google's or Azure's store tells of a file, in hexadecimal; None where it tells none."""
+    """Return the MD5 of a file that S3, Google's or Azure's store reports, in hexadecimal; None without one."""
     given = info.get("md5Hash") or (info.get("content_settings") or {}).get("content_md5")
     if given is not None:
         return (base64.b64decode(given) if isinstance(given, str) else bytes(given)).hex()

@@ -77,7 +77,7 @@ class RayCluster(Executor):
         self.slots = self.cores + max(2, self.cores // 4)
 
     def _warn_if_none_fits(self) -> None:
-        """Tell of what would else look like a run that does nothing; a larger machine may still join."""
+        """Warn if no machine is large enough, which would look like a run that hangs; one may still join."""
         alive = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
         largest = max((has.get("memory", 0.0) for has in alive if has.get("CPU", 0.0) >= 1.0), default=0.0)
         if largest < self._memory:
@@ -98,7 +98,7 @@ class RayCluster(Executor):
 
 
 def _probe(address: str) -> None:
-    """Raise OSError where nobody listens at a host:port; Ray itself would wait for minutes."""
+    """Raise OSError if nobody listens at a host:port; Ray itself would wait for minutes."""
     host, _, port = address.rpartition("//")[2].rpartition(":")
     if port.isdecimal():
         with socket.create_connection((host, int(port)), timeout=10.0):

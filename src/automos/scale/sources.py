@@ -26,13 +26,16 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
 
     Parameters
     ----------
-    source : a recording, a folder of recordings, a list of either (a .txt or .list file, one a line, # begins a
-        comment, paths are relative to it), or the URL of a recording or of a folder of them.
-    format : the recordings' format, where guessing fails.
+    source : str
+        A recording, a folder of recordings, a list of either (a .txt or .list file, one a line, # begins a comment,
+        paths are relative to it), or the URL of a recording or of a folder of them.
+    format : str, optional
+        The recordings' format, if it is not recognised.
 
     Raises
     ------
-    InputError : nothing is there. What is in a list is only looked at where it is a folder or a bucket.
+    InputError
+        Nothing is there. What is in a list is only looked at where it is a folder or a bucket.
     """
     if is_url(source):
         return _named(_in_store(source), format)
@@ -96,7 +99,7 @@ def _in_folder(path: Path, format: str | None) -> list[Path]:
 
 
 def _recordings_at(path: Path, format: str | None) -> list[Path]:
-    """Return the recordings at `path`; `path` itself where it cannot be told, so that it is not left out in silence."""
+    """Return the recordings at `path`; `path` itself if they cannot be listed, so that it is reported later."""
     try:
         return find_recordings(path, format) if path.is_dir() or path.suffix.lower() in _LOGS else []
     except NoRecordingError:
@@ -114,7 +117,7 @@ def _in_list(path: Path, format: str | None) -> list[str]:
     found: list[str] = []
     for line in filter(None, lines):
         if not line.isprintable():
-            raise InputError(f"{path} names {line[:80]!r}, which is no path; write a path or URL in each line")
+            raise InputError(f"{path} names {line[:80]!r}, which is not a path; write a path or URL in each line")
         if is_url(line):
             found += _in_store(line)
             continue

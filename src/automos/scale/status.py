@@ -1,4 +1,4 @@
-"""How far a run is: the books of all who work on it, merged."""
+"""The progress of a run: the merged ledgers of all processes that work on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Strict(BaseModel):
 
 
 class _Recording(_Strict):
-    """A row of the table `recordings`, as far as it is read; books come from anywhere."""
+    """A row of the table `recordings`, as far as it is read and checked."""
 
     name: str
     state: Literal["waiting", "running", "done", "failed"]
@@ -58,7 +58,7 @@ _ROWS: dict[str, TypeAdapter[Any]] = {
     "units": TypeAdapter(list[dict[str, str | int | FiniteFloat | None]], config=ConfigDict(strict=True)),
     "run": TypeAdapter(list[_Run]),
 }
-"""The tables of the books, and what their rows must be."""
+"""The tables of a ledger, and the schemas of their rows."""
 
 _SILENT_S = 60.0
 """Seconds without a sign after which whoever worked on a run is taken for dead."""
@@ -66,15 +66,20 @@ _SILENT_S = 60.0
 
 @dataclass(frozen=True)
 class Status:
-    """What the books say.
+    """The contents of all ledgers of a run.
 
     Attributes
     ----------
-    recordings : rows of the table `recordings`, in order of name.
-    units : rows of the table `units`.
-    runs : rows of the table `run`, one for each who deals out work.
-    now : seconds since 1970, when the books were read.
-    missing_shards : shards, as i/n, that did not begin yet; their recordings are not among those above.
+    recordings : list[dict of str to Any]
+        Rows of the table `recordings`, in order of name.
+    units : list[dict of str to Any]
+        Rows of the table `units`.
+    runs : list[dict of str to Any]
+        Rows of the table `run`, one for each who deals out work.
+    now : float
+        Seconds since 1970, when the ledgers were read.
+    missing_shards : tuple of str
+        Shards, as i/n, that did not begin yet; their recordings are not among those above.
     """
 
     recordings: list[dict[str, Any]]
@@ -94,12 +99,12 @@ class Status:
 
     @property
     def is_at_work(self) -> bool:
-        """Whether anybody works on the run."""
+        """Whether a process works on the run."""
         return any(run["ended"] is None and self.now - run["seen"] < _SILENT_S for run in self.runs)
 
     @property
     def rate(self) -> float:
-        """Recordings per hour, of those labelled since the run was last started; 0 where none was."""
+        """Recordings per hour, of those labelled since the run was last started; 0 if none was."""
         start = min((run["started"] for run in self.runs), default=self.now)
         fresh = [row["ended"] for row in self.recordings if row["state"] == "done" and row["fresh"]]
         recent = [ended for ended in fresh if ended >= start]
@@ -108,12 +113,12 @@ class Status:
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds until all is done at this rate; None where there is none."""
+        """Seconds until all is done at this rate; None if there is none."""
         left = self.count("waiting") + self.count("running")
         return 3600.0 * left / self.rate if self.rate else None
 
     def to_json(self) -> str:
-        """Return all that the books say, and what follows from it."""
+        """Return the contents of the ledgers and the figures derived from them."""
         counts = {state: self.count(state) for state in ("done", "running", "waiting", "failed")}
         rate = {"recordings_per_hour": self.rate, "seconds_left": self.seconds_left, "is_at_work": self.is_at_work}
         tables = {"recordings": self.recordings, "units": self.units, "runs": self.runs}
@@ -138,7 +143,7 @@ class Status:
             left = self.seconds_left
             lines.append(f"{self.rate:.1f} recordings per hour, {'?' if left is None else _duration(left)} left")
         elif self.count("waiting") + self.count("running"):
-            lines.append("nobody is working on it: run the same command again, it does what is missing")
+            lines.append("no process is working on it: repeat the command to do what is missing")
         if self.missing_shards:
             few = ", ".join(self.missing_shards[:4]) + (", ..." if len(self.missing_shards) > 4 else "")
             lines.append(f"not begun, and not counted above: {len(self.missing_shards)} shards ({few})")
@@ -149,7 +154,7 @@ class Status:
 
 
 def read_status(target: str) -> Status:
-    """Return what the books of the run at `target` (path or URL) say.
+    """Return the status of the run at `target` (path or URL).
 
     Raises
     ------
@@ -170,7 +175,7 @@ def read_status(target: str) -> Status:
 
 
 def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of all tables; ValueError or sqlite3.Error where they are no books."""
+    """Return the rows of all tables; ValueError or sqlite3.Error if it is not a ledger."""
     require_regular(path)
     books = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=30.0)
     try:
@@ -187,7 +192,7 @@ def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row for each recording, in order of name: where several books have it, what is known best."""
+    """Return one row for each recording, in order of name: if several ledgers have it, the most advanced state."""
     known = {"waiting": 0, "failed": 1, "running": 2, "done": 3}
     best: dict[str, dict[str, Any]] = {}
     for row in rows:

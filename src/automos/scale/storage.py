@@ -69,7 +69,7 @@ class Store:
     """The files below one path or URL."""
 
     def __init__(self, url: str):
-        """Raise InputError where `url` is of no known kind, MissingExtraError where its package is not installed."""
+        """Raise InputError if `url` is of no known kind, MissingExtraError if its package is not installed."""
         self.url = url
         self._fs, self.root = _open(url)
 
@@ -97,7 +97,7 @@ class Store:
         patiently(lambda: self._fs.put_file(local, self._at(path)), f"writing {shown(join(self.url, path))}")
 
     def read(self, path: str) -> bytes | None:
-        """Return a file's contents, None where there is none."""
+        """Return a file's contents, None if there is none."""
 
         def read() -> bytes | None:
             try:
@@ -153,13 +153,13 @@ def patiently(action: Callable[[], Found], what: str) -> Found:
         except Exception as error:
             if _is_lasting(error):
                 raise InputError(
-                    f"{what} failed: {_told(error)}; put that right and run the same command again"
+                    f"{what} failed: {_reason(error)}; put that right and run the same command again"
                 ) from None
             if not _is_of_store(error):
                 raise
             if time.monotonic() + pause > deadline:
-                raise StoreError(f"{what} failed for {PATIENCE_S:.0f} s, last with: {_told(error)}") from None
-            _log.info("%s failed (%s), once more in %.1f s", what, _told(error), pause)
+                raise StoreError(f"{what} failed for {PATIENCE_S:.0f} s, last with: {_reason(error)}") from None
+            _log.info("%s failed (%s), once more in %.1f s", what, _reason(error), pause)
             time.sleep(pause)
             pause = min(2.0 * pause, 10.0)
 
@@ -180,7 +180,7 @@ def _is_of_store(error: Exception) -> bool:
     )
 
 
-def _told(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     text = " ".join(str(error).split()) or type(error).__name__
     return re.sub(r"(://)[^/\s@]*@|\?[^\s'\")]+", r"\1", text)[:300]
 
@@ -201,7 +201,7 @@ def _open(url: str) -> tuple[Any, str]:
         extra = _EXTRAS.get(scheme, "scale")
         raise MissingExtraError(f"{scheme}:// needs another package; run: {pip_install(extra)}") from None
     except ValueError as error:
-        raise InputError(f"{shown(url)} cannot be opened: {_told(error)}") from None
+        raise InputError(f"{shown(url)} cannot be opened: {_reason(error)}") from None
     return fs, root
 
 

@@ -39,7 +39,7 @@ CUTTABLE = {"free_space", "erasor"}
 
 
 def work(order: Order) -> Report:
-    """Do one unit; whatever goes wrong is in the report."""
+    """Do one unit; errors are in the report."""
     start, cpu = time.perf_counter(), cpu_seconds()
     cache = Cache(order.job.work / "recordings", order.job.cache_bytes)
     if order.ahead is not None:
@@ -84,11 +84,11 @@ def _do(order: Order, cache: Cache) -> Report:
     stamp = cache.stamp_of(recording.source) if is_url(recording.source) else None
     marked = _finished(job, recording, stamp) if order.unit.kind is Kind.START else None
     if marked is not None and stamp is not None:  # known without fetching it
-        return _told(marked, is_fresh=False)
+        return _report_of(marked, is_fresh=False)
     with _at_hand(recording, cache) as sequence:
         stamp = stamp or sequence.fingerprint()
         if marked is not None and marked.source == stamp:
-            return _told(marked, is_fresh=False)
+            return _report_of(marked, is_fresh=False)
         if order.unit.kind is Kind.START:
             refuse_foreign(recording.target(job.target))
             withdraw(recording.target(job.target))
@@ -121,7 +121,7 @@ def _at_hand(recording: Recording, cache: Cache) -> Iterator[Sequence]:
 
 
 def _part(order: Order, sequence: Sequence) -> Report:
-    """Make what a unit of a recording that is cut has to make of its stages."""
+    """Run the stages of one unit of a cut recording."""
     job, unit = order.job, order.unit
     poses = given_poses(sequence, job.pose_file, job.calib_file)
     folder = Workspace(results_folder(job, order.recording))
@@ -154,10 +154,10 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
     publish(folder, recording.target(job.target), marker, recording.source)
     if is_url(job.target):
         shutil.rmtree(folder, ignore_errors=True)
-    return _told(marker, is_fresh=True)
+    return _report_of(marker, is_fresh=True)
 
 
-def _told(marker: Marker, is_fresh: bool) -> Report:
+def _report_of(marker: Marker, is_fresh: bool) -> Report:
     counts: dict[str, Any] = dict(marker.counts)
     return Report(
         State.DONE, fingerprint=marker.fingerprint, warnings=tuple(marker.warnings), is_fresh=is_fresh, **counts

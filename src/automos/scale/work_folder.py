@@ -1,7 +1,7 @@
 """The folder for copies of recordings and for results on their way to a store: the user's own, and gone at the end.
 
-By default it lies in the system's temporary folder, where anybody may make folders: one of its name that is somebody
-else's, or a link, is not used, and nobody else may look into it.
+By default it lies in the system's temporary folder, where all users may make folders: one with its name that belongs
+to another user, or is a link, is not used, and no other user can read it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def claim(folder: Path) -> None:
 
     Raises
     ------
-    InputError : it is somebody else's.
+    InputError : it belongs to another user.
     """
     if folder == default_work() and hasattr(os, "getuid"):
         os.close(_open_private(folder))
@@ -42,7 +42,7 @@ def work_folder(folder: Path, is_needed: bool = True) -> Iterator[None]:
 
     Raises
     ------
-    InputError : the default place is somebody else's.
+    InputError : the default place belongs to another user.
     """
     if not is_needed or folder != default_work() or not hasattr(os, "getuid"):
         yield
@@ -70,7 +70,7 @@ def _open_private(folder: Path) -> int:
     about = os.fstat(handle)
     if about.st_uid != os.getuid():
         os.close(handle)
-        raise InputError(f"{folder} was made by somebody else: choose another place with --work")
+        raise InputError(f"{folder} was made by another user: choose another place with --work")
     if stat.S_IMODE(about.st_mode) != 0o700:
         os.fchmod(handle, 0o700)
     return handle

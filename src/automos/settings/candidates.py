@@ -1,4 +1,4 @@
-"""III-B: which points may be dynamic: the ground, the vehicle's own body, the evidence, what a network adds to it."""
+"""III-B: which points may be dynamic: the ground, the ego body, free-space evidence, and a network's cue."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ class GroundSettings(Group):
 
 
 class EgoBodySettings(Group):
-    """The vehicle's own body: what keeps its range in the sensor's frame while the sensor moves."""
+    """The ego body: points that keep their range in the sensor's frame while the sensor moves."""
 
     max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
-    near_reach: float = Field(
-        1.2, gt=0, description="m, what returns from nearer than this again and again rides along"
-    )
+    near_reach: float = Field(1.2, gt=0, description="m, points that return from nearer again and again are ego body")
     min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
     tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
 
@@ -57,7 +55,7 @@ class ErasorSettings(Group):
 
 
 class FreeSpaceSettings(Group):
-    """Evidence of motion: which places were seen to be empty before or after."""
+    """Free-space evidence: which places were observed empty before or after."""
 
     spans: tuple[float, ...] = Field(
         (0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0, 4.0, 5.5, 8.0),
@@ -66,14 +64,14 @@ class FreeSpaceSettings(Group):
     )
     far_from: float = Field(2.5, gt=0, description="s, over longer spans only scans far_step apart are asked")
     far_step: float = Field(0.4, gt=0, description="s, between the scans that are asked over long spans")
-    margin: float = Field(0.2, gt=0, description="m, how far behind a point rays must go on to have seen through it")
+    margin: float = Field(0.2, gt=0, description="m behind a point to which rays must go on to see free space")
     margin_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
     hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")
     hit_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
-    clear_width: float = Field(0.2, gt=0, description="m, how wide the place must be free to be seen through")
-    near_miss: float = Field(0.25, gt=0, description="m, a see-through counts in full if a row of rays came so near")
-    weak_weight: float = Field(0.5, ge=0, le=1, description="of a see-through by the nearest rays only")
-    lone_weight: float = Field(0.25, ge=0, le=1, description="of a see-through of what no neighbouring ray has met")
+    clear_width: float = Field(0.2, gt=0, description="m, width of a place that must be free")
+    near_miss: float = Field(0.25, gt=0, description="m, free space counts in full if a row of rays came so near")
+    weak_weight: float = Field(0.5, ge=0, le=1, description="of free space seen by the nearest rays only")
+    lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at a point that no neighbouring ray met")
     stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
 
 

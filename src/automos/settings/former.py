@@ -1,7 +1,7 @@
-"""Settings that had another name in earlier versions, or that are constants beside their code now.
+"""Settings that had another name in earlier versions, or that are constants now.
 
-Results keep all their settings, so files of earlier versions must still be read: what has a new name goes there, what
-has none is left out, and the user is told.
+Results store all their settings, so files of earlier versions must still be readable: renamed settings get their new
+name, and removed ones are left out with a warning.
 """
 
 from __future__ import annotations
@@ -82,12 +82,14 @@ BECAME = {
 
 
 def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Return the settings `tree` with present names only; what was left out is told in one warning.
+    """Return the settings `tree` with present names only; what was left out is reported in one warning.
 
     Parameters
     ----------
-    tree : groups of settings, by name, as some version wrote them.
-    source : where they come from, for the warning.
+    tree : Mapping[str, Any]
+        Groups of settings, by name, as some version wrote them.
+    source : str
+        Where they come from, for the warning.
     """
     left_out: list[str] = []
     renamed: dict[str, Any] = {}
@@ -108,7 +110,7 @@ def refuse_former_name(key: str) -> None:
     """Raise SettingsError if the setting `key` ("odometry.convergence") was asked for, and is none any more."""
     for former, became in BECAME.items():
         if key == former or key.startswith(f"{former}."):
-            raise SettingsError(f"'{key}' is no setting any more: {became} (`automos settings` lists all)")
+            raise SettingsError(f"'{key}' is not a setting any more: {became} (`automos settings` lists all)")
     if _is_constant(key):
         raise SettingsError(f"{key} is a constant now, not a setting: leave it out (`automos settings` lists all)")
     if key in RENAMED:

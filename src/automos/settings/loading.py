@@ -44,11 +44,34 @@ PRESETS: dict[str, dict[str, Any]] = {
 def load_settings(
     preset: str = "default", file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Return the settings of `preset`, changed by a YAML `file`, then by `overrides` ("tracking.max_misses": 3).
+    """Return the settings of a preset, changed by a file and then by single values.
+
+    Parameters
+    ----------
+    preset : {"default", "paper"}
+        The settings to start from.
+    file : str or Path, optional
+        YAML file with the settings to change, as `automos settings` prints them.
+    overrides : mapping of str to value, optional
+        Single settings to change, by their dotted names.
+
+    Returns
+    -------
+    Settings
+        The checked settings.
 
     Raises
     ------
-    SettingsError : an unknown preset or key (the nearest is named), a value of the wrong type or out of range.
+    SettingsError
+        The preset or a name is unknown (the message suggests the nearest one), or a value has the wrong type or is
+        out of range.
+
+    Examples
+    --------
+    >>> import automos
+    >>> settings = automos.load_settings("paper", overrides={"tracking.max_misses": 3})
+    >>> settings.tracking.max_misses
+    3
     """
     require_kind(preset, str, "preset", f"one of {', '.join(PRESETS)}")
     if preset not in PRESETS:
@@ -74,7 +97,7 @@ def load_settings(
 
 
 def given_settings(settings: Settings | None) -> Settings:
-    """Return the settings that a caller gives, those of the default preset for None; InputError where they are none."""
+    """Return the settings that a caller gives, those of the default preset for None; InputError if they are none."""
     if settings is None:
         return load_settings("default")
     require_kind(settings, Settings, "settings", "what automos.load_settings returns")
@@ -97,13 +120,24 @@ def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
             values[key.strip()] = parse_yaml(text)
         except ValueError:
             raise SettingsError(
-                f"--set {item}: '{text}' is no value: write a number, a word or a list, [1, 2]"
+                f"--set {item}: '{text}' is not a value: write a number, a word or a list, [1, 2]"
             ) from None
     return values
 
 
 def dump_yaml(settings: Settings) -> str:
-    """Return the settings as YAML that `load_settings` reads back."""
+    """Return settings as YAML text that `load_settings` reads back.
+
+    Parameters
+    ----------
+    settings : Settings
+        What to write.
+
+    Returns
+    -------
+    str
+        YAML, one setting per line.
+    """
     return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False)
 
 

@@ -1,4 +1,4 @@
-"""III-E: LMNet, how it sees and learns."""
+"""III-E: LMNet: its images, its model and its training."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class ModelSettings(Group):
         description="of the first layer; 32 is full size, 8 narrow; more learn more, and slower",
     )
     dropout: float = Field(
-        0.2, ge=0, lt=1, description="share of channels left out while training; more keeps a large network from rote"
+        0.2, ge=0, lt=1, description="share of channels left out while training; more reduces overfitting"
     )
 
 
 class TrainingSettings(Group):
-    """How the network learns."""
+    """Training of the network."""
 
     recipe: Literal["adamw", "paper"] = Field(
         "adamw",
@@ -47,13 +47,13 @@ class TrainingSettings(Group):
         None, gt=0, description="at its highest; none: the recipe's (0.002, paper 0.01); a higher one forgets more"
     )
     epochs: int = Field(150, ge=1, description="at most; more take longer and cost nothing else: the best is kept")
-    samples: int = Field(0, ge=0, description="scans an epoch, drawn anew each time; 0: every scan once")
+    samples: int = Field(0, ge=0, description="scans per epoch, drawn again each time; 0: every scan once")
     sector: int = Field(
         0, ge=0, multiple_of=16, description="columns of an image that are trained on; 0: all; fewer make cheaper steps"
     )
     batch: int = Field(8, ge=1, description="scans a step and device; more take more memory and make fewer steps")
-    augment: bool = Field(True, description="turn, mirror, shift and thin scans; without, few scans are learnt by rote")
-    use_confidence: bool = Field(False, description="weigh every point's loss by the confidence of its label")
+    augment: bool = Field(True, description="turn, mirror, shift and thin scans; without, few scans are overfitted")
+    use_confidence: bool = Field(False, description="weight every point's loss by the confidence of its label")
     validation_scans: int = Field(
         100, ge=1, description="scans an epoch is judged by, evenly spread; more judge better and take longer"
     )

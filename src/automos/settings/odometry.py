@@ -12,7 +12,7 @@ from automos.settings.group import Group
 class LoopSettings(Group):
     """Loop closure: when a place counts as seen before."""
 
-    reach: float = Field(40.0, gt=0, description="m around a place; more tells places apart better, and takes longer")
+    reach: float = Field(40.0, gt=0, description="m around a place; more distinguishes places better, and takes longer")
     min_distance: float = Field(50.0, gt=0, description="m driven before a place can be seen again")
     max_drift: float = Field(0.05, ge=0, description="of the distance driven, by which poses may be off")
     min_overlap: float = Field(0.7, gt=0, le=1, description="share of what stands on the ground that must lie close")
@@ -32,7 +32,7 @@ class OdometrySettings(Group):
         description="where the points' times come from for motion compensation: the file, the order of the points, "
         "their azimuth, or none (already compensated); auto finds out under which of them the scans fit together best",
     )
-    refine: bool = Field(True, description="lay scans on submaps seconds away, too")
+    refine: bool = Field(True, description="align scans with submaps seconds away, too")
     usual_acceleration: float = Field(
         3.0, ge=0.001, description="m/s^2, usual change of speed; more smooths poses less"
     )

@@ -1,4 +1,4 @@
-"""What comes out: labels, what is written beside them, the map."""
+"""Settings of the output: labels, what is written beside them, the map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from automos.settings.group import Group
 
 
 class LabelsSettings(Group):
-    """What makes a point moving or static in the end."""
+    """The meaning of the labels."""
 
     moving: Literal["sequence", "now"] = Field("sequence", description="moved at some time, or moves in this scan")
     now_speed: float = Field(0.5, ge=0, description="m/s from which on an object moves now")
@@ -18,14 +18,14 @@ class LabelsSettings(Group):
 
 
 class OutputSettings(Group):
-    """What is written per point."""
+    """Files written per point."""
 
-    confidence: bool = Field(False, description="write confidences/, how sure each point's label is")
-    track_ids: bool = Field(False, description="write the track's number into the upper 16 bits of moving points")
+    confidence: bool = Field(False, description="write confidences/: the confidence of each point's label")
+    track_ids: bool = Field(False, description="write the track's number to the upper 16 bits of moving points")
 
 
 class MapSettings(Group):
-    """The map without what moves (paper Fig. 5)."""
+    """The map without moving objects (paper Fig. 5)."""
 
     voxel: float = Field(
         0.1,

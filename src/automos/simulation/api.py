@@ -25,11 +25,16 @@ def simulate(
 
     Parameters
     ----------
-    scenario : one of `SCENARIOS`.
-    sensor : one of `SENSORS`.
-    n_scans : sweeps, at least 1.
-    seed : another seed, another world; at least 0.
-    compensated : take the sensor's own motion out of every sweep, as some recordings come.
+    scenario : str
+        One of `SCENARIOS`.
+    sensor : str
+        One of `SENSORS`.
+    n_scans : int
+        Sweeps, at least 1.
+    seed : int
+        Another seed, another world; at least 0.
+    compensated : bool
+        Take the sensor's own motion out of every sweep, as some recordings come.
 
     Raises
     ------
@@ -53,11 +58,16 @@ def record(
 
     Parameters
     ----------
-    scenario, sensor, seed : as for `simulate`.
-    n_scans : sweeps of the sensor; the recording has as many scans as the convention cuts of them.
-    convention : where scans are cut, in what order and with which times points are kept, which scans are lost.
-    conditions : what carries the sensor, the weather, whether bright signs bleed.
-    n_lidars : how many sensors of the kind the vehicle has, their clouds merged.
+    scenario, sensor, seed : str and int
+        As for `simulate`.
+    n_scans : int
+        Sweeps of the sensor; the recording has as many scans as the convention cuts of them.
+    convention : Convention, optional
+        Where scans are cut, in what order and with which times points are kept, which scans are lost.
+    conditions : Conditions, optional
+        What carries the sensor, the weather, whether bright signs bleed.
+    n_lidars : int
+        How many sensors of the kind the vehicle has, their clouds merged.
 
     Raises
     ------

@@ -28,10 +28,14 @@ class Conditions:
 
     Attributes
     ----------
-    rig : what carries the sensor, one of `RIGS`.
-    weather : one of `WEATHER`.
-    blooming : bright signs bleed into the beams beside them.
-    mount : which of `MOUNTS` the sensor sits in.
+    rig : str
+        What carries the sensor, one of `RIGS`.
+    weather : str
+        One of `WEATHER`.
+    blooming : bool
+        Bright signs bleed into the beams beside them.
+    mount : int
+        Which of `MOUNTS` the sensor sits in.
     """
 
     rig: str = "car"

@@ -37,7 +37,8 @@ class EgoMotion:
 
     Attributes
     ----------
-    state : (T, 6) as in `Motion`, every DT seconds, suspension included.
+    state : (T, 6) float64
+        As in `Motion`, every DT seconds, suspension included.
     """
 
     state: Array

@@ -39,8 +39,10 @@ class Part:
 
     Attributes
     ----------
-    frames : meshes; more than one for what changes its shape as it goes, shown in turn along `stride` metres.
-    hinge : x of the joint about which it swings, with `length` metres from there to its axle; rigid where 0.
+    frames : tuple of Mesh
+        Meshes; more than one for what changes its shape as it goes, shown in turn along `stride` metres.
+    hinge : float
+        X of the joint about which it swings, with `length` metres from there to its axle; rigid where 0.
     """
 
     frames: tuple[Mesh, ...]
@@ -55,11 +57,16 @@ class Rig:
 
     Attributes
     ----------
-    name : of it.
-    parts : what the sensor may see of it.
-    mount : (x, y, z) of the sensor in the body frame; None: where the sensor is usually mounted.
-    ride : the motion of the body, from that of the car in its place.
-    footprint : (rear, front, half width) metres that nobody else drives or walks through; None: the car's.
+    name : str
+        Of it.
+    parts : tuple of Part
+        What the sensor may see of it.
+    mount : (x, y, z) float, optional
+        The sensor in the body frame; None: where the sensor is usually mounted.
+    ride : callable
+        The motion of the body, from that of the car in its place.
+    footprint : (rear, front, half width) float, optional
+        Metres that nobody else drives or walks through; None: the car's.
     """
 
     name: str

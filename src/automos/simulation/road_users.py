@@ -133,12 +133,12 @@ def add_cyclists(site: Site, path: Path, n: int, speed: tuple[float, float] = (3
 
 
 def pull_out(
-    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float, duration: float
+    site: Site, lane: Path, speed: float, aside: float, part: tuple[float, float], spacing: float, duration: float
 ) -> None:
-    """Let cars stand `aside` metres right of a lane and pull out at some time, every `spacing` metres of a stretch."""
+    """Let cars stand `aside` metres right of a lane and pull out at some time, every `spacing` metres of a part."""
     rng = site.rng
     kerb = lane.beside(-aside)
-    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+    for s in np.arange(part[0] + rng.uniform(0.0, 20.0), part[1], spacing):
         path = kerb.shifted(s + 2.0, 14.0, aside)
         for ahead in (0.0, 5.0, 9.0):
             site.reserve(*kerb.at(s + ahead)[0])
@@ -147,11 +147,11 @@ def pull_out(
 
 
 def drive_and_park(
-    site: Site, lane: Path, speed: float, aside: float, stretch: tuple[float, float], spacing: float
+    site: Site, lane: Path, speed: float, aside: float, part: tuple[float, float], spacing: float
 ) -> None:
-    """Let cars drive along a lane and park `aside` metres to its right, every `spacing` metres of a stretch."""
+    """Let cars drive along a lane and park `aside` metres to its right, every `spacing` metres of a part."""
     rng = site.rng
-    for s in np.arange(stretch[0] + rng.uniform(0.0, 20.0), stretch[1], spacing):
+    for s in np.arange(part[0] + rng.uniform(0.0, 20.0), part[1], spacing):
         path = lane.shifted(s - 18.0, 15.0, -aside)
         start = s - rng.uniform(30.0, 80.0)
         agent = Agent((vehicles.make_car(rng),), path, start, speed, stop=s, wander=0.0)

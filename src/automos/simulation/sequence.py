@@ -107,8 +107,8 @@ class SimulatedSequence(Sequence):
     def truth(self, index: int) -> npt.NDArray[np.uint32]:
         """Return (N,) labels: MOVING for what moves at some time while observed, instance ids in the upper 16 bits.
 
-        0 where it cannot be said: the ego's own body, missing returns, points between a mover's edge and what lies
-        behind, objects that moved by less than an annotator could tell.
+        0 if it cannot be said: the ego's own body, missing returns, points between a mover's edge and what lies
+        behind, objects that moved by less than an annotator would notice.
         """
         return self._labels(index, self._verdicts.is_moving, self._verdicts.is_static)
 

@@ -53,12 +53,18 @@ class Terrain:
 
     Attributes
     ----------
-    roads : carriageways.
-    hills : (H, 4) amplitude in metres, wave vector in rad/m (two columns), phase in radians.
-    kerb : metres, step from the carriageway to the sidewalk or verge.
-    verge : material beyond the sidewalks.
-    roughness : metres, scatter of the ground beyond the sidewalks.
-    corner : metres, how far junction corners are rounded.
+    roads : tuple of Road
+        Carriageways.
+    hills : (H, 4) float64
+        Amplitude in metres, wave vector in rad/m (two columns), phase in radians.
+    kerb : float
+        Metres, step from the carriageway to the sidewalk or verge.
+    verge : Material
+        Material beyond the sidewalks.
+    roughness : float
+        Metres, scatter of the ground beyond the sidewalks.
+    corner : float
+        Metres, how far junction corners are rounded.
     """
 
     roads: tuple[Road, ...]

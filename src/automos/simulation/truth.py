@@ -32,7 +32,8 @@ class Verdicts:
 
     Attributes
     ----------
-    is_moving, is_static : (K,) bool; neither where it cannot be told.
+    is_moving, is_static : (K,) bool
+        Neither if it is not known.
     """
 
     is_moving: npt.NDArray[np.bool_]

@@ -20,7 +20,7 @@ import numpy as np
 from automos.atomic import atomic_path, write_text
 from automos.errors import InputError
 from automos.parallel import map_in_order
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.reading import read_json
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
@@ -43,7 +43,7 @@ def write(
     Raises
     ------
     InputError
-        `out` exists and is no simulated sequence, or another one, or cannot be written.
+        `out` exists and is not a simulated sequence, or another one, or cannot be written.
     """
     out = Path(out)
     description = _description(sequence)

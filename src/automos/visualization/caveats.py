@@ -1,4 +1,4 @@
-"""What a reader of results should know before trusting them, in sentences."""
+"""What to know before trusting the results, in sentences."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def caveats(
     names: list[str],
     counts: npt.NDArray[np.int64],
 ) -> list[str]:
-    """Return warnings of a run, the gravest first; none where there is nothing to warn of.
+    """Return the warnings of a run, the most serious first.
 
     Parameters
     ----------

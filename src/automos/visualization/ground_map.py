@@ -1,4 +1,4 @@
-"""The ground covered by a recording, from above: what stands in grey, what moved in green, errors in red and blue."""
+"""The area of a recording from above: static points grey, moving green, errors red and blue."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LAYERS = {MOVES: ("moving", (10, 157, 60)), FALSE: ("false", (224, 38, 43)), MIS
 
 
 class GroundMap:
-    """A raster over the level frame that scans are added to, one after the other."""
+    """A raster in the level frame to which scans are added one by one."""
 
     def __init__(self, path_level: npt.NDArray[np.float64]):
         """Cover the surroundings of `path_level` (N, 2 or 3), metres: where the sensor was."""
@@ -62,7 +62,7 @@ class GroundMap:
         np.minimum.at(self._lowest, still, height[is_still])
 
     def to_page(self) -> dict[str, Any]:
-        """Return the layers that are not empty, lowest first, and where they lie: `low` (2,) and `cell`, metres."""
+        """Return the layers that are not empty, lowest first, and their place: `low` (2,) and `cell`, metres."""
         layers = {"static": data_url(palette_png(self._flipped(self._shade()), _static_colors()))}
         for kind, (name, color) in LAYERS.items():
             if self._counts[kind].any():
@@ -77,10 +77,10 @@ class GroundMap:
         }
 
     def _shade(self) -> npt.NDArray[np.uint8]:
-        """Return (H, W): 0 unseen, 1 ground, more the higher something stands."""
+        """Return (H, W): 0 unseen, 1 ground, larger for higher objects."""
         tall = np.clip((self._highest - self._floor() - LOW) / (HIGH - LOW), 0.0, 1.0)
         shade = 1 + np.round(tall * (SHADES - 1)).astype(np.uint8)
-        # Lone points far away make noise that packs badly and tells nothing.
+        # Isolated points far away are noise that compresses badly.
         return np.where(self._seen > (1 if self.cell > MIN_CELL else 0), shade, 0).astype(np.uint8)
 
     def _floor(self) -> npt.NDArray[np.float32]:
@@ -105,7 +105,7 @@ class GroundMap:
 
 
 def _levels(count: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
-    """Return 0 where there is nothing and 1 to 4 by how much there is."""
+    """Return 0 for empty cells and 1 to 4 by the number of points."""
     return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""Scans in the viewer as they are labelled: points, boxes and velocities of what moves, in the level frame."""
+"""Scans in the viewer while they are labelled: points, and boxes and velocities of moving objects."""
 
 from __future__ import annotations
 
@@ -11,15 +11,8 @@ from automos.geometry import transform
 from automos.labeler import LabelledScan
 from automos.labels import Label
 from automos.scan import Pose, Scan
-from automos.visualization.rerun_log import (
-    COLORS,
-    KINDS,
-    VERDICT_COLORS,
-    load_rerun,
-    point_kinds,
-    thin_rows,
-    world_view,
-)
+from automos.visualization.rerun_layout import load_rerun, world_view
+from automos.visualization.rerun_log import COLORS, KINDS, VERDICT_COLORS, point_kinds, thin_rows
 from automos.visualization.viewer import Viewer
 
 EYE = (-28.0, 0.0, 24.0)
@@ -50,14 +43,14 @@ class LiveView:
         return self._viewer.is_open
 
     def close(self) -> None:
-        """Send what was not sent yet, and let go of the viewer."""
+        """Send the rest, and disconnect from the viewer."""
         if self.is_open:
             with suppress(RuntimeError):  # the viewer does not take it in time
                 self._stream.flush(timeout_sec=2.0)
         self._stream.disconnect()
 
     def show(self, scan: Scan, given: LabelledScan) -> None:
-        """Show a scan and its labels; a viewer that was closed is shown nothing."""
+        """Show a scan and its labels, unless the viewer was closed."""
         if not self.is_open:
             return
         rr, stream = self._rr, self._stream

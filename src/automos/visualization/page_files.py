@@ -1,4 +1,4 @@
-"""Pages that need nothing but themselves: styles, scripts and data written into one HTML file."""
+"""Self-contained pages: styles, scripts and data written into one HTML file."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ def inline(page: str) -> str:
 
 
 def script_json(data: Any) -> str:
-    """Return `data` as JSON that may stand inside a script element, whatever its texts hold."""
+    """Return `data` as JSON that is safe inside a script element, whatever its strings contain."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,7 +1,7 @@
-"""A run as one HTML page that needs no network and no server: for whoever has to trust the labels.
+"""The report of a run: one HTML page with figures, warnings, curves and an animated map.
 
-The plots are a few hundred lines of canvas and SVG of our own: a plotting library would be four fifths of the page's
-five megabytes, and none of them draws a map that plays back beside its charts.
+The plots are a few hundred lines of canvas and SVG: a plotting library would take four fifths of the page's five
+megabytes, and none of them draws an animated map beside its charts.
 """
 
 from __future__ import annotations
@@ -19,12 +19,24 @@ from automos.visualization.survey import survey
 
 
 def write_report(run: RunFiles, path: str | Path) -> None:
-    """Write the report of `run` to the HTML file `path`, whole or not at all.
+    """Write a run as one HTML page, which needs neither a server nor a network.
+
+    Parameters
+    ----------
+    run : RunFiles
+        Result of `automos.open_run`.
+    path : str or Path
+        HTML file to write. It is written completely or not at all.
 
     Raises
     ------
     InputError
-        Results that are missing or damaged, or a file that cannot be written.
+        Results are missing or damaged, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import automos
+    >>> automos.write_report(automos.open_run("automos_runs/my_log"), "report.html")
     """
     require_kind(run, RunFiles, "run", "what automos.open_run returns")
     target = given_path(path, "the file of a report")

@@ -1,7 +1,7 @@
 """A run as entities of the viewer Rerun: points by verdict, boxes, tracks, trajectory, curves.
 
-Everything lies in the level frame (z up, metres). Of each scan all points that move, and where there is truth all that
-are labelled wrongly, are shown; of the static ones at most a given number, evenly.
+Everything is in the level frame (z up, metres). All moving points of a scan are shown and, if there is ground truth,
+all wrongly labelled ones; static points are thinned evenly to a maximum number.
 """
 
 from __future__ import annotations
@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import MissingExtraError
 from automos.evaluation.moving import count
-from automos.extras import pip_install
 from automos.geometry import transform
 from automos.labels import Label, to_mos
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import sentences_of
 from automos.results.tracks_file import VERDICTS
-from automos.scan import Pose
+from automos.visualization.rerun_layout import blueprint, load_rerun
 from automos.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -30,26 +28,8 @@ KINDS = ("unlabeled", "static", "moving", "moving, wrongly", "moving, missed")
 """What a point is shown as; the last two only where there is truth."""
 COLORS = ((74, 80, 88), (150, 158, 166), (36, 214, 106), (255, 64, 68), (64, 128, 255))
 VERDICT_COLORS = {"unknown": (255, 190, 60), "static": (120, 128, 136), "moving": (36, 214, 106)}
-EYE = (38.0, 250.0)
-"""Metres that the eye is away from the middle of the drive, at least and at most."""
 SURE = 0.7
 """Points whose confidence is lower are the entity `world/unsure`."""
-
-
-def load_rerun() -> Any:
-    """Return the package rerun.
-
-    Raises
-    ------
-    MissingExtraError
-        It is not installed.
-    """
-    try:
-        import rerun
-        import rerun.blueprint
-    except ImportError:
-        raise MissingExtraError(f"the viewer needs Rerun: {pip_install('view')}") from None
-    return rerun
 
 
 def make_recording(run: RunFiles) -> rerun.RecordingStream:
@@ -60,63 +40,8 @@ def make_recording(run: RunFiles) -> rerun.RecordingStream:
     return stream
 
 
-def world_view(rrb: Any, eye: npt.ArrayLike, target: npt.ArrayLike, overrides: dict[str, Any] | None = None) -> Any:
-    """Return the view in three dimensions, from `eye` (3,) to `target` (3,), which goes along with the sensor."""
-    return rrb.Spatial3DView(
-        name="world",
-        origin="/world",
-        contents="/world/**",
-        overrides=overrides,
-        background=[18, 22, 26],
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=eye,
-            look_target=target,
-            eye_up=[0.0, 0.0, 1.0],
-            tracking_entity="/world/sensor",
-        ),
-    )
-
-
-def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) -> Any:
-    """Return the layout: the world beside what is known of the run, and curves.
-
-    The eye stands behind and above the sensor and goes along with it, further off the longer the drive `T_level_sensor`
-    (N, 4, 4) is. It plays from the first to the last scan of `moving`, those in which something moves.
-    """
-    rr = load_rerun()
-    rrb = rr.blueprint
-    hidden = rrb.EntityBehavior(visible=False)
-    path = T_level_sensor[:, :3, 3]
-    target = path[moving[0]]
-    away = float(np.clip(np.ptp(path[:, :2], axis=0).max(), *EYE))
-    heading = T_level_sensor[moving[0], :2, 0]
-    eye = target + away * np.array([-0.75 * heading[0], -0.75 * heading[1], 0.65])
-    world = world_view(rrb, eye, target, {"/world/boxes/static": [hidden], "/world/unsure": [hidden]})
-    names = {"moving_points": "points that move, %", "moving_objects": "objects that move"}
-    curves = [rrb.TimeSeriesView(name=title, origin=f"/curves/{name}") for name, title in names.items()]
-    if has_truth:
-        axis = rrb.ScalarAxis(range=(0.0, 1.0))
-        curves.append(rrb.TimeSeriesView(name="IoU against the truth", origin="/curves/iou", axis_y=axis))
-    side = rrb.Vertical(rrb.TextDocumentView(name="run", origin="/run"), *curves)
-    return rrb.Blueprint(
-        rrb.Horizontal(world, side, column_shares=[3, 1]),
-        rrb.TimePanel(
-            state="collapsed",
-            timeline="scan",
-            fps=10.0,
-            play_state="Playing",
-            loop_mode="Selection",
-            time_selection=rr.encodings.AbsoluteTimeRange(*moving),
-        ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-    )
-
-
 def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> None:
-    """Log everything of `run` to `stream`; of each scan at most `max_static` static points.
+    """Log all of `run` to `stream`, with at most `max_static` static points per scan.
 
     Raises
     ------
@@ -148,7 +73,7 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
 
 
 def moving_scans(run: RunFiles) -> tuple[int, int]:
-    """Return the first and the last scan in which something moves; all of them where nothing does."""
+    """Return the first and the last scan in which something moves; all scans if nothing moves."""
     moving = [track for track in run.tracks_file["tracks"] if track["verdict"] == "moving"]
     scans = [box["scan"] for track in moving for box in track["boxes"]]
     return (min(scans), max(scans)) if scans else (0, max(len(run) - 1, 0))
@@ -209,7 +134,7 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
 
 
 def point_kinds(labels: npt.NDArray, truth: npt.NDArray | None) -> npt.NDArray[np.uint16]:
-    """Return (N,) what each point is shown as: index into `KINDS`. Where the truth is unknown nothing is wrong."""
+    """Return (N,) what each point is shown as: index into `KINDS`. Points without ground truth are never wrong."""
     kinds = np.select([labels == Label.MOVING, labels == Label.STATIC], [MOVING, STATIC], UNLABELED).astype(np.uint16)
     if truth is not None:
         true = to_mos(truth)
@@ -227,7 +152,7 @@ def _log_tracks(rr: Any, stream: rerun.RecordingStream, run: RunFiles) -> None:
 
 
 def _confidence(run: RunFiles, index: int) -> npt.NDArray[np.float64] | None:
-    """Return (N,) how sure each label is, None where the run does not tell any more."""
+    """Return (N,) the confidence of each label; None if the run no longer has it."""
     key = Workspace(run.folder).read_run().get("stages", {}).get("labels")
     if not (run.folder / "stages" / f"labels-{key}" / f"{run.names[index]}.npz").exists():
         return None

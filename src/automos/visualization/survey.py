@@ -29,7 +29,7 @@ _CLASSES = (Label.UNLABELED, Label.STATIC, Label.MOVING)
 
 
 def survey(run: RunFiles) -> dict[str, Any]:
-    """Return what a report shows of `run`: plain numbers, texts and packed arrays.
+    """Return the data of a report on `run`: plain numbers, texts and packed arrays.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
 
 
 def doubt(track: dict[str, Any]) -> tuple[float, int]:
-    """Return what to sort tracks by: the least certain first, of these the longest seen."""
+    """Return the sort key of a track: the least certain first, then the longest."""
     return track["confidence"], -len(track["boxes"])
 
 
@@ -86,7 +86,7 @@ def _most_telling(tracks: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def track_row(track: dict[str, Any]) -> dict[str, Any]:
-    """Return what a table shows of a track of tracks.json."""
+    """Return the table row of a track of tracks.json."""
     seen = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
     centers = np.array([box["center"] for box in seen])
     speeds = np.array([np.hypot(*box["velocity"][:2]) for box in seen])
@@ -137,7 +137,7 @@ def _settings_text(run: RunFiles) -> str:
 
 
 class _Truth:
-    """Counts against the truth, where a recording has any."""
+    """Counts against the ground truth, if there is any."""
 
     def __init__(self, n_scans: int):
         self._counts = Counts()
@@ -145,7 +145,7 @@ class _Truth:
         self._per_scan = np.full((n_scans, 3), -1, np.int64)
 
     def compare(self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray) -> npt.NDArray[np.uint8]:
-        """Count the labels of a scan against its truth; return what the map draws of each point."""
+        """Count the labels of a scan against its ground truth; return what the map draws for each point."""
         says_moving = labels == Label.MOVING
         truth = run.sequence.truth(index)
         if truth is None:

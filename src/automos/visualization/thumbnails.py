@@ -38,7 +38,7 @@ class _Picture:
 
 
 class Thumbnails:
-    """Collects the points of tracks while the scans go by."""
+    """Collects the points of tracks in one pass over the scans."""
 
     def __init__(self, tracks: list[dict[str, Any]]):
         """Take tracks as tracks.json has them, those to be drawn."""
@@ -60,11 +60,11 @@ class Thumbnails:
 
     @property
     def scans(self) -> set[int]:
-        """Numbers of the scans of which something is wanted."""
+        """Numbers of the scans that are needed."""
         return set(self._wanted)
 
     def add(self, scan: int, points: npt.NDArray) -> None:
-        """Take what is wanted of scan number `scan`: its points (N, 3), level frame, metres."""
+        """Collect the needed points of scan number `scan`: its points (N, 3), level frame, metres."""
         wanted = self._wanted.get(scan, [])
         if wanted:
             points = points[np.argsort(points[:, 0])]  # so that each picture looks at a strip only

@@ -59,8 +59,12 @@ def draw_views(
 
     Parameters
     ----------
-    center : (2,) metres, the middle of the square.   radius : metres, half its side.
-    tracks : paths (T, 2 or 3) of moving objects, drawn as lines into every view.
+    center : (2,) array
+        Metres, the middle of the square.
+    radius : float
+        Metres, half its side.
+    tracks : list of array, optional
+        Paths (T, 2 or 3) of moving objects, drawn as lines into every view.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import LinearSegmentedColormap

@@ -1,7 +1,7 @@
 """Rerun's viewer for a run: in a window, in a browser on this machine, or as a file for later.
 
-Rerun's own calls to serve a recording listen on every network the machine is in. Its program can be told not to, so it
-is started here, bound to 127.0.0.1, and the recording is sent to it.
+Rerun's own calls to serve a recording listen on every network the machine is in. Its program has an option against it,
+so it is started here, bound to 127.0.0.1, and the recording is sent to it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.results.run_files import RunFiles
-from automos.visualization.rerun_log import load_rerun, log_run, make_recording
+from automos.visualization.rerun_layout import load_rerun
+from automos.visualization.rerun_log import log_run, make_recording
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -30,7 +31,7 @@ SETTLE = 1.0
 
 
 def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
-    """Write `run` as a recording of Rerun to `path`, whole or not at all.
+    """Write `run` as a recording of Rerun to `path`, completely or not at all.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
         A place that cannot be written, or results that are missing or damaged.
     """
     if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is no folder; choose another --rrd")
+        raise InputError(f"{path.parent} is not a folder; choose another --rrd")
     with atomic_path(path) as temporary:
         stream = make_recording(run)
         try:
@@ -53,7 +54,7 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
 
 
 class Viewer:
-    """A running viewer that recordings can be sent to; a context that ends it."""
+    """A running viewer to which recordings can be sent; as a context manager, it ends at exit."""
 
     def __init__(self, web: bool = False, port: int = 0, memory: str = "75%"):
         """Start the viewer: in a window, or `web` to be shown by a browser at `url` (its `port`, 0: any free one).
@@ -110,11 +111,11 @@ class Viewer:
         return self._process.poll() is None
 
     def connect(self, stream: RecordingStream) -> None:
-        """Let all that is logged to `stream` go to the viewer."""
+        """Connect `stream` to the viewer."""
         stream.connect_grpc(f"rerun+http://{HOST}:{self._port}/proxy")
 
     def send(self, run: RunFiles, max_static: int) -> None:
-        """Send `run` to the viewer, scan after scan; errors are those of `log_run`."""
+        """Send `run` to the viewer, scan after scan; errors as for `log_run`."""
         stream = make_recording(run)
         self.connect(stream)
         log_run(run, stream, max_static)

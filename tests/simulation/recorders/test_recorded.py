@@ -184,7 +184,7 @@ def test_conventions_are_read_from_words():
         turns=1.09, order="time", stamps=False, double=10
     )
     assert str(Convention.parse(["turns=1.09"])) == "turns=1.09"
-    with pytest.raises(InputError, match=r"'turn=2' is no convention \(did you mean turns\?\); give NAME=VALUE"):
+    with pytest.raises(InputError, match=r"'turn=2' is not a convention \(did you mean turns\?\); give NAME=VALUE"):
         Convention.parse(["turn=2"])
     with pytest.raises(InputError, match=r"double is '2.5'; give a whole number"):
         Convention.parse(["double=2.5"])

@@ -1,5 +1,5 @@
 "use strict";
-/* What frames the review and the sample: a line that tells what happens, a dialog over the page, keys. */
+/* What frames the review and the sample: a status line, a dialog over the page, keys. */
 function makeFrame() {
   const byId = (id) => document.getElementById(id);
   const dialog = byId("over"), back = byId("over-back");

@@ -1,5 +1,5 @@
 "use strict";
-/* Asks about a random sample, look by look, and tells what the answers say of the labels. */
+/* Asks about a random sample, look by look, and shows what the answers say about the labels. */
 (() => {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;

@@ -20,26 +20,44 @@ class Convention:
 
     Attributes
     ----------
-    turns : turns of the sensor from one cut to the next; 2 merges two sweeps into one scan.
-    first_cut : turns after the recording's start at which its first scan begins.
-    order : of the points of a scan: as the sweeps have them, by time, beam by beam, or shuffled.
-    times : of the points, in the files: none, seconds after the scan's first point, seconds since 1970, thousandths
-        of a second; or such as are wrong: backwards, all the same, no numbers, twice as long as the scan lasted.
-    stamps : whether the scans have times (of their middles).
-    reference : when the sensor was where the points are given from: at each point's own time, or at the scan's start,
-        middle or end for all of them, its motion taken out.
-    reference_speed : share of its true motion that was taken out.
-    lost_packets : share of the packets (twelve firings in a row) that never arrived.
-    every : every n-th scan is kept alone, the others never were.
-    leave_out : every n-th scan is missing; 0 for none.
-    double : every n-th scan is there twice; 0 for none.
-    renumbered : scans in the alphabetical order of their numbers: 0, 1, 10, 11, ..., 2, 20, ...
-    unit : metres per unit of length: 0.01 for centimetres.
-    rounding : metres to which coordinates are rounded; 0 for none.
-    beams : every n-th beam is kept.
-    field_of_view : degrees about straight ahead that are kept.
-    lost_sector : degrees of azimuth that three scans in ten lack.
-    specks : share of points that are something in the air instead: dust, snow, insects.
+    turns : float
+        Turns of the sensor from one cut to the next; 2 merges two sweeps into one scan.
+    first_cut : float
+        Turns after the recording's start at which its first scan begins.
+    order : Order
+        Of the points of a scan: as the sweeps have them, by time, beam by beam, or shuffled.
+    times : Times
+        Of the points, in the files: none, seconds after the scan's first point, seconds since 1970, thousandths of a
+        second; or such as are wrong: backwards, all the same, no numbers, twice as long as the scan lasted.
+    stamps : bool
+        Whether the scans have times (of their middles).
+    reference : Reference
+        When the sensor was where the points are given from: at each point's own time, or at the scan's start, middle or
+        end for all of them, its motion taken out.
+    reference_speed : float
+        Share of its true motion that was taken out.
+    lost_packets : float
+        Share of the packets (twelve firings in a row) that never arrived.
+    every : int
+        Every n-th scan is kept alone, the others never were.
+    leave_out : int
+        Every n-th scan is missing; 0 for none.
+    double : int
+        Every n-th scan is there twice; 0 for none.
+    renumbered : bool
+        Scans in the alphabetical order of their numbers: 0, 1, 10, 11, ..., 2, 20, ...
+    unit : float
+        Metres per unit of length: 0.01 for centimetres.
+    rounding : float
+        Metres to which coordinates are rounded; 0 for none.
+    beams : int
+        Every n-th beam is kept.
+    field_of_view : float
+        Degrees about straight ahead that are kept.
+    lost_sector : float
+        Degrees of azimuth that three scans in ten lack.
+    specks : float
+        Share of points that are something in the air instead: dust, snow, insects.
     """
 
     turns: float = 1.0
@@ -86,7 +104,9 @@ class Convention:
             if not equals or name not in hints:
                 near = get_close_matches(name, hints, 1)
                 hint = f" (did you mean {near[0]}?)" if near else ""
-                raise InputError(f"{word!r} is no convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}.")
+                raise InputError(
+                    f"{word!r} is not a convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}."
+                )
             values[name] = _value(name, text, hints[name])
         return cls(**values)
 

@@ -40,7 +40,7 @@ class Turns(Protocol):
         """Return the (N,) labels of a turn's points, if known."""
 
     def poses_at(self, times: npt.NDArray[np.float64]) -> Pose:
-        """Return the (len(times), 4, 4) true poses T_world_sensor; ValueError where they are not known."""
+        """Return the (len(times), 4, 4) true poses T_world_sensor; ValueError if they are not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,12 @@ class TurnsByAzimuth(Sequence):
 
     Parameters
     ----------
-    inner : the sweeps, raw.
-    turn : +1 for a sensor that turns counter-clockwise seen from above, -1 for clockwise.
-    seam_deg : azimuth at which sweeps begin and end, degrees from +x towards +y.
+    inner : Sequence
+        The sweeps, raw.
+    turn : int
+        +1 for a sensor that turns counter-clockwise seen from above, -1 for clockwise.
+    seam_deg : float
+        Azimuth at which sweeps begin and end, degrees from +x towards +y.
     """
 
     def __init__(self, inner: Sequence, turn: int = -1, seam_deg: float = 180.0):

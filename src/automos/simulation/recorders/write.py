@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from automos.atomic import write_text
 from automos.errors import InputError
-from automos.pose_files import write_kitti
+from automos.pose_writers import write_kitti
 from automos.scan import Scan
 from automos.simulation.recorders.recorded import Recorded
 

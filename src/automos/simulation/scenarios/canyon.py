@@ -1,7 +1,7 @@
 """Street canyons: dense traffic at the ego's speed. Along smooth façades odometry is tempted to drive with the traffic.
 
 `canyon` is long smooth walls and little else, and starts as a light turns green, when all that moves moves alike. On
-`avenue` traffic flows from the start, and shorter houses with trees before them tell where along the street one is.
+`avenue` traffic flows from the start, and shorter houses with trees before them show how far along the street it is.
 """
 
 from __future__ import annotations

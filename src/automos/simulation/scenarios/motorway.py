@@ -1,7 +1,7 @@
 """Motorways: nearly everything moves, and fast; little stands still to hold on to.
 
 On `motorway` all are in full flight from the first scan, between bare verges; on `slowdown` all pick up speed after a
-slow stretch, between shrubs.
+slow section, between shrubs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ EGO_SPEED = 28.0
 LANES = (24.0, 29.0, 34.0)
 """m/s on the right, middle and left lane."""
 SLOW = 0.6
-"""Share of their speed at which all leave a slow stretch."""
+"""Share of their speed at which all leave a slow section."""
 LANE_WIDTH = 3.7
 MEDIAN = 2.0
 """Metres from the axis to the edge of the left lane."""
@@ -33,7 +33,7 @@ def motorway(rng: np.random.Generator, duration: float) -> World:
 
 
 def slowdown(rng: np.random.Generator, duration: float) -> World:
-    """Return a motorway with shrubs along it, on which a slow stretch has just ended."""
+    """Return a motorway with shrubs along it, on which a slow section has just ended."""
     return _build(rng, duration, start=SLOW, is_bare=False)
 
 

@@ -89,12 +89,18 @@ class Caster:
 
         Parameters
         ----------
-        pattern : N beams.
-        T_site_sensor : (C, 4, 4) the sensor's pose at each column.
-        T_body_sensor : (4, 4) its place on the ego vehicle.
-        times : seconds, start and end of the sweep.
-        reach : metres.
-        chance : (N,) in [0, 1), decides what panes do with each beam.
+        pattern : Pattern
+            N beams.
+        T_site_sensor : (C, 4, 4) float64
+            The sensor's pose at each column.
+        T_body_sensor : (4, 4) float64
+            Its place on the ego vehicle.
+        times : tuple[float, float]
+            Seconds, start and end of the sweep.
+        reach : float
+            Metres.
+        chance : (N,) array
+            In [0, 1), decides what panes do with each beam.
         """
         hits = Hits.none(len(pattern.direction), reach)
         for k, part in enumerate(self._rig.parts):

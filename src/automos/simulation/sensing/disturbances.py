@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
 DROPS_PER_METRE = 0.002
-"""Chance that a beam meets a drop of heavy rain that returns, a metre of its way."""
+"""Chance that a beam meets a drop of heavy rain that returns, per metre of its path."""
 DROPS_SEEN = 8.0
 """Metres within which drops return."""
 RAIN_DIMS = 0.6
@@ -23,7 +23,7 @@ PUFFS = 10
 PUFF_RADIUS = (0.8, 2.5)
 """Metres."""
 PUFF_DENSITY = 0.25
-"""Chance that a beam returns from a puff, a metre of its way in it."""
+"""Chance that a beam returns from a puff, per metre of its path in it."""
 WIND = 1.5
 """m/s at which puffs drift."""
 BLEEDS = 3
@@ -50,11 +50,16 @@ def add_dust(
 
     Parameters
     ----------
-    origin : (3,) where the sensor is, site frame.
-    direction : (N, 3) of the beams, site frame.
-    way : (K, 3) where the sensor comes by, site frame: about these places the puffs are.
-    time : seconds since the recording's start.
-    seed : of the puffs' places, radii and winds.
+    origin : (3,) float64
+        Where the sensor is, site frame.
+    direction : (N, 3) array
+        The beams, site frame.
+    way : (K, 3) float64
+        Where the sensor comes by, site frame: about these places the puffs are.
+    time : float
+        Seconds since the recording's start.
+    seed : int
+        Of the puffs' places, radii and winds.
     """
     still = np.random.default_rng([seed, 31])
     center = way[still.integers(0, len(way), PUFFS)] + still.normal(0.0, 1.0, (PUFFS, 3)) * (6.0, 6.0, 0.5)

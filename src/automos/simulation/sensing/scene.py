@@ -34,7 +34,7 @@ class Hits:
 
     Attributes
     ----------
-    distance : (N,) float32 metres, inf where nothing is hit.
+    distance : (N,) float32 metres, inf if nothing is hit.
     material : (N,) uint8.
     tint : (N,) float32.
     cosine : (N,) float32 of the angle of incidence.

@@ -25,22 +25,38 @@ class Sensor:
 
     Attributes
     ----------
-    name : as its maker writes it.
-    elevations : degrees of each beam, in ring order (from the top down for spinning sensors); empty for a rosette.
-    columns : firings per sweep and beam (spinning), or firings per sweep and line (rosette).
-    period : seconds per sweep.
-    turn : +1 turns counter-clockwise seen from above, -1 clockwise; a sweep starts and ends at the back.
-    stagger : degrees by which the azimuths of successive beams differ, repeated over the beams.
-    reach : metres at which a surface of 10 % reflectivity is still seen every other time.
-    max_range, min_range : metres.
-    noise : metres, standard deviation of one range measurement.
-    ring_bias : metres, standard deviation of the beams' constant range errors left by calibration.
-    divergence : radians, full angle of a beam.
-    height : metres above the ground where it is usually mounted.
-    forward : metres ahead of the vehicle's middle.
-    organised : missing returns are kept as points at the origin, beam by beam.
-    levels : steps of its intensity scale.
-    rosette : (width, height) of the field of view in degrees, for a sensor that does not spin; else None.
+    name : str
+        As its maker writes it.
+    elevations : floating array
+        Degrees of each beam, in ring order (from the top down for spinning sensors); empty for a rosette.
+    columns : int
+        Firings per sweep and beam (spinning), or firings per sweep and line (rosette).
+    period : float
+        Seconds per sweep.
+    turn : int
+        +1 turns counter-clockwise seen from above, -1 clockwise; a sweep starts and ends at the back.
+    stagger : tuple of float
+        Degrees by which the azimuths of successive beams differ, repeated over the beams.
+    reach : float
+        Metres at which a surface of 10 % reflectivity is still seen every other time.
+    max_range, min_range : float
+        Metres.
+    noise : float
+        Metres, standard deviation of one range measurement.
+    ring_bias : float
+        Metres, standard deviation of the beams' constant range errors left by calibration.
+    divergence : float
+        Radians, full angle of a beam.
+    height : float
+        Metres above the ground where it is usually mounted.
+    forward : float
+        Metres ahead of the vehicle's middle.
+    organised : bool
+        Missing returns are kept as points at the origin, beam by beam.
+    levels : int
+        Steps of its intensity scale.
+    rosette : (width, height) float, optional
+        The field of view in degrees, for a sensor that does not spin; else None.
     """
 
     name: str

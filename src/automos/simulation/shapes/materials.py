@@ -40,11 +40,16 @@ class Surface:
 
     Attributes
     ----------
-    reflectivity : of a Lambertian sheet, 1 is white paper; a face's tint multiplies it.
-    falloff : the echo fades with cos(incidence)**falloff: 1 is Lambertian, small is rough (seen at grazing angles too).
-    fuzz : metres, mean depth to which beams enter before they return (grass blades, foliage).
-    lost : share of the hits that never come back (mirror-like surfaces).
-    passed : share of the hits that go on behind the surface (panes).
+    reflectivity : float
+        Of a Lambertian sheet, 1 is white paper; a face's tint multiplies it.
+    falloff : float
+        The echo fades with cos(incidence)**falloff: 1 is Lambertian, small is rough (seen at grazing angles too).
+    fuzz : float
+        Metres, mean depth to which beams enter before they return (grass blades, foliage).
+    lost : float
+        Share of the hits that never come back (mirror-like surfaces).
+    passed : float
+        Share of the hits that go on behind the surface (panes).
     """
 
     reflectivity: float

@@ -26,10 +26,14 @@ class Mesh:
 
     Attributes
     ----------
-    vertices : (V, 3) float64, metres.
-    faces : (F, 3) int32, rows of `vertices`.
-    material : (F,) uint8, values of `Material`.
-    tint : (F,) float32, factor on the material's reflectivity.
+    vertices : (V, 3) float64
+        Metres.
+    faces : (F, 3) int32
+        Rows of `vertices`.
+    material : (F,) uint8
+        Values of `Material`.
+    tint : (F,) float32
+        Factor on the material's reflectivity.
     """
 
     vertices: npt.NDArray[np.float64]

@@ -17,10 +17,14 @@ class Thing:
 
     Attributes
     ----------
-    kind : "car", "person", ...
-    frames : meshes; more than one for what changes its shape as it goes (legs), shown in turn along `stride`.
-    stride : metres travelled per cycle of the frames.
-    axles : x of the rear and front point that follow the path, metres.
+    kind : str
+        "car", "person", ...
+    frames : tuple of Mesh
+        Meshes; more than one for what changes its shape as it goes (legs), shown in turn along `stride`.
+    stride : float
+        Metres travelled per cycle of the frames.
+    axles : tuple[float, float]
+        X of the rear and front point that follow the path, metres.
     """
 
     kind: str

@@ -20,19 +20,32 @@ class Agent:
 
     Attributes
     ----------
-    parts : things from the front backward.
-    path : the path it follows.
-    start : metres along the path of the first part's origin when it enters.
-    speed : m/s it would like to go.
-    initial : m/s when it enters; the desired speed where None.
-    enter : seconds after which it exists.
-    go : seconds until which it waits where it is.
-    stop : metres along the path where it stops for good.
-    offset : metres to the left of the path.
-    wander : metres it strays to both sides.
-    gaps : metres behind the first part's origin of each part's origin.
-    headway : seconds to whom it follows.
-    on_foot : steps aside instead of keeping distance.
+    parts : tuple of Thing
+        Things from the front backward.
+    path : Path
+        The path it follows.
+    start : float
+        Metres along the path of the first part's origin when it enters.
+    speed : float
+        M/s it would like to go.
+    initial : float, optional
+        M/s when it enters; the desired speed where None.
+    enter : float
+        Seconds after which it exists.
+    go : float
+        Seconds until which it waits where it is.
+    stop : float
+        Metres along the path where it stops for good.
+    offset : float
+        Metres to the left of the path.
+    wander : float
+        Metres it strays to both sides.
+    gaps : tuple of float
+        Metres behind the first part's origin of each part's origin.
+    headway : float
+        Seconds to whom it follows.
+    on_foot : bool
+        Steps aside instead of keeping distance.
     """
 
     parts: tuple[Thing, ...]

@@ -26,12 +26,18 @@ class Crossing:
 
     Attributes
     ----------
-    center : (2,) metres.
-    headings : (A,) radians, outward direction of each arm.
-    reaches : (A,) metres, length of each arm.
-    lane : metres from an arm's middle line to the middle of its lanes.
-    stop : metres from the centre to the stop lines.
-    shift : seconds by which the cycle is ahead at the start.
+    center : (2,) float64
+        Metres.
+    headings : (A,) float
+        Radians, outward direction of each arm.
+    reaches : (A,) float
+        Metres, length of each arm.
+    lane : float
+        Metres from an arm's middle line to the middle of its lanes.
+    stop : float
+        Metres from the centre to the stop lines.
+    shift : float
+        Seconds by which the cycle is ahead at the start.
     """
 
     center: Array

@@ -1,7 +1,7 @@
 """Who drives where and how fast: road users on paths that keep their distance, mind signals, turn and brake.
 
 Longitudinal behaviour is the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 2000). Whom to follow
-is found from geometry alone, not from lanes: anybody whose outline comes near the stretch of path ahead, so merging,
+is found from geometry alone, not from lanes: anyone whose outline comes near the path ahead, so merging,
 crossing and a pedestrian in front of the bonnet need no special case. An outline is a row of discs. People on foot step
 aside for each other and stop for moving vehicles.
 """
@@ -79,7 +79,12 @@ class _Tables:
 
     Attributes
     ----------
-    lines : (K,) of `_LINES`.   starts : (P + 1,) where each path begins.   crew : (A,) of `_CREW`.
+    lines : (K,) array
+        `_LINES`.
+    starts : (P + 1,) int64
+        Where each path begins.
+    crew : (A,) array
+        `_CREW`.
     """
 
     lines: npt.NDArray

@@ -20,8 +20,10 @@ class Path:
 
     Attributes
     ----------
-    xy : (K, 2) metres.
-    z : (K,) metres above the terrain's height (0 on the ground, more on a bridge).
+    xy : (K, 2) float64
+        Metres.
+    z : (K,) float64
+        Metres above the terrain's height (0 on the ground, more on a bridge).
     """
 
     xy: Array

@@ -102,7 +102,7 @@
 
   function timings() {
     const stages = Object.entries(data.run.seconds);
-    if (!stages.length) return put("timings", element("p", { class: "soft" }, "The run does not tell."));
+    if (!stages.length) return put("timings", element("p", { class: "soft" }, "Not stored in this run."));
     const most = Math.max(...stages.map(([, s]) => s));
     const bars = stages.flatMap(([name, s]) => [
       element("span", {}, name), element("div", {}, element("div", { class: "bar", style: `width:${(100 * s) / most}%` })),
@@ -176,7 +176,7 @@
   scores();
   timings();
   confidence();
-  put("settings", data.settings || "The run does not tell.");
+  put("settings", data.settings || "Not stored in this run.");
   put("versions", JSON.stringify({ versions: data.run.versions, odometry: data.run.odometry }, null, 1));
   show(Math.floor(data.scans / 2));
   document.body.dataset.ready = "true";

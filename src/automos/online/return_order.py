@@ -1,0 +1,53 @@
+"""Returns labelled scans in the order of their arrival, including those that could not be used."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from automos.online.intake import Kind, Taken
+from automos.online.labelled_scan import LabelledScan
+
+
+class ReturnOrder:
+    """Holds labelled scans back until all scans that arrived before them can be returned, too."""
+
+    def __init__(self) -> None:
+        self._pending: deque[tuple[int, Taken, int]] = deque()  # index, what it is, number of points
+        self._ready: dict[int, LabelledScan] = {}
+        self._last: LabelledScan | None = None
+
+    def expect(self, index: int, about: Taken, n_points: int) -> None:
+        """Note that scan `index` of `n_points` points has arrived."""
+        self._pending.append((index, about, n_points))
+
+    def add(self, labelled: Iterable[LabelledScan]) -> None:
+        """Add scans that were labelled."""
+        self._ready.update((scan.index, scan) for scan in labelled)
+
+    def take(self) -> list[LabelledScan]:
+        """Return the scans that are ready, up to the first one that is not."""
+        done = []
+        while self._pending:
+            index, about, n_points = self._pending[0]
+            if about.kind in (Kind.NEXT, Kind.RESTART):
+                if index not in self._ready:
+                    break
+                scan = self._ready.pop(index)
+            else:
+                scan = self._unusable(index, about, n_points)
+            if about.kind is not Kind.LATE:
+                self._last = scan
+            self._pending.popleft()
+            done.append(scan)
+        return done
+
+    def _unusable(self, index: int, about: Taken, n_points: int) -> LabelledScan:
+        """Return the result for a scan that could not be used; a duplicate has the labels of the first."""
+        last = self._last
+        if about.kind is Kind.REPEAT and last is not None and len(last.labels) == n_points:
+            return replace(last, index=index, stamp=about.stamp)
+        return LabelledScan.of_nothing(index, about.stamp, np.eye(4) if last is None else last.pose, n_points)
