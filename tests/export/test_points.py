@@ -198,6 +198,17 @@ def test_a_recording_in_which_nothing_was_found_is_written_as_well(tmp_path, for
     assert content(written)
 
 
+@pytest.mark.parametrize("format", EXPORTS)
+def test_points_beyond_any_sensor_are_written_in_every_format(tmp_path, format):
+    extra = {"laz": "laspy", "parquet": "pyarrow", "mcap": "rosbags"}.get(format)
+    if extra:
+        pytest.importorskip(extra)
+    scans = make_scans()
+    scans[0].points[1:4, 1] = (np.inf, -5e18, 3e38)
+    run = make_run(tmp_path / "run", scans=scans)
+    assert content(export(run, format, tmp_path / f"out{load_export(format).suffix}"))
+
+
 def content(path):
     files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
     return {file.name: file.read_bytes() for file in files}

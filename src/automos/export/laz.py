@@ -1,7 +1,8 @@
 """Compressed LAS files, one per scan, for the tools of surveyors.
 
-LAS keeps coordinates as whole numbers of a step, here a tenth of a millimetre; what is no number becomes 0, 0, 0, which
-is how drivers write "no return". The label is the classification and, with the instance, an extra dimension.
+LAS keeps coordinates as whole numbers of a step, here a tenth of a millimetre; what is no number, or beyond those,
+becomes 0, 0, 0, which is how drivers write "no return". The label is the classification and, with the instance, an
+extra dimension.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from automos.export.point_columns import point_columns
 from automos.results.run_files import RunFiles
 
 STEP = 1e-4
-"""Metres: the grid of the coordinates; 32 bits reach 214 km."""
+"""Metres: the grid of the coordinates."""
+_REACH = (2**31 - 1) * STEP
+"""Metres that 32 bits reach: 214 km."""
 
 
 def write(run: RunFiles, out: Path) -> None:
@@ -33,7 +36,7 @@ def write(run: RunFiles, out: Path) -> None:
         header.add_extra_dims([laspy.ExtraBytesParams(name, column.dtype) for name, column in extra.items()])
         las = laspy.LasData(header)
         xyz = np.column_stack([columns[axis] for axis in "xyz"])
-        xyz = np.where(np.isfinite(xyz).all(axis=1)[:, None], xyz, np.float32(0.0))
+        xyz = np.where((np.abs(xyz) < _REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
         las.x, las.y, las.z = xyz.astype(np.float64).T
         las.classification = columns["label"].astype(np.uint8)
         if "intensity" in columns:
