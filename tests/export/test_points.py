@@ -237,3 +237,23 @@ def test_a_missing_package_is_told_with_the_command_that_installs_it(run, tmp_pa
     monkeypatch.setitem(__import__("sys").modules, module, None)
     with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{load_export(format).needs}\]'"):
         export(run, format, tmp_path / "out")
+
+
+def test_parquet_holds_scans_of_which_some_lack_what_others_have(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    scans = make_scans()
+    for scan, name in zip(scans, ("intensity", "time", "ring"), strict=True):
+        object.__setattr__(scan, name, None)
+    table = parquet.read_table(export(make_run(tmp_path / "run", scans=scans), "parquet", tmp_path / "a.parquet"))
+    assert table["time"].to_pylist()[:6] == scans[0].time.tolist()
+    assert table["ring"].to_pylist() == [*range(6), *[None] * 4]
+    assert table["intensity"].to_pylist()[:6] == [None] * 6
+
+
+@pytest.mark.parametrize("first", [-0.1, 2.0**31 - 0.15, 9e10])
+def test_times_that_ros_cannot_hold_are_told_before_an_mcap_is_written(run, tmp_path, first):
+    pytest.importorskip("rosbags")
+    run.sequence._stamps = first + 0.1 * np.arange(3)
+    with pytest.raises(InputError, match=r"scan 00000\d is at .* s, but ROS has times from 0 to 2\^31 s only"):
+        export_run(run.folder, [run.sequence], "mcap", tmp_path / "a.mcap")
+    assert not list(tmp_path.glob("*.mcap"))
