@@ -1,5 +1,6 @@
 """What is damaged, in the way, somebody else's or not finished is refused in a sentence that names it."""
 
+import errno
 import math
 import os
 import shutil
@@ -272,3 +273,8 @@ def test_a_nan_that_signals_is_a_nan_and_nothing_is_said_of_it(tmp_path):
     points.tofile(folder / "000001.bin")
     sequence = open_sequence(folder)
     assert [int(scan.is_valid.sum()) for scan in sequence] == [50, 49, 50]
+
+
+def test_of_what_cannot_be_read_in_a_folder_the_name_is_told(tmp_path):
+    with pytest.raises(InputError, match="secret cannot be read: Permission denied"), reading.damage_told(tmp_path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "secret"))
