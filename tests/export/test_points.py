@@ -257,3 +257,20 @@ def test_times_that_ros_cannot_hold_are_told_before_an_mcap_is_written(run, tmp_
     with pytest.raises(InputError, match=r"scan 00000\d is at .* s, but ROS has times from 0 to 2\^31 s only"):
         export_run(run.folder, [run.sequence], "mcap", tmp_path / "a.mcap")
     assert not list(tmp_path.glob("*.mcap"))
+
+
+@pytest.mark.parametrize("format", EXPORTS)
+def test_a_disk_that_is_full_is_told_with_the_name_of_what_could_not_be_written(run, tmp_path, format):
+    resource = pytest.importorskip("resource")
+    extra = {"laz": "laspy", "parquet": "pyarrow", "flow-av2": "pyarrow", "mcap": "rosbags", "opensceneflow": "h5py"}
+    pytest.importorskip(extra.get(format, "numpy"))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16, before[1]))  # no file may have more bytes
+    try:
+        with pytest.raises(InputError, match=f"{tmp_path}/out.* (could not|cannot) be written"):
+            export_run(run.folder, [run.sequence], format, tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not [
+        path for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_size > 16 and "out" in str(path)
+    ]

@@ -7,6 +7,7 @@ extra dimension.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +46,10 @@ def write(run: RunFiles, out: Path) -> None:
             las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
         for name, column in extra.items():
             las[name] = column
-        with atomic_path(out / f"{run.names[index]}.laz") as temporary, temporary.open("wb") as file:
-            las.write(file, do_compress=True)
+        packed = io.BytesIO()  # what packs does not tell a full disk from other faults
+        las.write(packed, do_compress=True)
+        with atomic_path(out / f"{run.names[index]}.laz") as temporary:
+            temporary.write_bytes(packed.getvalue())
 
 
 def _to_16_bits(intensity: np.ndarray) -> np.ndarray:
