@@ -157,5 +157,5 @@ JOBS = {
         ),
     )
 }
-"""Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111 and seed 30 of `trust.py` are for these tables: nothing
-was chosen on them. Choices were made on seed 17 of `conventions.py`, and on drive 0005."""
+"""Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111 and seed 30 of `trust.py` are for these tables: no
+choice was made on them. Choices were made on seed 17 of `conventions.py`, and on drive 0005."""

@@ -4,9 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from automos.atomic import atomic_path, remove_parts, write_text
+from automos.atomic import atomic_path, remove_parts, write_npy, write_raw, write_text
 from automos.errors import InputError
 
 
@@ -112,3 +113,30 @@ def test_texts_are_utf_8_whatever_the_system_speaks(tmp_path):
 def test_what_has_no_name_of_a_file_is_told(name):
     with pytest.raises(InputError, match="give the name of a file"):
         write_text(Path(name), "text")
+
+
+@pytest.mark.parametrize("write", [write_raw, write_npy])
+@pytest.mark.parametrize("n", [6, 2100])
+def test_numbers_that_a_full_disk_takes_in_part_are_told_and_not_there(tmp_path, write, n):
+    resource = pytest.importorskip("resource")
+    numbers = np.arange(n, dtype=np.uint32)
+    write(tmp_path / "a", numbers)
+    size = (tmp_path / "a").stat().st_size
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size - 3, before[1]))  # no file may have more bytes
+    try:
+        with pytest.raises(InputError, match="b could not be written"):
+            write(tmp_path / "b", numbers)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_numbers_are_written_as_they_lie_in_memory(tmp_path):
+    rows = np.arange(12.0, dtype=np.float32).reshape(4, 3)[:, ::-1]
+    write_raw(tmp_path / "a.bin", rows)
+    write_npy(tmp_path / "a.npy", rows)
+    write_raw(tmp_path / "none.bin", rows[:0])
+    assert np.fromfile(tmp_path / "a.bin", np.float32).tolist() == rows.ravel().tolist()
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), rows)
+    assert (tmp_path / "none.bin").stat().st_size == 0

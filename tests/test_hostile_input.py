@@ -1,5 +1,6 @@
 """What is damaged, in the way, somebody else's or not finished is refused in a sentence that names it."""
 
+import errno
 import math
 import os
 import shutil
@@ -272,3 +273,27 @@ def test_a_nan_that_signals_is_a_nan_and_nothing_is_said_of_it(tmp_path):
     points.tofile(folder / "000001.bin")
     sequence = open_sequence(folder)
     assert [int(scan.is_valid.sum()) for scan in sequence] == [50, 49, 50]
+
+
+def test_of_what_cannot_be_read_in_a_folder_the_name_is_told(tmp_path):
+    with pytest.raises(InputError, match="secret cannot be read: Permission denied"), reading.damage_told(tmp_path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "secret"))
+
+
+def test_no_command_replaces_a_file_of_the_recording_or_writes_among_its_scans(lane_run, tmp_path):
+    log = shutil.copytree(lane_run.parent / "lane", tmp_path / "log")
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    fleet = shutil.copytree(log, tmp_path / "fleet" / "a").parent
+    shutil.copytree(log, fleet / "b")
+    scan, times = next(iter(sorted((log / "velodyne").iterdir()))), log / "times.txt"
+    for words, told in (
+        (["report", run, log, "--out", times], "is a file of the recording"),
+        (["evaluate", run, log, "--json", scan], "is a file of the recording"),
+        (["label", fleet, "--out", log], "holds the scans of a recording"),
+        (["label", log, "--out", run / "predictions"], "holds the results of a run"),
+    ):
+        before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+        result = CliRunner().invoke(app, list(map(str, words)))
+        assert isinstance(result.exception, InputError)
+        assert told in str(result.exception)
+        assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
 
 from automos.errors import InputError
 
@@ -98,3 +102,20 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` to `path`, completely or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_raw(path: Path, array: npt.NDArray) -> None:
+    """Write the numbers of `array` and nothing else to `path`, whole or not at all.
+
+    `ndarray.tofile`, and `numpy.save` to a file, say nothing where the disk is full when their file is closed.
+    """
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+
+
+def write_npy(path: Path, array: npt.NDArray) -> None:
+    """Write `array` to `path` as NumPy's file, whole or not at all; see `write_raw`."""
+    content = io.BytesIO()
+    np.save(content, array)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.getbuffer())

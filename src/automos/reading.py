@@ -54,7 +54,8 @@ def damage_told(path: Path | str, what: str = "is damaged, or not what its name 
     except AutomosError:
         raise
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        within = error.filename if str(error.filename).startswith(str(path)) else path
+        raise InputError(f"{within} cannot be read: {error.strerror or error}") from error
     except DAMAGE as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path} {what} ({why}); copy it again") from error

@@ -92,7 +92,8 @@ class Scan:
             raise InputError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
         elif not is_rigid(mounts).all():
             raise InputError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
-        if not isinstance(self.name, str) or not isinstance(self.stamp, SupportsFloat | None):
+        is_time = self.stamp is None or (isinstance(self.stamp, SupportsFloat) and np.ndim(self.stamp) == 0)
+        if not isinstance(self.name, str) or not is_time:
             raise InputError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
 
     def __len__(self) -> int:

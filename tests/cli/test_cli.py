@@ -562,3 +562,14 @@ def test_a_name_of_thousands_of_letters_does_not_hide_what_is_wrong_with_it(auto
     assert ended.code == 2
     assert "File name too long" in ended.err
     assert len(ended.err) < 2100
+
+
+def test_names_that_the_terminal_has_no_letters_for_are_printed_all_the_same(tmp_path):
+    log = tmp_path / "Straße" / "log"
+    log.mkdir(parents=True)
+    (log / "0.bin").write_bytes(bytes(16))
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "1"}
+    command = [sys.executable, "-P", "-m", "automos", "label", str(log), "--dry-run", "--out", str(log.parent / "out")]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, encoding="ascii")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "Stra\\xdfe" in run.stdout

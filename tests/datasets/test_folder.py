@@ -376,6 +376,18 @@ def test_scans_in_a_folder_among_scans_are_told_to_be_left_out(kitti):
     ]
 
 
+def test_scans_and_recordings_beside_the_folder_of_scans_are_told_to_be_left_out(kitti):
+    for place in ("inner/velodyne", "sequences/00/velodyne", "thinned", "photos"):
+        (kitti / place).mkdir(parents=True)
+    (kitti / "photos" / "0.png").write_bytes(b"x")
+    assert open_sequence(kitti).warnings == []
+    for place in ("inner/velodyne", "sequences/00/velodyne", "thinned"):
+        (kitti / place / "000000.bin").write_bytes(bytes(16))
+    assert open_sequence(kitti).warnings == [
+        f"Folders in {kitti} hold scans, too (inner, sequences, thinned): they are left out, give their own paths.",
+    ]
+
+
 @pytest.mark.parametrize(
     ("times", "why"),
     [

@@ -93,3 +93,34 @@ def test_a_count_of_packed_points_that_is_not_that_of_their_chunks_is_told(tmp_p
         path.write_bytes(whole[:247] + wrong.to_bytes(8, "little") + whole[255:])
         with pytest.raises(InputError, match=f"its header announces {wrong} points"):
             open_sequence(tmp_path / "log")[0]
+
+
+@pytest.mark.parametrize("n_points", [700, 60_000])
+def test_a_count_of_points_in_one_stream_that_leaves_packed_bytes_unread_is_told(tmp_path, n_points):
+    path = tmp_path / "log" / "0.laz"
+    path.parent.mkdir()
+    las = laspy.LasData(laspy.LasHeader(version="1.2", point_format=1))
+    las.x, las.y, las.z = np.random.default_rng(0).uniform(-20.0, 20.0, (3, n_points))
+    las.write(path)
+    whole = path.read_bytes()
+    assert len(open_sequence(tmp_path / "log")[0]) == n_points
+    for wrong in (n_points - 9, n_points - n_points % 50_000 // 2):
+        path.write_bytes(whole[:107] + wrong.to_bytes(4, "little") + whole[111:])
+        with pytest.raises(InputError, match=f"holds more packed points than the {wrong} that its header promises"):
+            open_sequence(tmp_path / "log")[0]
+
+
+@pytest.mark.parametrize("n_records", [0, 2])
+def test_bytes_that_came_in_or_were_lost_among_points_are_told_be_they_less_than_a_point(tmp_path, n_records):
+    path = tmp_path / "log" / "0.las"
+    write_las(path, street_log().scans[0])
+    if n_records:
+        las = laspy.read(path)
+        las.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("me", k, "of mine", b"12345") for k in range(n_records)])
+        las.write(path)
+    whole = path.read_bytes()
+    assert len(open_sequence(tmp_path / "log")[0]) == len(street_log().scans[0])
+    for damaged in (whole[:5000] + b"x" + whole[5000:], whole[:5000] + whole[5001:]):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"0.las is cut short or damaged"):
+            open_sequence(tmp_path / "log")[0]

@@ -46,7 +46,9 @@ def write_tables(root, log, scenes=("scene-0061",), attributes=True, boxes=True,
             np.column_stack([scan.points, scan.intensity, scan.ring]).astype("<f4").tofile(root / filename)
             row = {"token": f"{scene}-d{i}", "sample_token": f"{scene}-{keyframe}", "timestamp": microseconds}
             row |= {"ego_pose_token": f"{scene}-e{i}", "is_key_frame": i in KEYFRAMES}
-            lidar = {**row, "calibrated_sensor_token": "c-lidar", "filename": filename}
+            beside = [f"{scene}-d{k}" if 0 <= k < len(log.scans) else "" for k in (i - 1, i + 1)]
+            lidar = {**row, "calibrated_sensor_token": "c-lidar", "filename": filename, "prev": beside[0]}
+            lidar["next"] = beside[1]
             camera = {**row, "token": f"{scene}-c{i}", "calibrated_sensor_token": "c-cam", "filename": "x.jpg"}
             tables["sample_data"][:0] = [lidar, camera]  # rows are in no order of time
             T = T_global_sensor[i] @ inverse(T_EGO_SENSOR)
@@ -124,6 +126,16 @@ def test_scenes_are_named_below_their_tables(tmp_path):
         open_sequence(root)
     with pytest.raises(InputError, match=r"scene.json has no scene 'scene-9'"):
         open_sequence(root / "v1.0-mini" / "scene-9")
+
+
+@pytest.mark.parametrize("lost", [0, 5, 11])
+def test_a_row_of_a_sweep_that_was_lost_is_told_as_its_neighbours_name_it(root, lost):
+    path = root / "v1.0-mini" / "sample_data.json"
+    rows = [row for row in json.loads(path.read_text()) if row["token"] != f"scene-0061-d{lost}"]
+    path.write_text(json.dumps(rows))
+    nuscenes._read.cache_clear()
+    with pytest.raises(InputError, match=f"sample_data.json has no row scene-0061-d{lost}, which others name"):
+        open_sequence(root)
 
 
 def test_tables_that_name_what_is_absent_are_told(root):

@@ -169,7 +169,8 @@ def test_elements_before_and_after_the_vertices_are_skipped(tmp_path, write_poin
     before = "element camera 1\nproperty float u\nproperty float v\n"
     write_points(path, columns, encoding=encoding, before=before, body_before=camera)
     faces = b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    path.write_bytes(path.read_bytes().replace(b"end_header\n", faces) + b"3 0 1 2\n")
+    face = b"3 0 1 2\n" if encoding == "ascii" else b"\3" + np.arange(3, dtype="<i4").tobytes()
+    path.write_bytes(path.read_bytes().replace(b"end_header\n", faces) + face)
     np.testing.assert_array_equal(read_scan(path).points[:, 0], columns["x"])
 
 
@@ -186,6 +187,7 @@ def test_elements_before_and_after_the_vertices_are_skipped(tmp_path, write_poin
             b"\n".join(b"property float p%d" % i for i in range(5000)),
             "cannot be understood: 'property",
         ),
+        (b"property float x", b"PROPERTY float x", "cannot be understood: 'PROPERTY float x'"),
         (b"binary_little_endian", b"zipped", "PLY format 'zipped'"),
     ],
 )
@@ -195,6 +197,48 @@ def test_a_damaged_ply_header_is_told(tmp_path, write_points, old, new, message)
     path.write_bytes(path.read_bytes().replace(old, new))
     with pytest.raises(InputError, match=message):
         read_scan(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "encoding"),
+    [
+        (".pcd", "binary"),
+        (".pcd", "binary_compressed"),
+        (".ply", "binary_little_endian"),
+        (".ply", "binary_big_endian"),
+    ],
+)
+def test_bytes_that_came_in_are_told_be_they_less_than_a_point_but_padding_is_read(
+    tmp_path, write_points, columns, suffix, encoding
+):
+    path = tmp_path / f"a{suffix}"
+    write_points(path, columns, encoding=encoding)
+    whole = path.read_bytes()
+    for padding in (b"\n", bytes(4096)):
+        path.write_bytes(whole + padding)
+        np.testing.assert_array_equal(read_scan(path).points[:, 0], columns["x"])
+    for damaged in (whole + b"x", whole + b"\0", whole[:-2000] + b"xyz" + whole[-2000:]):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"a\.p.. (holds . bytes more|is damaged|cannot be unpacked)"):
+            read_scan(path)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_what_lies_behind_the_vertices_must_end_where_the_file_does(tmp_path, write_points, columns, encoding):
+    path = tmp_path / "a.ply"
+    write_points(path, columns, encoding=encoding)
+    faces = b"element face 2\nproperty list uchar short of\nproperty uchar red\nend_header\n"
+    order = ">" if "big" in encoding else "<"
+    of = [b"\2" + np.arange(2, dtype=order + "i2").tobytes() + b"\7", b"\0\7"]
+    behind = b"2 0 1 7\n0 7\n" if encoding == "ascii" else b"".join(of)
+    whole = path.read_bytes().replace(b"end_header\n", faces) + behind
+    path.write_bytes(whole)
+    np.testing.assert_array_equal(read_scan(path).points[:, 0], columns["x"])
+    fewer = whole.replace(b"element vertex 500", b"element vertex 250")
+    for damaged in (fewer, whole[:-4], whole + behind):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"a\.ply (holds|is cut short)"):
+            read_scan(path)
 
 
 # ------------------------------------------------------------------------------------------------- npy and text

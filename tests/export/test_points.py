@@ -198,6 +198,17 @@ def test_a_recording_in_which_nothing_was_found_is_written_as_well(tmp_path, for
     assert content(written)
 
 
+@pytest.mark.parametrize("format", EXPORTS)
+def test_points_beyond_any_sensor_are_written_in_every_format(tmp_path, format):
+    extra = {"laz": "laspy", "parquet": "pyarrow", "mcap": "rosbags"}.get(format)
+    if extra:
+        pytest.importorskip(extra)
+    scans = make_scans()
+    scans[0].points[1:4, 1] = (np.inf, -5e18, 3e38)
+    run = make_run(tmp_path / "run", scans=scans)
+    assert content(export(run, format, tmp_path / f"out{load_export(format).suffix}"))
+
+
 def content(path):
     files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
     return {file.name: file.read_bytes() for file in files}
@@ -226,3 +237,40 @@ def test_a_missing_package_is_told_with_the_command_that_installs_it(run, tmp_pa
     monkeypatch.setitem(__import__("sys").modules, module, None)
     with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{load_export(format).needs}\]'"):
         export(run, format, tmp_path / "out")
+
+
+def test_parquet_holds_scans_of_which_some_lack_what_others_have(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    scans = make_scans()
+    for scan, name in zip(scans, ("intensity", "time", "ring"), strict=True):
+        object.__setattr__(scan, name, None)
+    table = parquet.read_table(export(make_run(tmp_path / "run", scans=scans), "parquet", tmp_path / "a.parquet"))
+    assert table["time"].to_pylist()[:6] == scans[0].time.tolist()
+    assert table["ring"].to_pylist() == [*range(6), *[None] * 4]
+    assert table["intensity"].to_pylist()[:6] == [None] * 6
+
+
+@pytest.mark.parametrize("first", [-0.1, 2.0**31 - 0.15, 9e10])
+def test_times_that_ros_cannot_hold_are_told_before_an_mcap_is_written(run, tmp_path, first):
+    pytest.importorskip("rosbags")
+    run.sequence._stamps = first + 0.1 * np.arange(3)
+    with pytest.raises(InputError, match=r"scan 00000\d is at .* s, but ROS has times from 0 to 2\^31 s only"):
+        export_run(run.folder, [run.sequence], "mcap", tmp_path / "a.mcap")
+    assert not list(tmp_path.glob("*.mcap"))
+
+
+@pytest.mark.parametrize("format", EXPORTS)
+def test_a_disk_that_is_full_is_told_with_the_name_of_what_could_not_be_written(run, tmp_path, format):
+    resource = pytest.importorskip("resource")
+    extra = {"laz": "laspy", "parquet": "pyarrow", "flow-av2": "pyarrow", "mcap": "rosbags", "opensceneflow": "h5py"}
+    pytest.importorskip(extra.get(format, "numpy"))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16, before[1]))  # no file may have more bytes
+    try:
+        with pytest.raises(InputError, match=f"{tmp_path}/out.* (could not|cannot) be written"):
+            export_run(run.folder, [run.sequence], format, tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not [
+        path for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_size > 16 and "out" in str(path)
+    ]

@@ -84,6 +84,29 @@ def test_an_unknown_kind_is_refused_and_a_failure_leaves_no_file(tmp_path):
 
 
 # -------------------------------------------------------------------------------------------------------- metrics
+def test_a_map_further_than_laz_reaches_is_told_and_leaves_no_file(tmp_path):
+    pytest.importorskip("lazrs")
+    with pytest.raises(InputError, match="further than 215 km"), open_cloud(tmp_path / "map.laz") as write:
+        write(np.array([[3e5, 0.0, 0.0]], np.float32))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd", "laz"])
+def test_a_map_that_a_full_disk_does_not_take_is_told_and_leaves_no_file(kind, tmp_path):
+    resource = pytest.importorskip("resource")
+    if kind == "laz":
+        pytest.importorskip("lazrs")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))  # no file may have more bytes
+    try:
+        told = pytest.raises(InputError, match=rf"map\.{kind} could not be written")
+        with told, open_cloud(tmp_path / f"map.{kind}") as write:
+            write(np.random.default_rng(0).uniform(-50.0, 50.0, (10_000, 3)).astype(np.float32))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_map_figures_are_those_computed_by_hand():
     # x decides the voxel (0.2 m): two static voxels, a mixed one, two of a mover
     x = np.array([0.1, 0.1, 1.1, 2.1, 2.1, 3.1, 3.1, 4.1])

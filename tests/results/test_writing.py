@@ -9,7 +9,7 @@ import pytest
 
 from automos import __version__
 from automos.array_sequence import ArraySequence
-from automos.atomic import atomic_path
+from automos.atomic import write_raw
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.labels import Label, to_mos
@@ -175,16 +175,16 @@ def test_nothing_else_is_left_in_the_folder(folder):
     assert list(read_labels(folder)) == SEQUENCE.names
 
 
-def full_disk(path):
+def full_disk(path, array):
     if path.name == "000002.label":
         raise InputError(f"{path} could not be written ({os.strerror(errno.ENOSPC)})")
-    return atomic_path(path)
+    write_raw(path, array)
 
 
 @pytest.mark.parametrize(("result", "settings"), [(make_result("other"), PAPER), (make_result(), WITH_IDS)])
 def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(folder, monkeypatch, result, settings):
     (folder / "predictions" / "000099.label").write_bytes(b"")
-    monkeypatch.setattr(point_files, "atomic_path", full_disk)
+    monkeypatch.setattr(point_files, "write_raw", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, result, settings)
     # two of three are new, none is old, and no run.json vouches for them
@@ -193,7 +193,7 @@ def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(f
 
 
 def test_labels_of_the_same_run_stay_while_they_are_written_again(folder, monkeypatch):
-    monkeypatch.setattr(point_files, "atomic_path", full_disk)
+    monkeypatch.setattr(point_files, "write_raw", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, make_result(), PAPER)
     assert list(read_labels(folder)) == SEQUENCE.names

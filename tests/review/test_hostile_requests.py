@@ -70,6 +70,13 @@ def test_the_printed_address_opens_the_page_which_keeps_the_token_from_scripts_a
     assert b"Referrer-Policy: no-referrer" in raw
 
 
+def test_the_printed_address_opens_the_page_where_an_earlier_review_left_its_cookie(server):
+    stale = f"automos{server.server_port}=of-the-review-before"
+    assert ask(server, f"/?token={server.token}", Cookie=stale)[0] == 200
+    assert ask(server, "/?token=wrong", Cookie=stale)[0] == 403
+    assert ask(server, "/", Cookie=stale)[0] == 403
+
+
 def test_each_review_has_a_token_of_its_own(server):
     other = ReviewServer(server.session)
     other.server_close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -93,12 +94,18 @@ def _refused(error: Exception) -> str:
 
 
 def _require_streams() -> None:
-    """Open to nowhere what we were started without: a file of results would get its number, and others' words."""
+    """Open to nowhere what we were started without: a file of results would get its number, and others' words.
+
+    And have those that are there take names of any letters.
+    """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.set_inheritable(nowhere, True)  # our worker processes need them, too
             setattr(sys, name, os.fdopen(nowhere, mode))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal of few letters is no reason to lose a name
 
 
 def main() -> None:

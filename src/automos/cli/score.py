@@ -26,8 +26,12 @@ def evaluate(
     from automos.datasets import open_recordings
     from automos.evaluation.report import evaluate_recordings
     from automos.export.flow import score_flow
+    from automos.results.claiming import refuse_file_of
 
     recordings = open_recordings(recording, format)
+    if json_file is not None:
+        for each in recordings:
+            refuse_file_of(each, json_file)
     report, flow = evaluate_recordings(predictions, recordings), score_flow(predictions, recordings)
     output.print(report.table())
     if flow is not None:

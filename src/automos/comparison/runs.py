@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_text
+from automos.atomic import write_raw, write_text
 from automos.baselines.methods import published
 from automos.comparison.cost import Cost, read_cost
 from automos.comparison.effort import Effort
@@ -180,7 +180,7 @@ def _run(
     predictions.mkdir(parents=True, exist_ok=True)
     with Effort() as effort:
         for i, labels in label_scans(method, sequence, trajectory, settings, scratch, workers):
-            labels.astype(np.uint32).tofile(predictions / f"{sequence.names[i]}.label")
+            write_raw(predictions / f"{sequence.names[i]}.label", labels.astype(np.uint32))
     shutil.rmtree(scratch, ignore_errors=True)
     n = len(sequence)
     return Cost([effort.seconds / n], [effort.busy / n], [effort.peak], [effort.others])

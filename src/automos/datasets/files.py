@@ -7,6 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +36,21 @@ def holds_scans(folder: Path) -> bool:
     return any(_suffix(name) not in _TEXT for name in _point_files(folder))
 
 
-def folders_told(folder: Path) -> list[str]:
-    """Return what to say where folders in `folder` hold scans, too."""
-    inner = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")]
-    names = ", ".join(sorted(p.name for p in inner if holds_scans(p))[:5])
-    return [f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths."] if names else []
+def folders_told(source: Path, read: Path) -> list[str]:
+    """Return what to say where other folders than the one that is `read` hold scans, too, in it or in its `source`."""
+    told = []
+    for folder in dict.fromkeys([source, read]):
+        inner = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".") and p != read]
+        if names := ", ".join(sorted(p.name for p in inner if _holds_recording(p))[:5]):
+            told.append(f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths.")
+    return told
+
+
+def _holds_recording(folder: Path) -> bool:
+    with suppress(InputError, OSError):  # others' folders need not be readable
+        places = (folder, folder / "velodyne", *folder.glob("*/velodyne"))
+        return any(place.is_dir() and holds_scans(place) for place in places)
+    return False
 
 
 def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:

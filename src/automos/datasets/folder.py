@@ -107,7 +107,7 @@ class FolderSequence(Sequence):
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
-        beside = [*copies_told(self._copy_of, self._names), *folders_told(self._folder)]
+        beside = [*copies_told(self._copy_of, self._names), *folders_told(self.source, self._folder)]
         return [*self._warnings, *beside, *self._point_times.warnings, *self._unit[1]]
 
     @cached_property

@@ -5,7 +5,9 @@ What unpacks LAZ (lazrs) calls itself without end on some damaged files, which n
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +15,13 @@ from automos.datasets.apart import read_apart
 from automos.datasets.columns import Columns
 from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
-from automos.datasets.las_header import is_packed, require_whole
+from automos.datasets.las_header import Promise, is_packed, require_whole
 from automos.errors import InputError
+
+_LAST = 64
+"""Bytes at the end of packed points that are given one by one, to see how many of them are needed."""
+_SPARE = 2
+"""Bytes that packers may write behind the last point."""
 
 
 def read(path: Path) -> Columns:
@@ -36,15 +43,17 @@ def read_here(path: Path) -> Columns:
     """Return what `read` does, read in this process."""
     laspy = import_extra("laspy", "las")
     try:
-        n_points = require_whole(path)
+        promise = require_whole(path)
         with limited(path):
-            las = laspy.read(path)
+            las = laspy.read(path) if promise.packed is None else _unpack(path, promise)
     except (OSError, InputError):
         raise
     except Exception as error:  # damaged files break the library in many ways
         raise InputError(f"{path} is not a complete LAS file ({error}); copy it again") from error
-    if len(las) != n_points:
-        raise InputError(f"{path} is cut short: {len(las)} points, its header promises {n_points}; copy it again")
+    if len(las) != promise.n_points:
+        raise InputError(
+            f"{path} is cut short: {len(las)} points, its header promises {promise.n_points}; copy it again"
+        )
     names = set(las.point_format.dimension_names)
     columns: Columns = {axis: np.asarray(las[axis], np.float64) for axis in "xyz"}
     if "intensity" in names:
@@ -53,3 +62,48 @@ def read_here(path: Path) -> Columns:
         columns["time"] = np.asarray(las.gps_time)
     extra = (name for name in las.point_format.extra_dimension_names if las[name].ndim == 1)
     return columns | {name: np.asarray(las[name]) for name in extra}
+
+
+class _Watched(io.FileIO):
+    """A file that knows up to which byte its packed points were asked for."""
+
+    def __init__(self, path: Path, begin: int, end: int):
+        super().__init__(path)
+        self._begin, self._end, self.reached = begin, end, begin
+
+    def readinto(self, buffer: Any) -> int:
+        at = self.tell()
+        if not self._begin <= at < self._end:
+            return super().readinto(buffer) or 0
+        n = super().readinto(memoryview(buffer)[: max(self._end - _LAST - at, 1)]) or 0
+        self.reached = max(self.reached, at + n)
+        return n
+
+
+def _unpack(path: Path, promise: Promise) -> Any:
+    """Return what laspy reads of a LAZ file whose chunks do not tell how many points are in them.
+
+    Raises
+    ------
+    InputError
+        The last one holds more than its header promises: packed points are no longer than they need be.
+    """
+    laspy = import_extra("laspy", "las")
+    assert promise.packed is not None
+    begin, end = promise.packed
+    las = laspy.read(path) if promise.n_before else None  # several chunks are unpacked at a time, the last one again
+    with (
+        _Watched(path, begin, end) as file,
+        laspy.open(file, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader,
+    ):
+        if las is None:
+            las = reader.read()
+        else:
+            reader.seek(promise.n_before)
+            reader.read_points(promise.n_points - promise.n_before)
+        if begin < file.reached < end - _SPARE:
+            raise InputError(
+                f"{path} holds more packed points than the {promise.n_points} that its header promises; it is damaged: "
+                "copy it again"
+            )
+    return las

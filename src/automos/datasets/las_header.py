@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,24 @@ def is_packed(path: Path) -> bool:
     return len(head) == _HEADER and head[_FORM] & _PACKED != 0
 
 
-def require_whole(path: Path) -> int:
-    """Return how many points the header of a LAS or LAZ file promises.
+class Promise(NamedTuple):
+    """What a file's header promises, which its size allows.
+
+    Attributes
+    ----------
+    n_points : points.
+    n_before : of them, those in packed chunks before the last one.
+    packed : bytes from which and up to which packed points lie, of which nothing tells their number but that they are
+        all needed for them; none where that is known.
+    """
+
+    n_points: int
+    n_before: int = 0
+    packed: tuple[int, int] | None = None
+
+
+def require_whole(path: Path) -> Promise:
+    """Return what the header of a LAS or LAZ file promises.
 
     Raises
     ------
@@ -50,7 +67,7 @@ def require_whole(path: Path) -> int:
     scales, offsets = np.frombuffer(head, "<f8", 6, 131).reshape(2, 3)
     packed = size - start
     packs = form & _PACKED != 0
-    n_chunks = _count_chunks(path, start, size) if packs and start + 8 <= size else 0
+    n_chunks, table = _table_of_chunks(path, start, size) if packs and start + 8 <= size else (0, size)
     in_first, in_layers = _first_layers(path, start, form & 0x3F, width) if packs else (None, 0)
     in_chunk = _chunk_size(path, header_size, n_records) if n_chunks else 0
     few = (n_chunks - 1) * in_chunk
@@ -64,8 +81,8 @@ def require_whole(path: Path) -> int:
         f"{n_points} points": left < 0 or (packs and n_points * width > _MOST_PACKED * max(packed, 0)),
         f"{n_points} points, but its first chunk of {in_first}": n_chunks == 1 and in_first not in (None, n_points),
         f"{n_points} points in {n_chunks} chunks of {in_chunk}": in_chunk > 0 and not few <= n_points <= few + in_chunk,
-        f"no more than {n_points} points": not packs and width > 0 and left >= width and head[6] & 6 == 0,
-        f"{n_extended} records behind its points": n_extended > 0 and extended + n_extended * _EVLR > size,
+        f"no more than {n_points} points": not packs and left > 0 and head[6] & 6 == 0,
+        f"{n_extended} records behind its points": n_extended > 0 and _behind(path, extended, n_extended, size) != size,
         f"points of {width} bytes": width == 0,
         f"a unit of {scales} m": not ((scales > 0.0) & (scales < _COARSEST)).all(),
         f"an origin at {offsets} m": not (np.abs(offsets) < FARTHEST).all(),
@@ -75,7 +92,20 @@ def require_whole(path: Path) -> int:
         raise InputError(
             f"{path} is cut short or damaged: its header announces {fault}, in {size} bytes; copy it again"
         )
-    return int(n_points)
+    is_counted = in_first is not None or in_chunk == 0
+    return Promise(int(n_points), max(few, 0), None if is_counted else (start + 8, table))
+
+
+def _behind(path: Path, at: int, n_records: int, size: int) -> int:
+    """Return the byte behind the extended records from byte `at` on, -1 where they do not end in the file."""
+    with path.open("rb") as file:
+        for _ in range(n_records):
+            file.seek(at)
+            head = file.read(_EVLR)
+            at += _EVLR + int.from_bytes(head[20:28], "little")
+            if at > size:
+                return -1
+    return at
 
 
 def _first_layers(path: Path, start: int, form: int, width: int) -> tuple[int | None, int]:
@@ -109,8 +139,11 @@ def _chunk_size(path: Path, header_size: int, n_records: int) -> int:
     return 0
 
 
-def _count_chunks(path: Path, start: int, size: int) -> int:
-    """Return of how many chunks the table of a LAZ file announces, more than there are bytes where it has none."""
+def _table_of_chunks(path: Path, start: int, size: int) -> tuple[int, int]:
+    """Return of how many chunks the table of a LAZ file announces, and at which byte it is.
+
+    More chunks than there are bytes, where it has no table.
+    """
     with path.open("rb") as file:
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8))
@@ -118,7 +151,7 @@ def _count_chunks(path: Path, start: int, size: int) -> int:
             file.seek(size - 8)
             (table,) = struct.unpack("<q", file.read(8))
         if not start + 8 <= table <= size - 8:
-            return size + 1
+            return size + 1, size
         file.seek(table)
         _, n_chunks = struct.unpack("<II", file.read(8))
-    return int(n_chunks)
+    return int(n_chunks), int(table)

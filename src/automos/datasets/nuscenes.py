@@ -139,6 +139,13 @@ def _sweeps_of(tables: Path, samples: dict[str, Row]) -> list[Row]:
     ]
     if not rows:
         raise InputError(f"{tables / 'sample_data.json'} has no sweeps of the {_CHANNEL} for this scene")
+    links = {row["token"] for row in rows} | {"", None}
+    lost = next((row[way] for row in rows for way in ("prev", "next") if row.get(way) not in links), None)
+    if lost is not None:
+        raise InputError(
+            f"{tables / 'sample_data.json'} has no row {lost}, which others name as the sweep beside them; it was cut: "
+            "unpack it again"
+        )
     return sorted(rows, key=lambda row: row["timestamp"])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from automos.datasets.columns import MAX_FIELDS, Columns
 from automos.datasets.lzf import decompress
+from automos.datasets.records import require_no_more
 from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.geometry import make_transform
@@ -49,7 +50,7 @@ def read(path: Path) -> Columns:
         return _from_text(body, header, path)
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
-        _require_no_more(body[header.n_points * header.dtype.itemsize :], header.dtype.itemsize, path)
+        require_no_more(body[header.n_points * header.dtype.itemsize :], path)
         points = np.frombuffer(body, header.dtype, header.n_points)
         return {name: points[name] for name in _scalar_fields(header.dtype)}
     return _from_compressed(body, header, path)
@@ -124,12 +125,6 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
         )
 
 
-def _require_no_more(rest: bytes, width: int, path: Path) -> None:
-    """Raise where another point, or more, lies behind those that were promised; zeros fill a page of memory."""
-    if len(rest) >= width and any(rest):
-        raise InputError(f"{path} holds more points than its header promises; its header is damaged: copy it again")
-
-
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
     matrix = parse_points(path, body, sum(widths), 0, header.n_points, is_last=True)
@@ -147,6 +142,7 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         raise InputError(f"{path} is damaged: it says it unpacks to {n_unpacked} bytes, but its points need {promised}")
     _require_bytes(len(body) - 8, n_packed, path)
     _require_bytes(88 * n_packed, n_unpacked, path)
+    require_no_more(body[8 + n_packed :], path)
     try:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:

@@ -1,6 +1,7 @@
 """Polygon files: a text header, then the points as text or as packed numbers of either byte order.
 
-Only the element `vertex` is read. What follows it (faces, cameras) is skipped; what comes before has a fixed size.
+Only the element `vertex` is read. What comes before it has a fixed size. What follows it (faces, cameras) is skipped,
+but must end where the file does: else bytes were lost or came in, and all points behind them are others.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets.columns import MAX_FIELDS, Columns
+from automos.datasets.records import require_no_more
 from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.reading import read_bytes
@@ -21,6 +23,9 @@ _TYPES = {
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
+_COUNTERS = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2,
+             "int": 4, "uint": 4, "int32": 4, "uint32": 4}  # fmt: skip
+"""Bytes of what counts a list's entries."""
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 
 
@@ -29,26 +34,32 @@ class _Element:
     name: str
     count: int
     fields: list[tuple[str, str]] = field(default_factory=list)
-    has_list: bool = False
+    counters: dict[str, int] = field(default_factory=dict)
+    """Of the fields that are lists, the bytes of what counts their entries."""
+
+    def has(self, name: str) -> bool:
+        return any(name == known for known, _ in self.fields)
 
 
 def read(path: Path) -> Columns:
     """Return the columns of the file's vertices."""
     raw = read_bytes(path)
     encoding, elements, start = _parse_header(raw, path)
-    before, vertex = _until_vertex(elements, path)
+    before, vertex, after = _around_vertex(elements, path)
     if encoding == "ascii":
-        return _from_text(raw[start:], sum(element.count for element in before), vertex, path, elements[-1] is vertex)
+        return _from_text(raw[start:], before, vertex, after, path)
     order = _ORDERS[encoding]
     skipped = sum(element.count * _dtype(element, order).itemsize for element in before)
     dtype = _dtype(vertex, order)
     promised = skipped + vertex.count * dtype.itemsize
-    if len(raw) - start < promised:
+    end = start + promised
+    for element in after:
+        end = _behind(element, order, raw, end)
+    if len(raw) < end:
         raise InputError(
             f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
         )
-    if elements[-1] is vertex and len(raw) - start - promised >= dtype.itemsize > 0:
-        raise InputError(f"{path} holds more points than its header promises; its header is damaged: copy it again")
+    require_no_more(raw[end:], path)
     points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
     return {name: points[name] for name, _ in vertex.fields}
 
@@ -76,14 +87,16 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
                     elements.append(_Element(name, int(count)))
                     if int(count) < 0:
                         raise ValueError("fewer elements than none")
-                case ["property", "list", *_]:
-                    elements[-1].has_list = True
-                case ["property", kind, name] if name not in dict(elements[-1].fields):
+                case ["property", kind, name] | ["property", "list", _, kind, name] if not elements[-1].has(name):
                     elements[-1].fields.append((name, _TYPES[kind]))
+                    if words[1] == "list":
+                        elements[-1].counters[name] = _COUNTERS[words[2]]
                     if len(elements[-1].fields) > MAX_FIELDS:
                         raise ValueError("more properties than any point has")
-                case ["property", *_]:
-                    raise ValueError("a property that is malformed or named twice")
+                case ["ply" | "comment" | "obj_info", *_] | []:
+                    pass
+                case _:
+                    raise ValueError("no keyword, or a property that is malformed or named twice")
         except (KeyError, ValueError, IndexError):
             raise InputError(f"{path} has a PLY header line that cannot be understood: {line!r}") from None
     if encoding not in _ORDERS:
@@ -91,19 +104,40 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
     return encoding, elements, start
 
 
-def _until_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element], _Element]:
+def _around_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element], _Element, list[_Element]]:
+    """Return the elements before the vertices, these, and those behind them."""
     at = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
     if at is None:
         raise InputError(f"{path} has no element 'vertex'; a point cloud keeps its points there")
-    if any(element.has_list for element in elements[: at + 1]):
+    if any(element.counters for element in elements[: at + 1]):
         raise InputError(f"{path} has lists in or before its vertices; save it as a plain point cloud")
-    return elements[:at], elements[at]
+    return elements[:at], elements[at], elements[at + 1 :]
 
 
 def _dtype(element: _Element, order: str) -> np.dtype:
     return np.dtype([(name, order + kind) for name, kind in element.fields])
 
 
-def _from_text(body: bytes, n_skipped: int, vertex: _Element, path: Path, is_last: bool) -> Columns:
-    matrix = parse_points(path, body, len(vertex.fields), n_skipped, vertex.count, is_last)
+def _behind(element: _Element, order: str, raw: bytes, at: int) -> int:
+    """Return the byte of `raw` behind an element that begins at byte `at`; one beyond its end where that is cut."""
+    if not element.counters:
+        return at + element.count * _dtype(element, order).itemsize
+    fields = [(np.dtype(kind).itemsize, element.counters.get(name, 0)) for name, kind in element.fields]
+    for _ in range(element.count):
+        for width, counter in fields:
+            length = int.from_bytes(raw[at : at + counter], "big" if order == ">" else "little") if counter else 1
+            at += counter + length * width
+        if at > len(raw):
+            break
+    return at
+
+
+def _from_text(body: bytes, before: list[_Element], vertex: _Element, after: list[_Element], path: Path) -> Columns:
+    """Return the columns of vertices that are text, every element a line."""
+    n_before, n_after = (sum(element.count for element in elements) for elements in (before, after))
+    matrix = parse_points(path, body, len(vertex.fields), n_before, vertex.count, not after)
+    promised = n_before + vertex.count + n_after
+    n_lines = sum(map(bool, map(bytes.strip, body.split(b"\n")))) if after else promised
+    if n_lines != promised:
+        raise InputError(f"{path} holds {n_lines} lines, its header promises {promised}; it is damaged: copy it again")
     return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}

@@ -10,6 +10,9 @@ from automos.datasets.columns import Columns
 from automos.errors import InputError
 from automos.reading import read_bytes, read_text
 
+_PAGE = 4096
+"""Bytes of a page of memory. Fewer zeros may be the end of numbers."""
+
 
 def read_records(path: Path, dtype: np.dtype) -> Columns:
     """Return the columns of a file of `dtype` records, without those whose name starts with an underscore.
@@ -30,6 +33,24 @@ def read_records(path: Path, dtype: np.dtype) -> Columns:
         )
     rows = np.frombuffer(raw, dtype)
     return {name: rows[name] for name in dtype.names or () if not name.startswith("_")}
+
+
+def require_no_more(rest: bytes, path: Path) -> None:
+    """Raise where more than padding lies behind the last point that a header promises.
+
+    Be it less than a point: bytes that were lost or came in before it have moved all points behind them.
+
+    Raises
+    ------
+    InputError
+        It does; zeros that fill a page of memory, as writers of mapped files leave them, and blanks do not.
+    """
+    is_page = len(rest) >= _PAGE and not any(rest)
+    if rest.strip() and not is_page:
+        raise InputError(
+            f"{path} holds {len(rest)} bytes more than the points its header promises; it is damaged, or was copied as "
+            "text: copy it again"
+        )
 
 
 def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = None) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.atomic import atomic_path
+from automos.atomic import write_npy
 from automos.export.formats import Export
 from automos.results.run_files import RunFiles
 
@@ -16,8 +16,7 @@ def write(run: RunFiles, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for index in run.each("writing instances"):
         ids = run.instances(index, len(run.scan(index)))
-        with atomic_path(out / f"{run.names[index]}.npy") as temporary, temporary.open("wb") as file:
-            np.save(file, ids.astype(np.uint32))
+        write_npy(out / f"{run.names[index]}.npy", ids.astype(np.uint32))
 
 
 EXPORT = Export(writes="folder of .npy: track id of every point, 0 for none", write=write)

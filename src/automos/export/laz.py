@@ -1,11 +1,13 @@
 """Compressed LAS files, one per scan, for the tools of surveyors.
 
-LAS stores coordinates as multiples of a step, here a tenth of a millimetre. Coordinates that are not finite become
-0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an extra dimension.
+LAS stores coordinates as multiples of a step, here a tenth of a millimetre. Coordinates that are not finite, or too large
+for that, become 0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an extra
+dimension.
 """
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,9 @@ from automos.export.point_columns import point_columns
 from automos.results.run_files import RunFiles
 
 STEP = 1e-4
-"""Metres: the grid of the coordinates; 32 bits reach 214 km."""
+"""Metres: the grid of the coordinates."""
+_REACH = (2**31 - 1) * STEP
+"""Metres that 32 bits reach: 214 km."""
 
 
 def write(run: RunFiles, out: Path) -> None:
@@ -33,7 +37,7 @@ def write(run: RunFiles, out: Path) -> None:
         header.add_extra_dims([laspy.ExtraBytesParams(name, column.dtype) for name, column in extra.items()])
         las = laspy.LasData(header)
         xyz = np.column_stack([columns[axis] for axis in "xyz"])
-        xyz = np.where(np.isfinite(xyz).all(axis=1)[:, None], xyz, np.float32(0.0))
+        xyz = np.where((np.abs(xyz) < _REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
         las.x, las.y, las.z = xyz.astype(np.float64).T
         las.classification = columns["label"].astype(np.uint8)
         if "intensity" in columns:
@@ -42,8 +46,10 @@ def write(run: RunFiles, out: Path) -> None:
             las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
         for name, column in extra.items():
             las[name] = column
-        with atomic_path(out / f"{run.names[index]}.laz") as temporary, temporary.open("wb") as file:
-            las.write(file, do_compress=True)
+        packed = io.BytesIO()  # what packs does not tell a full disk from other faults
+        las.write(packed, do_compress=True)
+        with atomic_path(out / f"{run.names[index]}.laz") as temporary:
+            temporary.write_bytes(packed.getvalue())
 
 
 def _to_16_bits(intensity: np.ndarray) -> np.ndarray:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path
+from automos.atomic import atomic_path, told
 from automos.datasets.formats import import_extra
+from automos.errors import InputError
 from automos.export.formats import Export
 from automos.export.point_columns import packed_rows, point_columns
 from automos.results.run_files import RunFiles
@@ -26,8 +27,9 @@ def write(run: RunFiles, out: Path) -> None:
     """Write all scans as sensor_msgs/PointCloud2 on topic /automos/points into the file `out`."""
     rosbag2, typesys = import_extra("rosbags.rosbag2", "ros"), import_extra("rosbags.typesys", "ros")
     types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    _require_times(run)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
+    with told(out), tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
         bag = Path(scratch) / "bag"
         with rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
             connection = writer.add_connection(TOPIC, "sensor_msgs/msg/PointCloud2", typestore=types)
@@ -41,6 +43,17 @@ def write(run: RunFiles, out: Path) -> None:
                 writer.write(connection, nanoseconds, types.serialize_cdr(message, message.__msgtype__))
         with atomic_path(out) as temporary:
             next(bag.glob("*.mcap")).replace(temporary)
+
+
+def _require_times(run: RunFiles) -> None:
+    """Raise InputError where a scan's time is none that ROS has: it counts whole seconds from 0, in 31 bits."""
+    are_held = (run.stamps >= 0.0) & (run.stamps < 2.0**31)
+    if not are_held.all():
+        k = int(np.argmin(are_held))
+        raise InputError(
+            f"{run.folder}: scan {run.names[k]} is at {run.stamps[k]:.6f} s, but ROS has times from 0 to 2^31 s only: "
+            "give the recording others (times.txt) and label it again, or export to another format"
+        )
 
 
 def _cloud(types: dict[str, Any], columns: dict[str, npt.NDArray], nanoseconds: int) -> Any:

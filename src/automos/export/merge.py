@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, held, write_text
+from automos.atomic import atomic_path, held, write_raw, write_text
 from automos.errors import InputError
 from automos.export.edits import EditedScan, read_edits, require_known
 from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
-from automos.reading import damage_told, is_there, require_regular
+from automos.reading import damage_told, is_there, read_bytes
 from automos.results.claiming import require_room
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -98,8 +98,7 @@ def _write_labels(run: RunFiles, corrected: Path | None, edits: dict[int, Edited
         else:
             after = before
         _count_points(before[0], after[0], merged)
-        with atomic_path(out / "predictions" / f"{run.names[index]}.label") as temporary:
-            pack(*after).tofile(temporary)
+        write_raw(out / "predictions" / f"{run.names[index]}.label", pack(*after))
     return merged
 
 
@@ -141,8 +140,9 @@ def _copy_beside(run: RunFiles, out: Path) -> None:
 def _copy_file(source: str | Path, target: str | Path) -> None:
     """Copy a plain file; a device of its name would be copied without end."""
     with damage_told(source):
-        require_regular(Path(source))
-    shutil.copyfile(source, target)
+        content = read_bytes(Path(source))
+    with atomic_path(Path(target)) as temporary:
+        temporary.write_bytes(content)
 
 
 def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from automos.atomic import atomic_path
+from automos.atomic import write_raw
 from automos.export.formats import Export
 from automos.labels import pack
 from automos.results.run_files import RunFiles
@@ -16,8 +16,7 @@ def write(run: RunFiles, out: Path) -> None:
     for index in run.each("writing labels"):
         n_points = len(run.scan(index))
         packed = pack(run.labels(index, n_points), run.instances(index, n_points))
-        with atomic_path(out / f"{run.names[index]}.label") as temporary:
-            packed.tofile(temporary)
+        write_raw(out / f"{run.names[index]}.label", packed)
 
 
 EXPORT = Export(writes="folder of .label: class below, track id in the upper 16 bits", write=write)

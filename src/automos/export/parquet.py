@@ -1,4 +1,4 @@
-"""One Parquet table of all points, a row group per scan."""
+"""One Parquet table of all points, a row group per scan. What a scan has not, and others may have, is null."""
 
 from __future__ import annotations
 
@@ -12,24 +12,30 @@ from automos.export.formats import Export
 from automos.export.point_columns import point_columns
 from automos.results.run_files import RunFiles
 
+_COLUMNS = {
+    "scan": "int32", "x": "float32", "y": "float32", "z": "float32", "intensity": "float32", "time": "float32",
+    "ring": "uint16", "label": "uint16", "instance": "uint32",
+}  # fmt: skip
+
 
 def write(run: RunFiles, out: Path) -> None:
     """Write all scans as one file `out`: scan (int32) and the columns of `point_columns`, in the scans' order."""
     arrow, parquet = import_extra("pyarrow", "arrow"), import_extra("pyarrow.parquet", "arrow")
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary:
-        writer = None
-        try:
+        schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in _COLUMNS.items()])
+        with parquet.ParquetWriter(temporary, schema, compression="zstd") as writer:
             for index in run.each("writing .parquet"):
                 columns = point_columns(run, index)
-                columns = {"scan": np.full(len(columns["x"]), index, np.int32), **columns}
-                table = arrow.table({name: np.ascontiguousarray(column) for name, column in columns.items()})
-                if writer is None:
-                    writer = parquet.ParquetWriter(temporary, table.schema, compression="zstd")
-                writer.write_table(table, row_group_size=max(len(table), 1))
-        finally:
-            if writer is not None:
-                writer.close()
+                n_points = len(columns["x"])
+                columns["scan"] = np.full(n_points, index, np.int32)
+                filled = [
+                    np.ascontiguousarray(columns[field.name])
+                    if field.name in columns
+                    else arrow.nulls(n_points, field.type)
+                    for field in schema
+                ]
+                writer.write_table(arrow.table(filled, schema), row_group_size=max(n_points, 1))
 
 
 EXPORT = Export(

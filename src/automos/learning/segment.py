@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import atomic_path, write_text
+from automos.atomic import write_npy, write_raw, write_text
 from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
@@ -68,11 +68,9 @@ def segment_recording(
         for i, (name, scan) in enumerate(zip(sequence.names, stamped(sequence), strict=True)):
             labels, moving = segmenter.segment(scan)
             poses.append(segmenter.T_world_sensor)
-            with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
-                pack(labels).tofile(temporary)
+            write_raw(folder / "predictions" / f"{name}.label", pack(labels))
             if probabilities:
-                with atomic_path(folder / "probabilities" / f"{name}.npy") as temporary, temporary.open("wb") as file:
-                    np.save(file, moving.astype(np.float16))
+                write_npy(folder / "probabilities" / f"{name}.npy", moving.astype(np.float16))
             for label in Label:
                 counts[label.name.lower()] += int((labels == label).sum())
             if progress is not None:

@@ -16,7 +16,10 @@ from automos.errors import InputError
 Write = Callable[[npt.NDArray], None]
 """Takes points (N, 3), metres."""
 
-_LAZ_STEP = 1e-4  # m
+_LAZ_STEP = 1e-4
+"""Metres."""
+_LAZ_REACH = (2**31 - 1) * _LAZ_STEP
+"""Metres that 32 bits of steps reach: 214 km."""
 
 
 @contextmanager
@@ -83,14 +86,22 @@ def _open_binary(path: Path, header: Callable[[int], str]) -> Iterator[Write]:
 
 @contextmanager
 def _open_laz(path: Path) -> Iterator[Write]:
-    laspy = import_extra("laspy", "las")
+    laspy, lazrs = import_extra("laspy", "las"), import_extra("lazrs", "las")
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales, header.offsets = np.full(3, _LAZ_STEP), np.zeros(3)
-    with path.open("w+b") as file, laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as cloud:
 
-        def write(points: npt.NDArray) -> None:
-            record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
-            record.x, record.y, record.z = points.astype(np.float64).T
-            cloud.write_points(record)
+    def write(points: npt.NDArray) -> None:
+        if not (np.abs(points) < _LAZ_REACH).all():
+            raise InputError(f"the map reaches further than {_LAZ_REACH / 1e3:.0f} km, as LAZ does: choose --kind ply")
+        record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
+        record.x, record.y, record.z = points.astype(np.float64).T
+        cloud.write_points(record)
 
-        yield write
+    try:
+        with (
+            path.open("w+b") as file,
+            laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as cloud,
+        ):
+            yield write
+    except lazrs.LazrsError as error:  # which it raises where the disk is full
+        raise OSError(str(error)) from error

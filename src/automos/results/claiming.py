@@ -29,6 +29,7 @@ def require_room(folder: Path, recording: Sequence | None) -> None:
     if recording is not None:
         Workspace(folder).require_names(recording.names, len(recording))
         refuse_folders_of(recording, folder)
+    refuse_results(folder)
     refuse_scans(folder)
 
 
@@ -73,6 +74,13 @@ def refuse_folders_of(sequence: Sequence, folder: Path) -> None:
     if target == source or came_with_it:
         or_else = ", or remove what is in it, if that did not come with the recording" if came_with_it else ""
         raise InputError(f"{folder} is a folder of the recording {sequence.name}: choose another --out{or_else}")
+
+
+def refuse_file_of(sequence: Sequence, path: Path) -> None:
+    """Raise InputError where file `path`, which would be replaced, is one of the recording and no page or scores."""
+    place, source = (Path(os.path.realpath(p)) for p in (path, sequence.source or os.devnull))
+    if path.is_file() and source in (place, *place.parents) and path.suffix not in (".html", ".json"):
+        raise InputError(f"{path} is a file of the recording {sequence.name}: give the name of another one")
 
 
 def _is_any_of_ours(folder: Path) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path
+from automos.atomic import write_npy, write_raw
 from automos.labels import Label, pack
 
 
@@ -34,8 +34,6 @@ def write_points(
     labels : (N,) of `Label`.   track_ids : (N,), -1 for none, where they are wanted.
     confidence : (N,) in [0, 1], where it is wanted.
     """
-    with atomic_path(folder / "predictions" / f"{name}.label") as temporary:
-        pack(labels, None if track_ids is None else track_ids + 1).tofile(temporary)
+    write_raw(folder / "predictions" / f"{name}.label", pack(labels, None if track_ids is None else track_ids + 1))
     if confidence is not None:
-        with atomic_path(folder / "confidences" / f"{name}.npy") as temporary, temporary.open("wb") as file:
-            np.save(file, confidence)
+        write_npy(folder / "confidences" / f"{name}.npy", confidence)

@@ -10,6 +10,7 @@ from pathlib import Path
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.parallel import available_cores, checked_workers
+from automos.results.claiming import refuse_scans
 from automos.results.writing import versions
 from automos.scale.executors import Executor, InProcess
 from automos.scale.fleet import Outcome, Progress, label_all
@@ -143,7 +144,9 @@ def closing_lines(outcome: Outcome, target: str) -> list[str]:
 
 
 def _refuse_places_in_recordings(recordings: list[Recording], target: str) -> None:
-    """Raise where labels would become files of a recording in a store: it would never be the same one again."""
+    """Raise where labels would become files of a recording: in a store it would never be the same one again."""
+    if not is_url(target):
+        refuse_scans(Path(target))
     for recording in recordings:
         place, source = shown(recording.target(target)), shown(recording.source).rstrip("/")
         if is_url(place) and f"{place}/".startswith(f"{source}/"):

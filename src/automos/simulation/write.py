@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.atomic import atomic_path, write_text
+from automos.atomic import write_raw, write_text
 from automos.errors import InputError
 from automos.parallel import map_in_order
 from automos.pose_writers import write_kitti
@@ -106,8 +106,7 @@ def _write_scan(sequence: SimulatedSequence, out: Path, index: int) -> None:
         out / "labels_now" / f"{name}.label": sequence.truth_now(index),
     }
     for path, array in arrays.items():
-        with atomic_path(path) as temporary:
-            array.tofile(temporary)
+        write_raw(path, array)
     # Last, because a scan whose boxes are there counts as written.
     write_text(out / "boxes" / f"{name}.json", json.dumps(_boxes_as_json(sequence, index)) + "\n")
 

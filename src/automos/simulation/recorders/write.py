@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_text
+from automos.atomic import write_npy, write_raw, write_text
 from automos.errors import InputError
 from automos.pose_writers import write_kitti
 from automos.scan import Scan
@@ -48,11 +48,11 @@ def write_recorded(recorded: Recorded, out: str | Path) -> Path:
         scan, truth = recorded[index], recorded.truth(index)
         if recorded.convention.times == "none":
             intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
-            np.column_stack([scan.points, intensity]).astype(np.float32).tofile(out / "velodyne" / f"{name}.bin")
+            write_raw(out / "velodyne" / f"{name}.bin", np.column_stack([scan.points, intensity]).astype(np.float32))
         else:
-            np.save(out / "velodyne" / f"{name}.npy", _named(recorded, index, scan))
+            write_npy(out / "velodyne" / f"{name}.npy", _named(recorded, index, scan))
         if truth is not None:
-            truth.astype(np.uint32).tofile(out / "labels" / f"{name}.label")
+            write_raw(out / "labels" / f"{name}.label", truth.astype(np.uint32))
     if recorded.convention.stamps:
         write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in recorded.true_stamps))
     poses = recorded.reference_poses
