@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, told
+from automos.atomic import atomic_path, faults_reported
 from automos.datasets.formats import import_extra
 from automos.errors import InputError
 from automos.export.formats import Export
@@ -29,7 +29,7 @@ def write(run: RunFiles, out: Path) -> None:
     types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     _require_times(run)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with told(out), tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
+    with faults_reported(out), tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
         bag = Path(scratch) / "bag"
         with rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
             connection = writer.add_connection(TOPIC, "sensor_msgs/msg/PointCloud2", typestore=types)
