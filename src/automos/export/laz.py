@@ -1,8 +1,8 @@
 """Compressed LAS files, one per scan, for the tools of surveyors.
 
 LAS stores coordinates as multiples of a step, here a tenth of a millimetre. Coordinates that are not finite, or too
-large for that, become 0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an extra
-dimension.
+large for that, become 0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an
+extra dimension.
 """
 
 from __future__ import annotations
