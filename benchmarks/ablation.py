@@ -54,7 +54,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "the walk on the ground begins level": {"automos.candidates.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
-    "curtains of points join what they touch": {"automos.instances.segments:THIN_SHARE": 0.0},
     "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},
     "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},
     "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},

@@ -52,17 +52,9 @@ def make_tracks(points: np.ndarray) -> Tracks:
     return Tracks(np.arange(n), np.zeros(n, int), np.arange(n) - 1, wide, np.roll(wide, 1, 0), wide[:, 0], wide)
 
 
-WHOLE_NUMBERS = {"_keep_nearest"}
-"""Kernels that take no floats."""
-
-
 def kernels() -> Iterator[tuple[Path, str]]:
     """Yield the file and name of every compiled kernel that may be given what was read."""
     for path in sorted(set(SOURCE.rglob("*.py")) - set((SOURCE / "simulation").rglob("*.py"))):
         for node in ast.walk(ast.parse(path.read_text())):
-            if (
-                isinstance(node, ast.FunctionDef)
-                and any("kernel" in ast.unparse(d) for d in node.decorator_list)
-                and node.name not in WHOLE_NUMBERS
-            ):
+            if isinstance(node, ast.FunctionDef) and any("kernel" in ast.unparse(d) for d in node.decorator_list):
                 yield path, node.name

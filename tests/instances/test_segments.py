@@ -57,33 +57,6 @@ def test_gaps_wider_than_all_that_is_looked_at_are_no_problem(setting, value):
     assert ids.max() < 3
 
 
-def curtain(x, low, high, n=9):
-    """Points between y = `low` and `high` that rays grazing an edge would return, one row of rays in a few."""
-    return np.column_stack([np.full(n, x), np.linspace(low, high, n), np.linspace(0.2, 2.4, n)[::-1]]).astype(
-        np.float32
-    )
-
-
-def test_a_curtain_of_points_between_two_things_belongs_to_one_of_them():
-    near, far = cloud(8, 0, high=2.4, step=0.05), cloud(8, 1.55, high=2.4, step=0.05)
-    _, (a, hung, b) = segments(near, curtain(8, 0.35, 1.2), far)
-    assert set(a.tolist()).isdisjoint(b.tolist())
-    assert len(set(hung.tolist())) == 1
-    assert set(hung.tolist()) <= {a[0], b[0]}
-
-
-def test_a_curtain_that_every_row_of_rays_has_woven_is_a_wall():
-    _, (a, wall, b) = segments(
-        cloud(8, 0, high=2.4, step=0.05), cloud(8, 0.78, half=0.5, high=2.4, step=0.05), cloud(8, 1.55, step=0.05)
-    )
-    assert set(a.tolist()) == set(wall.tolist()) == set(b.tolist())
-
-
-def test_what_is_thin_all_over_is_one_thing():
-    ids, _ = segments(curtain(8, 0.0, 3.0, n=15))
-    assert set(ids.tolist()) == {0}
-
-
 def test_points_beyond_the_range_belong_to_nothing():
     ids, _ = segments(cloud(S.max_range + 5, 0))
     assert (ids == -1).all()

@@ -15,7 +15,6 @@ from automos.tracking.judge import (
     STAYED,
     UNDER_WAY,
     WEIGHTS,
-    judge_by_evidence,
     judge_tracks,
     segment_terms,
     track_terms,
@@ -45,8 +44,12 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     return table, seen
 
 
+def judged(table, seen, **settings):
+    return judge_tracks(table, [segment_terms(found) for found in seen], JudgeSettings(**settings))
+
+
 def verdict_on(**track):
-    return judge_by_evidence(*one_track(**track), JudgeSettings()).verdict[0]
+    return judged(*one_track(**track)).verdict[0]
 
 
 def terms_of_tracks(table, seen):
@@ -109,7 +112,7 @@ def test_the_log_odds_are_the_sum_of_weighted_terms_and_the_confidence_their_pro
     log_odds = PRIOR + sum(WEIGHTS[name] * value for name, value in terms_of(**track).items())
     moves = 1.0 / (1.0 + np.exp(-log_odds))
     for threshold, verdict, confidence in ((0.9 * moves, Verdict.MOVING, moves), (0.99, Verdict.STATIC, 1.0 - moves)):
-        found = judge_by_evidence(*one_track(**track), JudgeSettings(min_probability=threshold))
+        found = judged(*one_track(**track), min_probability=threshold)
         assert found.verdict[0] == verdict
         assert found.confidence[0] == pytest.approx(confidence)
 
@@ -184,4 +187,4 @@ def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew()
 
 def test_no_tracks_have_no_verdicts():
     none = one_track(STRAIGHT)[0][np.zeros(0, np.int64)]
-    assert len(judge_by_evidence(none, [], JudgeSettings()).verdict) == 0
+    assert len(judged(none, []).verdict) == 0

@@ -4,11 +4,6 @@ Seen from above, points fall into small cells; in a cell, points that follow eac
 *stack*, so that a tree's crown and the car beneath it are two. Stacks of neighbouring cells join where their heights
 meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds. What lies
 deep under the ground is a mirror image and joins nothing.
-
-A ray that grazes an edge returns a mixed pixel, between what is before and behind it; such points hang between two
-vehicles that pass each other like a curtain, which one ray in a few has woven. A stack is *thin* if it holds fewer
-points than rows of rays went through it. Thin stacks join each other and one thing of full stacks, the nearest, but
-never two.
 """
 
 from __future__ import annotations
@@ -20,15 +15,10 @@ from automos.kernels import kernel
 from automos.settings import SegmentSettings
 
 _BINS = 64
-_NONE = np.iinfo(np.int64).max
 HEIGHT_BIN = np.float32(0.1)
 """Metres: resolution in height; 64 bins from the ground up."""
 DEPTH = 1.5
 """Metres under the ground from which on a point is a mirror image, in a window or on a wet road, of nothing there."""
-THIN_SHARE = 0.25
-"""Points per row of rays: a stack of fewer joins no two things."""
-THIN_ROWS = 6
-"""Rows of rays through a stack, from which on it can be thin."""
 
 
 def segment_points(
@@ -51,12 +41,9 @@ def segment_points(
     slot_of, bin_of, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n, slot_of_cell)
     allowed = ((height_gap + np.float32(s.height_gap_rows) * row_height * reach) / HEIGHT_BIN).astype(np.int64) + 1
     first, low, high = _stack(masks, allowed, len(points))
-    stack_of, count = _count(slot_of, bin_of, first, high)
-    row_gap = np.repeat(row_height * reach, np.diff(first))
-    n_rows = ((high - low) * HEIGHT_BIN + height_gap) / np.maximum(row_gap, np.float32(1e-6))
-    is_thin = (n_rows >= THIN_ROWS) & (count < THIN_SHARE * n_rows)
+    stack_of = _find_stacks(slot_of, bin_of, first, high)
     radius = np.maximum(np.float32(s.gap), np.float32(s.gap_columns) * column_width * reach) / cell
-    root = _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin)
+    root = _join(n, cells, slot_of_cell, radius, allowed, first, low, high)
     inside = np.flatnonzero(stack_of >= 0)
     first_point = np.full(len(low), len(points))
     first_point[root[stack_of[inside[::-1]]]] = inside[::-1]  # of several the last that is written stays
@@ -132,64 +119,34 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _count(slot_of, bin_of, first, high):  # type: ignore[no-untyped-def]
-    """Return the stack of each point, -1 for none, and how many points each stack has."""
+def _find_stacks(slot_of, bin_of, first, high):  # type: ignore[no-untyped-def]
+    """Return the stack of each point, -1 for none."""
     stack_of = np.full(len(slot_of), -1, np.int32)
-    count = np.zeros(len(high), np.int64)
     for i in range(len(slot_of)):
-        slot = slot_of[i]
-        if slot < 0:
-            continue
-        s = first[slot]
-        while high[s] < bin_of[i]:
-            s += 1
-        stack_of[i] = s
-        count[s] += 1
-    return stack_of, count
+        if slot_of[i] >= 0:
+            stack_of[i] = first[slot_of[i]]
+            while high[stack_of[i]] < bin_of[i]:
+                stack_of[i] += 1
+    return stack_of
 
 
 @kernel
-def _join(n, cells, slot_of_cell, radius, allowed, first, low, high, is_thin):  # type: ignore[no-untyped-def]
-    """Return the root of each stack: like ones join, and what hangs together thinly the full one that is nearest."""
-    n_stacks = len(low)
-    parent = np.empty(n_stacks, np.int64)
-    for s in range(n_stacks):
-        parent[s] = s
-    nearest = np.full((n_stacks, 3), _NONE)  # squared cells, cell, stack
+def _join(n, cells, slot_of_cell, radius, allowed, first, low, high):  # type: ignore[no-untyped-def]
+    """Return the root of each stack: those of neighbouring cells join where their heights meet."""
+    parent = np.arange(len(low))
     for slot in range(len(cells)):
-        c = cells[slot]
-        u, v = c % n, c // n
+        u, v = cells[slot] % n, cells[slot] // n
         k = int(min(radius[slot], np.float32(n)))  # no further than the last cell
         for dv in range(0, min(k, n - 1 - v) + 1):
             for du in range(max(-k, -u) if dv > 0 else 1, min(k, n - 1 - u) + 1):
-                if du * du + dv * dv > radius[slot] * radius[slot]:
-                    continue
-                a, b = u + du, v + dv
-                other = slot_of_cell[b * n + a]
-                if other < 0:
+                other = slot_of_cell[(v + dv) * n + u + du]
+                if other < 0 or du * du + dv * dv > radius[slot] * radius[slot]:
                     continue
                 for s in range(first[slot], first[slot + 1]):
                     for t in range(first[other], first[other + 1]):
-                        if low[s] - high[t] > allowed[slot] or low[t] - high[s] > allowed[slot]:
-                            continue
-                        if is_thin[s] == is_thin[t]:
-                            ra, rb = _root(parent, s), _root(parent, t)
-                            parent[max(ra, rb)] = min(ra, rb)
-                        elif is_thin[s]:
-                            _keep_nearest(nearest, np.int64(s), np.int64(t), du * du + dv * dv, np.int64(b * n + a))
-                        else:
-                            _keep_nearest(nearest, np.int64(t), np.int64(s), du * du + dv * dv, np.int64(c))
-    for s in range(n_stacks):
-        if nearest[s, 2] < n_stacks:
-            _keep_nearest(nearest, _root(parent, s), nearest[s, 2], nearest[s, 0], nearest[s, 1])
-    joined = np.empty(n_stacks, np.int64)
-    for s in range(n_stacks):
-        root = _root(parent, s)
-        joined[s] = _root(parent, nearest[root, 2]) if is_thin[root] and nearest[root, 2] < n_stacks else root
-    return joined
-
-
-@kernel
-def _keep_nearest(nearest, thin, full, squared, cell):  # type: ignore[no-untyped-def]
-    if squared < nearest[thin, 0] or (squared == nearest[thin, 0] and cell < nearest[thin, 1]):
-        nearest[thin, 0], nearest[thin, 1], nearest[thin, 2] = squared, cell, full
+                        if low[s] - high[t] <= allowed[slot] and low[t] - high[s] <= allowed[slot]:
+                            a, b = _root(parent, s), _root(parent, t)
+                            parent[max(a, b)] = min(a, b)
+    for s in range(len(low)):
+        parent[s] = _root(parent, s)
+    return parent

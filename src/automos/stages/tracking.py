@@ -14,7 +14,7 @@ from automos.parallel import map_in_order
 from automos.scan import OBJECT, Frames
 from automos.settings import Settings
 from automos.tracking.completion import tracks_of_points
-from automos.tracking.judge import judge_by_evidence, without_scenery
+from automos.tracking.judge import judge_tracks, segment_terms, without_scenery
 from automos.tracking.places import Places, count_places, held_places, touched_columns
 from automos.tracking.smoothing import smooth_tracks
 from automos.tracking.tracker import track_objects
@@ -64,7 +64,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     if not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-    verdicts = judge_by_evidence(tracks, detections, tracking.judge)
+    verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], tracking.judge)
     tracks, verdicts = without_scenery(tracks, verdicts, detections)
     tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
     return TrackedObjects(tracks, verdicts, find_places(scans, tracks, verdicts, settings, workers))

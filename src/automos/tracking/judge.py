@@ -106,7 +106,9 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     return SegmentTerms(faces, _evidence(found, is_asked), columns, (known > 0.0) | is_asked)
 
 
-def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings: JudgeSettings) -> Verdicts:
+def judge_tracks(
+    tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings, shifts: Array | None = None
+) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
     The confidence is the probability that the verdict is right. What was seen once, or has no point that anything is
@@ -114,16 +116,7 @@ def judge_by_evidence(tracks: Tracks, detections: Sequence[Detections], settings
 
     Parameters
     ----------
-    detections : per scan, its segments.
-    """
-    return judge_tracks(tracks, [segment_terms(found) for found in detections], settings)
-
-
-def judge_tracks(
-    tracks: Tracks, terms: Sequence[SegmentTerms], settings: JudgeSettings, shifts: Array | None = None
-) -> Verdicts:
-    """Return the same as `judge_by_evidence` from the `terms` of each scan's segments.
-
+    terms : per scan, what its segments say.
     shifts : (N,) log-odds to add for what was seen in each scan, their mean over a track's scans. In a scan with more
         than none, what is seen for the first time is judged, too.
     """
