@@ -198,6 +198,14 @@ def test_five_columns_of_organised_clouds_are_found_though_their_sizes_fit_four(
     assert "fit 5 float32 columns better than 4" in caplog.text
     assert sequence[1].ring.tolist() == [*range(32), *range(32)]
     assert [len(scan) for scan in open_sequence(write_bins(tmp_path / "four", 4, [20, 40, 80]))] == [20, 40, 80]
+
+
+def test_four_columns_of_points_without_return_are_no_five_whatever_their_intensities(tmp_path):
+    rows = np.zeros((40, 4), np.float32)
+    rows[:, 3] = np.arange(40)
+    (tmp_path / "log").mkdir()
+    rows.tofile(tmp_path / "log" / "0.bin")
+    assert len(open_sequence(tmp_path / "log")[0]) == 40
     (tmp_path / "zeros").mkdir()
     np.zeros((80, 4), np.float32).tofile(tmp_path / "zeros" / "0.bin")
     assert len(open_sequence(tmp_path / "zeros")[0]) == 80

@@ -65,6 +65,13 @@ def drive(tmp_path):
     return write_drive(tmp_path / "raw", street_log())
 
 
+def test_a_second_packet_in_a_scans_file_is_told_for_all_poses_behind_it_would_move(drive):
+    path = drive / "oxts" / "data" / "0000000002.txt"
+    path.write_text(2 * path.read_text())
+    with pytest.raises(InputError, match=r"0000000002\.txt holds more than one packet"):
+        _ = open_sequence(drive).reference_poses
+
+
 def test_a_drive_is_found_from_its_day_or_above_with_its_times_and_poses(drive):
     log = street_log()
     for path in (drive, drive.parent, drive.parent.parent):

@@ -356,3 +356,11 @@ def test_labels_of_another_program_are_not_replaced(run, tmp_path):
     (tmp_path / "theirs" / "predictions" / "000000.label").write_bytes(b"theirs")
     with pytest.raises(InputError, match="another program wrote: choose another --out"):
         merge(run, run.folder / "predictions", tmp_path / "theirs")
+
+
+def test_corrections_are_not_written_over_by_what_is_made_of_them(run, root, tmp_path):
+    other = shutil.copytree(root / "run", tmp_path / "other")
+    for corrected, out in ((other / "predictions", other), (root / "sustech", root / "sustech")):
+        with pytest.raises(InputError, match="holds the corrections, which would be written over"):
+            merge(run, corrected, out)
+    assert (other / "run.json").read_bytes() == (root / "run" / "run.json").read_bytes()

@@ -63,9 +63,11 @@ def _all_multiples(sizes: Sequence[int], n_bytes: int) -> bool:
 
 
 def _fifth_is_ring(path: Path, may_be_zero: bool) -> bool:
-    fifth = np.fromfile(path, np.float32).reshape(-1, 5)[:, 4]
-    are_whole = (fifth >= 0) & (fifth == np.floor(fifth)) & (fifth < 1024)
-    return bool(are_whole.all() and (may_be_zero or fifth.any()))  # four columns of points without return are zero, too
+    rows = np.fromfile(path, np.float32).reshape(-1, 5)
+    fifth, are_whole = rows[:, 4], rows == np.floor(rows)
+    is_ring = bool((are_whole[:, 4] & (fifth >= 0) & (fifth < 1024)).all())
+    # Four columns of points without return are zero, but for intensities: whole, wherever one looks.
+    return is_ring and (may_be_zero or (bool(fifth.any()) and not are_whole[:, :3].all()))
 
 
 def _bad_size(path: Path, size: int, n_columns: int) -> str:

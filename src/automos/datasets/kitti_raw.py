@@ -96,8 +96,11 @@ class KittiRawSequence(FolderSequence):
     @cached_property
     def _T_map_imu(self) -> Pose:
         folder = self.source / "oxts" / "data"
-        packets = np.concatenate([read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names])
-        return poses_from_packets(packets, folder)
+        packets = [read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names]
+        twice = next((name for name, rows in zip(self._names, packets, strict=True) if len(rows) > 1), None)
+        if twice is not None:
+            raise InputError(f"{folder / twice}.txt holds more than one packet, the scan's; copy it again")
+        return poses_from_packets(np.concatenate(packets), folder)
 
     @cached_property
     def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:

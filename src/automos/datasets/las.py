@@ -65,15 +65,19 @@ def read_here(path: Path) -> Columns:
 
 
 class _Watched(io.FileIO):
-    """A file that knows up to which byte its packed points were asked for."""
+    """A file that knows up to which byte its packed points were asked for, and whether beyond."""
 
     def __init__(self, path: Path, begin: int, end: int):
         super().__init__(path)
         self._begin, self._end, self.reached = begin, end, begin
+        self.is_exceeded = False
 
     def readinto(self, buffer: Any) -> int:
         at = self.tell()
         if not self._begin <= at < self._end:
+            self.is_exceeded |= (
+                at >= self._end and self.reached > self._begin
+            )  # what is behind them is read before them
             return super().readinto(buffer) or 0
         n = super().readinto(memoryview(buffer)[: max(self._end - _LAST - at, 1)]) or 0
         self.reached = max(self.reached, at + n)
@@ -86,7 +90,7 @@ def _unpack(path: Path, promise: Promise) -> Any:
     Raises
     ------
     InputError
-        The last one holds more than its header promises: packed points are no longer than they need be.
+        The last one holds more than its header promises, or fewer: packed points are as long as they need be.
     """
     laspy = import_extra("laspy", "las")
     assert promise.packed is not None
@@ -101,9 +105,11 @@ def _unpack(path: Path, promise: Promise) -> Any:
         else:
             reader.seek(promise.n_before)
             reader.read_points(promise.n_points - promise.n_before)
-        if begin < file.reached < end - _SPARE:
+        is_begun = file.reached > begin or promise.n_points == 0
+        if file.is_exceeded or (is_begun and file.reached < end - _SPARE):
+            compared = "fewer" if file.is_exceeded else "more"
             raise InputError(
-                f"{path} holds more packed points than the {promise.n_points} that its header promises; it is damaged: "
-                "copy it again"
+                f"{path} holds {compared} packed points than the {promise.n_points} that its header promises; it is "
+                "damaged: copy it again"
             )
     return las

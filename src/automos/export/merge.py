@@ -62,10 +62,12 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     Raises
     ------
     InputError
-        Corrections that do not belong to the recording, or `out` is the run's own folder.
+        Corrections that do not belong to the recording, or `out` is the run's own folder or holds them.
     """
     if os.path.realpath(out) == os.path.realpath(run.folder):
         raise InputError(f"{out} holds the results that are to be corrected: choose another --out")
+    if Path(os.path.realpath(corrected)).is_relative_to(os.path.realpath(out)):
+        raise InputError(f"{out} holds the corrections, which would be written over: choose another --out")
     has_labels = corrected.is_dir() and any(corrected.glob("[!.]*.label"))
     if has_labels:
         require_known((path.stem for path in corrected.glob("[!.]*.label")), run, corrected)
