@@ -14,15 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.kernels import kernel
-from automos.odometry.surfels import (
-    Surfels,
-    across,
-    eigenvalues,
-    eigenvector,
-    key_at_level,
-    level_of,
-    variance_along,
-)
+from automos.odometry.surfels import Surfels, across, eigenvalues, eigenvector, key_at_level, level_of, variance_along
 from automos.scan import Points, Pose
 from automos.voxels import find_slot
 
