@@ -58,6 +58,19 @@ def presets_of_drive(result: dict) -> Rows:
     return rows
 
 
+def presets_of_worlds(result: dict) -> Rows:
+    """One row a preset: the mean over worlds in which something moves, the worst of them; false points elsewhere."""
+    rows = [["preset", "mean IoU", "precision", "recall", "worst world", "false points a scan where nothing moves"]]
+    for preset in ("paper", "default"):
+        by_world = {world: found["methods"][preset] for world, found in result.items()}
+        moving = {world: m for world, m in by_world.items() if m["true_dynamic"] + m["false_static"]}
+        means = [_percent(float(np.mean([m[key] for m in moving.values()]))) for key in ("iou", "precision", "recall")]
+        worst = min(moving, key=lambda world: moving[world]["iou"])
+        false = sum(by_world[w]["false_dynamic"] / result[w]["n_scans"] for w in by_world if w not in moving)
+        rows.append([f"`{preset}`", *means, f"{_percent(moving[worst]['iou'])} `{worst}`", f"{false:.1f}"])
+    return rows
+
+
 def methods_of_worlds(*results: dict) -> Rows:
     """One row a method, one column a world of all results; where nothing moves, false points a scan, in brackets."""
     common = [world for world in results[0] if all(world in result for result in results)]

@@ -17,6 +17,7 @@ MARK = re.compile(r"(?P<head><!-- table (?P<name>[\w-]+) -->\n)(?P<shown>.*?)(?P
 
 
 TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
+    "presets-worlds": (("worlds-presets",), make_rows.presets_of_worlds),
     "presets-drive": (("presets",), make_rows.presets_of_drive),
     "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), make_rows.methods_of_drive),
     "methods-worlds": ((*(f"worlds-{rival}" for rival in RIVALS), "worlds-presets"), make_rows.methods_of_worlds),
