@@ -77,7 +77,7 @@ def is_cold() -> bool:
     """
     from automos.tracking import completion
 
-    kernel = completion._rows_near
+    kernel = completion._find_near
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if index is None:  # numba is set not to compile, or has no place to store the result
         return False

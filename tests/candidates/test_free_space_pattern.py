@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from automos.candidates.free_space_pattern import learn_pattern
-from automos.candidates.free_space_sweep import raw_points
-from automos.cells import rough_turn_of, turn_of
-from automos.geometry import se3_exp, transform
+from automos.cells import rough_turn_of
 from automos.scan import Frame
 
 
@@ -73,26 +71,6 @@ def test_directions_without_a_fixed_time_get_none():
     time = rng.uniform(-0.5, 0.5, 9000).astype(np.float32)
     pattern = learn_pattern([frame_of(azimuth, elevation, time=time, motion=np.zeros(6))])
     assert not pattern.sweep_time.any()
-
-
-def test_raw_points_undo_the_compensation():
-    rng = np.random.default_rng(4)
-    raw = rng.uniform(-40.0, 40.0, (2000, 3))
-    time, motion = rng.uniform(-0.5, 0.5, 2000), np.array([1.2, 0.1, 0.0, 0.0, 0.01, 0.05])
-    compensated = np.stack([transform(se3_exp(t * motion), p[None])[0] for t, p in zip(time, raw, strict=True)])
-    frame = Frame(
-        compensated.astype(np.float32), np.arange(2000), 2000, np.eye(4), 0.0, time.astype(np.float32), motion
-    )
-    np.testing.assert_allclose(raw_points(frame), raw, atol=0.03)
-
-
-def test_turns_are_azimuths():
-    angles = np.linspace(-np.pi + 1e-3, np.pi - 1e-3, 1001)
-    turns = [turn_of(np.float32(np.cos(a)), np.float32(np.sin(a))) for a in angles]
-    np.testing.assert_allclose(turns, (angles + np.pi) / (2.0 * np.pi), atol=3e-6)
-    rough = [rough_turn_of(np.float32(np.cos(a)), np.float32(np.sin(a))) for a in angles]
-    assert (np.diff(rough) > 0).all()
-    assert 0.0 <= min(rough) <= max(rough) < 1.0
 
 
 @pytest.mark.parametrize("at", [[5.0, 0.0, 0.0], [0.0, 0.0, 7.0]], ids=["at one place", "overhead"])

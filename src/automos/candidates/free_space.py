@@ -68,8 +68,8 @@ class FreeSpace:
                 offsets = self.stamps[partners[i]] - self.stamps[i]
                 asked.append((i, mine, pool.submit(ask, mine, others, offsets, self.settings.free_space)))
                 while len(asked) > (0 if i == todo[-1] else 2 * self.threads):
-                    index, view, net = asked.popleft()
-                    yield index, view, net.result()
+                    index, about, net = asked.popleft()
+                    yield index, about, net.result()
                 for j in [j for j in seen if last_use[j] <= i]:
                     del seen[j]
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import partial, reduce
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -68,7 +69,8 @@ def ask(
     for view in mine.views:
         heights = mine.height[view.rows][view.is_object]
         n_parts = 1 if pool is None else max(min(_PARTS, len(heights) // _PART), 1)
-        parts = np.array_split(np.arange(len(heights)), n_parts)
+        bounds = np.linspace(0, len(heights), n_parts + 1).astype(int)
+        parts = [slice(a, b) for a, b in pairwise(bounds)]
         asked = (map if pool is None else pool.map)(partial(_ask_part, view, heights, others, offsets, settings), parts)
         of_view = np.zeros(len(view.is_object), np.float32)
         of_view[view.is_object] = np.concatenate(list(asked))
@@ -82,14 +84,14 @@ def _ask_part(
     others: list[Seen],
     offsets: Array,
     settings: FreeSpaceSettings,
-    part: Rows,
+    part: slice,
 ) -> npt.NDArray[np.float32]:
-    """Return (K,) the same of the `part` (K,) of a view's objects, which are `heights` above the ground."""
-    points = np.take(mine.objects, part, axis=1)
+    """Return (K,) the same of a `part` of a view's objects, all of which are `heights` above the ground."""
+    points = np.ascontiguousarray(mine.objects[:, part])
     trusts = np.where(mine.is_supported[part], 1.0, settings.lone_weight)
     about = [np.linalg.norm(points, axis=0), heights[part], trusts]
     first = {int(np.argmin(np.abs(offsets - span))) for span in (*FIRST_SPANS, *np.negative(FIRST_SPANS)) if others}
-    votes = np.zeros((len(others), len(part)), np.int8)
+    votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:
         votes[k] = _vote(mine, points, about, others[k], settings)
     # Most points are hit by all who see them: the others need not be asked about those.
@@ -115,5 +117,4 @@ def _vote(
         looks = look_through(points, T, view.rays, tolerances)
         row_height = np.float32(view.rays.pattern.row_height)
         votes.append(weigh_looks(*looks, *about, row_height, s.near_miss, s.weak_weight))
-    lowest = np.min(votes, axis=0)
-    return np.where(lowest < 0, lowest, np.max(votes, axis=0))
+    return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

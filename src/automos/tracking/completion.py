@@ -48,7 +48,7 @@ def paint_objects(
     moving : the rows of moving tracks in this scan, observed or predicted.
     """
     track_of, margin = tracks_of_points(ids, stayed, moving), settings.margin
-    owned = np.flatnonzero(track_of >= 0)
+    owned, near = np.flatnonzero(track_of >= 0), np.empty(len(points), np.int32)
     for k in range(len(moving.track)):
         segment, center, size = moving.segment[k], moving.center[k], moving.size[k]
         turn = np.cos(moving.yaw[k]), np.sin(moving.yaw[k])
@@ -59,7 +59,7 @@ def paint_objects(
             own = _in_box(points[own], center, turn)
             low, high = own.min(axis=1), own.max(axis=1)
         reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RING + margin
-        rows = _rows_near(points, center, reach)
+        rows = near[: _find_near(points, center, reach, near)]
         local = _in_box(points[rows], center, turn)
         outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
@@ -97,11 +97,11 @@ def _stands(points: Array, ground: Array) -> Mask:
 
 
 @kernel
-def _rows_near(points, center, reach):  # type: ignore[no-untyped-def]
-    """Return the rows of `points` whose first two coordinates are both within `reach` of those of `center`."""
-    rows, n = np.empty(len(points), np.int32), 0
+def _find_near(points, center, reach, rows):  # type: ignore[no-untyped-def]
+    """Write the `rows` of points whose x and y are within `reach` of those of `center`; return how many there are."""
+    n = 0
     for i in range(len(points)):
         if abs(points[i, 0] - center[0]) <= reach and abs(points[i, 1] - center[1]) <= reach:
             rows[n] = i
             n += 1
-    return rows[:n]
+    return n
