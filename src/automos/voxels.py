@@ -89,7 +89,7 @@ def voxel_key(x, y, z, inverse_voxel):  # type: ignore[no-untyped-def]
 def find_slot(keys, key):  # type: ignore[no-untyped-def]
     """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
     mask = len(keys) - 1
-    slot = (key * np.int64(-7046029254386353131) >> 29) & mask  # 2^64 / golden ratio: neighbouring voxels scatter
+    slot = (key * np.int64(-7046029254386353131) >> 38) & mask  # 2^64 / golden ratio: neighbouring voxels scatter
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot

@@ -164,12 +164,14 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
         steps = _follow(KissOdometry(settings, timing, twist, KNOWN_MOTION), scans, gaps)
         if any(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() < SAME_START for other in tried):
             continue
-        start, misfit, is_contradicted = _align_start(steps, surfels, settings, share, gaps)
-        is_from_rest = not tried
+        aligned, misfit = _align_start(steps, surfels, settings, share, gaps)
+        start, is_from_rest = se3_log(aligned.steps[0]) / gaps[0], not tried
         if is_from_rest and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
             return rest
         if misfit is not None:
-            misfit += np.log1p(-TRIAL_GAIN) * (is_from_rest - is_contradicted)
+            misfit += is_from_rest * np.log1p(-TRIAL_GAIN)
+            if misfit < least and search_speed(aligned, settings).landmarks.are_missed:
+                misfit -= np.log1p(-TRIAL_GAIN)
             if misfit < least:
                 best, least = rest if is_from_rest else start, misfit
         tried.append(steps)
@@ -187,17 +189,12 @@ def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
 
 def _align_start(
     steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
-) -> tuple[Array, float | None, bool]:
-    """Return the (6,) first motion once the scans are aligned from (N - 1, 4, 4) `steps`, how badly they align.
-
-    And whether landmarks contradict it: who is as slow as that must see them again.
-    """
+) -> tuple[Window, float | None]:
+    """Return the scans aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
     n, T = len(surfels), chain(np.eye(4), steps)
     as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
     aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
-    T = aligned.T_world_sensor
-    is_contradicted = search_speed(aligned, settings).landmarks.are_missed
-    return se3_log(inverse(T[0]) @ T[1]) / gaps[0], links.misfit, is_contradicted
+    return aligned, links.misfit
 
 
 def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:

@@ -50,6 +50,11 @@ class Window:
         """(N,) seconds since the first scan."""
         return np.concatenate([[0.0], np.cumsum(self.gaps)]) * self.period
 
+    @property
+    def steps(self) -> Pose:
+        """(N - 1, 4, 4) from each scan to the one before."""
+        return inverse(self.T_world_sensor[:-1]) @ self.T_world_sensor[1:]
+
     def moved(self, T_world_sensor: Pose) -> Window:
         """Return the same scans at other poses, their surfels compensated for the motion these imply."""
         twists = self.share * step_twists(T_world_sensor, self.gaps)

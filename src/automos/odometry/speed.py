@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse
 from automos.odometry.facing import stands, without_body
 from automos.odometry.links import Window
 from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
@@ -64,7 +63,7 @@ class SpeedSearch:
 
 def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
     """Return by how much steps are too short, and how much each other speed would explain."""
-    steps = inverse(window.T_world_sensor[:-1]) @ window.T_world_sensor[1:]
+    steps = window.steps
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
         return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
