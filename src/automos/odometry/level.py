@@ -120,7 +120,7 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
 
 @kernel
 def _score_planes(points, normals, heights, distance):  # type: ignore[no-untyped-def]
-    """Return inliers of each plane minus twice the points clearly behind it (which roofs have, but ground has not)."""
+    """Return inliers of each plane minus twice the points clearly behind it (roofs have some, valley walls none)."""
     scores = np.zeros(len(normals))
     for j in range(len(normals)):
         score = 0.0

@@ -38,7 +38,7 @@ BACKWARD = 0.03
 NOISE = 0.1
 """Turns by which a block may lie behind the previous one (noise of points near the axis); more is a gap ahead."""
 TURNS = (0.2, 3.0)
-"""Turns in a scan, least and most: less may be a sensor without rotation, more is a file sorted by beam."""
+"""Turns in a scan, least and most: less may be a narrow field of view, more is a file sorted by beam."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     drift = np.array([turn * (f[4] - f[2]) for f in found])
     # The seam drifts by the turns per scan modulo whole turns: add as many as bring it closest to the span of a scan.
     whole = np.round(turns - drift)
-    whole += drift + whole < 0.5 * turns  # a scan of a partial turn still takes one turn
+    whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
     starts = np.exp(2j * np.pi * np.array([f[2] for f in found]))
     is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED

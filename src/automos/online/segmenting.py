@@ -116,7 +116,7 @@ class Segmenting:
         return self._sightings.T_level_sensor
 
     def step(self, number: int, scan: Scan) -> Segmented:
-        """Return the results that `scan` completes, which has points, a stamp and the number `number`."""
+        """Return the results that `scan`, number `number`, completes; it has points and a stamp."""
         renewed = self._update_grown(scan.stamp)
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)

@@ -49,7 +49,7 @@ class Stream:
         return self._segmenting.T_world_sensor
 
     def segment(self, number: int, scan: Scan) -> Segmented:
-        """Return the results that `scan` completes, which has points, a stamp and the number `number`.
+        """Return the results that `scan`, number `number`, completes; it has points and a stamp.
 
         May be called ahead in another thread, in the order of the scans.
         """
