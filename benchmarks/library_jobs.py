@@ -132,8 +132,8 @@ def registration() -> dict[str, dict]:
     from kiss_icp.registration import Registration
 
     from automos.odometry.registration import Icp, LocalMap
-    from automos.odometry.surfels import rows_of_first_in_voxel
     from automos.simulation import simulate
+    from automos.voxels import rows_of_first_in_voxel
 
     first, second = (scan.points for scan in simulate("city", "HDL-64E", n_scans=2, compensated=True))
     source, guess = second[rows_of_first_in_voxel(second, 1.5)], np.eye(4)

@@ -177,7 +177,7 @@ def test_a_scan_that_came_twice_has_the_labels_of_the_first():
 
 @pytest.mark.parametrize(
     ("gap", "reason"),
-    [(1.0, "nothing came for 1.0 s"), (30.0, "nothing came for 30.0 s"), (-50.0, "gone back")],
+    [(1.0, "no scans for 1.0 s"), (30.0, "no scans for 30.0 s"), (-50.0, "set back")],
 )
 def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, caplog):
     world = lane(24)

@@ -50,7 +50,7 @@ def test_a_scan_that_is_none_is_told_with_what_to_return(given):
         ("name", None, "name must give a text, not None"),
         ("source", 5, r"source must give a pathlib\.Path or None, not 5"),
         ("stamps", gives(np.arange(4.0)), r"stamps must be \(5,\), got shape \(4,\)"),
-        ("stamps", gives([0.0, 0.1, np.nan, 0.3, 0.4]), "mine has a scan at nan s"),
+        ("stamps", gives([0.0, 0.1, np.nan, 0.3, 0.4]), "mine has an invalid stamp of nan s"),
         ("stamps", lambda self: np.arange(5.0), "stamps must be real numbers"),
         ("repeats", gives([False, True, False]), r"repeats must be \(5,\), got shape \(3,\)"),
         ("repeats", gives("no"), "repeats must be real numbers"),

@@ -1,7 +1,7 @@
-"""Voxels of points: their keys, hash tables of them, and a map that stores the voxel of every point.
+"""Voxel keys, hash tables of them, and a map that stores the voxel of every point.
 
-With this index a decision on a voxel applies to the points of the scans. Searching the nearest point of a cleaned map
-instead loses points to quantisation: at 0.2 m, a fifth of all points have no map point within 0.1 m.
+With this index, a decision on a voxel applies to the points of the scans. A search for the nearest point of a cleaned
+map would lose points to quantisation: at 0.2 m, a fifth of all points have no map point within 0.1 m.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from automos.cells import whole_below
 from automos.kernels import kernel
 
 BITS = 20
-"""Of a voxel's name for each axis: 100 km either way at 0.2 m. Three more bits are left for who needs them."""
+"""Bits of a voxel key per axis: 100 km in each direction at 0.2 m. The lowest three bits are free for callers."""
 ALONG_X, ALONG_Y, ALONG_Z = 1 << (2 * BITS + 3), 1 << (BITS + 3), 1 << 3
-"""By which the names of neighbouring voxels differ."""
+"""Differences between the keys of neighbouring voxels."""
 
 
 def rows_of_first_in_voxel(points: npt.NDArray, voxel: float) -> npt.NDArray[np.int32]:
@@ -26,11 +26,11 @@ def rows_of_first_in_voxel(points: npt.NDArray, voxel: float) -> npt.NDArray[np.
 class VoxelMap:
     """Voxels in order of first appearance, with the mean of their points; grows as points are added.
 
-    Attributes (all of length V, the number of voxels): `mean` (V, 3) float32 in the frame of the points added.
+    Attribute `mean` : (V, 3) float32, metres, for V voxels, in the frame of the added points.
     """
 
     def __init__(self, voxel: float, origin: npt.ArrayLike = (0.0, 0.0, 0.0)):
-        """Take the edge length `voxel` in metres; coordinates are kept relative to `origin` (3,) for precision."""
+        """Take the edge length `voxel` in metres; coordinates are stored relative to `origin` (3,) for precision."""
         self.voxel = voxel
         self.origin = np.asarray(origin, np.float64)
         self._table_keys = np.full(1 << 16, -1, np.int64)
@@ -49,7 +49,7 @@ class VoxelMap:
         return (self._sum[:n] / self._count[:n, None] + self.origin).astype(np.float32)
 
     def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
-        """Add `points` (N, 3), metres; return (N,) int32, the voxel each fell into."""
+        """Add `points` (N, 3), metres; return (N,) int32, the voxel index of each point."""
         self._reserve(self.n_voxels + len(points))
         ids = np.empty(len(points), np.int32)
         self.n_voxels = _insert(
@@ -79,7 +79,7 @@ class VoxelMap:
 
 @kernel
 def voxel_key(x, y, z, inverse_voxel):  # type: ignore[no-untyped-def]
-    """Return the int64 name of the voxel of a point, not negative; its lowest three bits are 0."""
+    """Return the non-negative int64 key of the voxel of a point; its lowest three bits are 0."""
     half = 1 << (BITS - 1)
     kx, ky = whole_below(x * inverse_voxel) + half, whole_below(y * inverse_voxel) + half
     return (((kx << BITS) | ky) << BITS | (whole_below(z * inverse_voxel) + half)) << 3
@@ -87,7 +87,7 @@ def voxel_key(x, y, z, inverse_voxel):  # type: ignore[no-untyped-def]
 
 @kernel
 def find_slot(keys, key):  # type: ignore[no-untyped-def]
-    """Return the slot of `key` in the open table `keys` (a power of two long, -1 is empty), or the empty one for it."""
+    """Return the slot of `key` in the open table `keys` (a power of two long, -1 if empty), or an empty slot for it."""
     mask = len(keys) - 1
     slot = (key * np.int64(-7046029254386353131) >> 38) & mask  # 2^64 / golden ratio: neighbouring voxels scatter
     while keys[slot] != -1 and keys[slot] != key:

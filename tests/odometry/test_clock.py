@@ -74,12 +74,12 @@ def test_a_repeated_scan_is_where_and_when_the_first_one_was():
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
-        ([0.0, np.nan, 0.2], "memory has a scan at nan s, which is no time"),
-        ([0.0, 1e300, 2e300], "memory has a scan at 1e.300 s, which is no time"),
-        ([1.6e18, 1.6e18 + 1e8, 1.6e18 + 2e8], "which is no time: give seconds"),  # nanoseconds since 1970
-        ([0.0, 0.2, 0.1], "memory: scan 2 is -0.1 s after the one before it"),
-        ([0.0, 0.0, 0.0], "times must increase, and are seconds"),
-        ([0.0, 1e-9, 2e-9], "usually there are 1e-09 s between scans"),
+        ([0.0, np.nan, 0.2], "memory has an invalid stamp of nan s"),
+        ([0.0, 1e300, 2e300], "memory has an invalid stamp of 1e.300 s"),
+        ([1.6e18, 1.6e18 + 1e8, 1.6e18 + 2e8], "1.6e.18 s: give stamps in seconds"),  # nanoseconds since 1970
+        ([0.0, 0.2, 0.1], "memory: scan 2 is -0.1 s after the previous scan"),
+        ([0.0, 0.0, 0.0], "stamps must be in seconds and increase"),
+        ([0.0, 1e-9, 2e-9], "usual period: 1e-09 s"),
     ],
 )
 def test_times_that_are_no_clock_are_told(stamps, message):

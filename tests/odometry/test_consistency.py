@@ -79,4 +79,4 @@ def test_poses_that_nobody_can_drive_are_doubted_at_the_scan_where_they_leap():
     assert doubts(figures | {"greatest_acceleration_m_s2": 7.0}, OdometrySettings()) == []
     (warning,) = doubts(figures | leap, OdometrySettings())
     assert "000030" in warning
-    assert "not to be trusted" in warning
+    assert "do not trust the labels" in warning

@@ -135,7 +135,7 @@ def test_a_pose_that_is_nowhere_is_refused_by_its_number(scans):
 def test_a_pose_that_is_no_rigid_transform_is_refused_by_its_number(scans, factor):
     poses = TRUTH.copy()
     poses[7, :3, :3] *= factor
-    with pytest.raises(InputError, match="pose 7 is no rigid transform"):
+    with pytest.raises(InputError, match="pose 7 is not a rigid transform"):
         estimate_trajectory(sequence_of(scans), REFINED, poses=poses)
 
 

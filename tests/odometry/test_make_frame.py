@@ -54,7 +54,7 @@ def test_a_scan_that_changes_while_it_is_labelled_is_told(rows):
     frames = SequenceFrames(sequence, trajectory(SweepTiming()))
     assert len(frames[1].points) == len(frames[1].points) == 3
     scans[1] = Scan(POINTS[rows])
-    with pytest.raises(InputError, match=r"scan 000001 had 5 points \(3 of use\) and now has .*: the recording"):
+    with pytest.raises(InputError, match=r"scan 000001 had 5 points \(3 valid\) and now has .*: the recording"):
         frames[1]
     assert len(frames[0].points) == 3
 

@@ -4,7 +4,7 @@ from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import Block, record, van
 
 from automos.odometry.consistency import speed_figures
-from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, score_distances, stands
+from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, is_stationary, score_distances
 from automos.odometry.links import Alignment, Window
 from automos.odometry.refine import RollingRefinement, is_ahead, refine_poses
 from automos.odometry.speed import SpeedSearch, lengthen, search_speed
@@ -120,10 +120,10 @@ def test_what_cannot_be_traffic_is_told_from_the_rest():
 
 
 def test_who_stands_finds_again_what_is_high_or_else_enough_of_the_rest():
-    assert stands(np.array([5.0, 0.0, 30.0]), np.array([400.0, 9.0, 40.0]))
-    assert not stands(np.array([200.0, 0.0, 4.0]), np.array([400.0, 9.0, 40.0]))  # low: traffic at the sensor's speed
-    assert stands(np.array([70.0, 10.0, 0.0]), np.array([390.0, 10.0, 1.0]))
-    assert not stands(np.array([8.0, 0.0, 0.0]), np.array([400.0, 9.0, 1.0]))
+    assert is_stationary(np.array([5.0, 0.0, 30.0]), np.array([400.0, 9.0, 40.0]))
+    assert not is_stationary(np.array([200.0, 0.0, 4.0]), np.array([400.0, 9.0, 40.0]))  # traffic at the sensor's speed
+    assert is_stationary(np.array([70.0, 10.0, 0.0]), np.array([390.0, 10.0, 1.0]))
+    assert not is_stationary(np.array([8.0, 0.0, 0.0]), np.array([400.0, 9.0, 1.0]))
 
 
 def test_from_nearly_the_same_place_more_is_found_again():

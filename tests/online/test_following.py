@@ -4,7 +4,7 @@ import numpy as np
 
 from automos import load_settings
 from automos.detections import Detections
-from automos.online.following import FEW, LACKING, PAST_ALONE, Asked, Following
+from automos.online.following import FEW, PAST_ALONE, TOO_FEW, Comparisons, Following
 from automos.tracking.tracker import Tracker, as_table, track_objects
 from automos.upright_boxes import Boxes
 
@@ -50,14 +50,14 @@ def probability(following: Following, stamp: float, *ahead: tuple[float, Detecti
 
 
 def test_who_was_asked_shifts_what_is_believed():
-    assert Asked(FEW, is_far=False, is_past=True).shift == 0.0  # the first second is no surer than its probability says
-    assert Asked(9, is_far=True, is_past=False).shift == 0.0
-    assert Asked(9, is_far=True, is_past=True).shift == PAST_ALONE
-    assert Asked(FEW - 2, is_far=False, is_past=True).shift == 2 * LACKING
+    assert Comparisons(FEW, is_far=False, is_past=True).shift == 0.0  # in the first second, nothing is added
+    assert Comparisons(9, is_far=True, is_past=False).shift == 0.0
+    assert Comparisons(9, is_far=True, is_past=True).shift == PAST_ALONE
+    assert Comparisons(FEW - 2, is_far=False, is_past=True).shift == 2 * TOO_FEW
 
 
 def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_asked_too():
-    few, more = Asked(1, False, True), Asked(FEW, False, True)
+    few, more = Comparisons(1, False, True), Comparisons(FEW, False, True)
     following = Following(SETTINGS)
     for k in range(2):
         following.add(0.1 * k, cars(1.0 * k), few)
@@ -69,7 +69,7 @@ def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_a
 
 def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
     at_once, later = Following(SETTINGS), Following(SETTINGS)
-    at_once.add(0.0, cars(1.0), Asked(9, is_far=True, is_past=True))
-    later.add(0.0, cars(1.0), Asked(9, is_far=True, is_past=False))
+    at_once.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=True))
+    later.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=False))
     assert probability(at_once, 0.0) > SETTINGS.judge.min_probability
     assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once

@@ -7,9 +7,9 @@ from worlds import street
 from automos import load_settings
 from automos.geometry import inverse, se3_log
 from automos.odometry.motion import SweepTiming
-from automos.online.inquiry import Inquiry
+from automos.online.background import BackgroundTask
 from automos.online.odometry import AT_ONCE, CausalOdometry
-from automos.online.past_submaps import Come
+from automos.online.past_submaps import Prediction
 from automos.scan import Scan
 from automos.simulation import Convention, record, simulate
 
@@ -38,11 +38,11 @@ def test_a_slow_drive_is_found_though_rings_lie_on_rings_at_rest():
 
 
 def test_a_motion_of_which_little_is_known_holds_the_next_one_less():
-    def evenness(doubt):
-        come = Come(0.1, np.eye(4), 1.0, np.zeros(6), np.full(6, doubt), 0.1, 1.0, False)
-        return come.evenness(np.zeros(6), SETTINGS)
+    def prior_weights(variance):
+        prediction = Prediction(0.1, np.eye(4), 1.0, np.zeros(6), np.full(6, variance), 0.1, 1.0, False)
+        return prediction.prior_weights(np.zeros(6), SETTINGS)
 
-    assert (evenness(0.01) < 0.2 * evenness(0.0)).all()
+    assert (prior_weights(0.01) < 0.2 * prior_weights(0.0)).all()
 
 
 def test_a_start_in_full_flight_is_found():
@@ -95,12 +95,12 @@ def test_the_order_of_the_points_times_the_second_scan():
 
 
 def test_an_answer_never_comes_sooner_however_fast_it_was_found():
-    inquiry = Inquiry(2.0)
-    assert inquiry.answer(100.0) is None
-    inquiry.ask(lambda: "first", 5.0)
-    inquiry.ask(lambda: "second", 6.0)  # one is enough
-    assert inquiry.answer(7.0 - 0.01) is None
-    assert inquiry.answer(7.0) == inquiry.answer(100.0) == "first"
+    task = BackgroundTask(2.0)
+    assert task.result(100.0) is None
+    task.start(lambda: "first", 5.0)
+    task.start(lambda: "second", 6.0)  # one is enough
+    assert task.result(7.0 - 0.01) is None
+    assert task.result(7.0) == task.result(100.0) == "first"
 
 
 def test_who_brakes_hard_is_not_held_to_the_speed_that_he_had():

@@ -8,7 +8,7 @@ from worlds import lane
 
 from automos import labeler
 from automos.labels import Label
-from automos.online import inquiry
+from automos.online import background
 
 SCANS = list(lane(30).sequence)
 
@@ -37,7 +37,7 @@ class _Later(Future):
 
 
 def given_back(pool, lag, monkeypatch):
-    for place in (labeler, inquiry):
+    for place in (labeler, background):
         monkeypatch.setattr(place, "ThreadPoolExecutor", pool)
     stream = labeler.Labeler(lag=lag)
     return [given for scan in SCANS for given in stream.push(scan)] + stream.finish()

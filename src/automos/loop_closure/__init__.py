@@ -1,4 +1,4 @@
-"""Places seen again, and the drift that they show (off by default)."""
+"""Loop closure: correction of drift at revisited places (off by default)."""
 
 from automos.loop_closure.closing import close_loops
 

@@ -1,7 +1,7 @@
-"""Loop closure: places seen again are recognised, verified by registration, and the drift between is spread.
+"""Loop closure: revisited places are recognised, verified by registration, and the drift between them is distributed.
 
-Off by default: closing a loop moves poses that fitted what was seen around them. So the correction is spread evenly
-along the path, and poses of neighbouring scans keep fitting to within the drift of the odometry itself.
+Off by default: closing a loop changes poses that were consistent with their surroundings. So the correction is
+distributed evenly along the path, and neighbouring poses stay consistent within the drift of the odometry itself.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from automos.voxels import rows_of_first_in_voxel
 Array = npt.NDArray[np.float64]
 
 PLACE_EVERY = 5.0
-"""Metres driven between places."""
+"""Metres travelled between places."""
 PLACE_LENGTH, PLACE_SCANS = 10.0, 5
-"""Metres driven whose scans show a place, and how many of them: what a few beams miss, the next scans see."""
+"""Metres of path that describe a place, and scans along them: later scans fill the gaps between beams."""
 RINGS, SECTORS = 20, 60
-"""In which a place is described (Scan Context's own)."""
+"""Of a place's description (as in Scan Context)."""
 VOXEL = 0.5
-"""Metres, one point per voxel; what is nearer lies on each other."""
+"""Metres, one point per voxel; also the greatest distance between overlapping points."""
 MAX_TURN_DRIFT_DEG = 0.3
-"""Degrees per metre driven, by which poses may be turned."""
+"""Degrees per metre travelled by which poses may be rotated."""
 MAX_OFFSET = 8.0
-"""Metres between places that show the same: two lanes and more."""
+"""Metres between poses at the same place, beyond drift: two lanes and more."""
 MAX_DIFFERENCE = 0.4
-"""Between places that look alike, 0 to 1; registration then decides."""
+"""Between descriptions of similar places, 0 to 1; registration then decides."""
 CANDIDATES = 3
-"""Places tried for each, most alike first."""
+"""Places tried for each, most similar first."""
 REGISTRATION_DISTANCES = (8.0, 3.0, 1.0)
-"""Metres, one registration each: pairs further apart are left out."""
+"""Metres, one registration each: correspondences further apart are rejected."""
 MIN_POINTS = 100
-"""That stand on the ground, on which an overlap is judged."""
+"""Points above the ground needed to measure an overlap."""
 DRIFT, TURN_DRIFT_DEG = 0.05, 0.1
 """Metres and degrees over 10 m, usual drift of the odometry."""
 DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
-"""Metres and degrees, usual error of a revisit's registration."""
+"""Metres and degrees, usual registration error of a revisit."""
 
 
 def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> Trajectory:
-    """Return the trajectory with the drift taken out that revisits show; `diagnostics` counts these.
+    """Return the trajectory without the drift that revisits reveal; `diagnostics` counts the closed loops.
 
-    Memory holds one description per place and the clouds of two places, however long the recording is.
+    Memory holds one description per place and the clouds of two places, whatever the length of the recording.
     """
     T_world_sensor, T_level_world = trajectory.T_world_sensor, trajectory.T_level_world
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
@@ -58,7 +58,7 @@ def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> 
     middles = np.unique(np.minimum(middles, len(path) - 1))
     T_level_place = np.array([_upright(T) for T in trajectory.T_level_sensor[middles]])
 
-    def see(place: int) -> Points:
+    def cloud_at(place: int) -> Points:
         ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= 0.5 * PLACE_LENGTH)
         ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
@@ -70,10 +70,10 @@ def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> 
         return cloud[rows_of_first_in_voxel(cloud, VOXEL)]
 
     found: list[_Revisit] = []
-    looks = [describe_place(see(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
+    descriptions = [describe_place(cloud_at(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
     for second in range(len(middles)):
-        for first, turn in _look_alike(second, looks, T_level_place[:, :3, 3], path[middles], loops):
-            T_first_second = _verify(see(first), see(second), turn, loops)
+        for first, turn in _find_similar(second, descriptions, T_level_place[:, :3, 3], path[middles], loops):
+            T_first_second = _verify(cloud_at(first), cloud_at(second), turn, loops)
             if T_first_second is not None:
                 found.append(_Revisit(first, second, T_first_second))
     T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
@@ -93,29 +93,29 @@ class _Revisit:
 
 
 def _upright(T: Pose) -> Pose:
-    """Return the frame at the place of `T`, z up, with its heading."""
+    """Return the frame at the position of `T`, z up, with the heading of `T`."""
     c, s = T[0, 0], T[1, 0]
     norm = max(float(np.hypot(c, s)), 1e-9)
     return make_transform(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, norm]]) / norm, T[:3, 3])
 
 
-def _look_alike(
-    second: int, looks: list[Array], position: Array, path: Array, loops: LoopSettings
+def _find_similar(
+    second: int, descriptions: list[Array], position: Array, path: Array, loops: LoopSettings
 ) -> list[tuple[int, float]]:
-    """Return earlier places that look like place `second`, most alike first, and the turn (rad) from each to it."""
+    """Return earlier places similar to place `second`, most similar first, and the rotation (rad) from each to it."""
     driven = path[second] - path
     apart = np.linalg.norm(position - position[second], axis=1)
     is_possible = (driven >= loops.min_distance) & (apart < loops.max_drift * driven + MAX_OFFSET)
-    alike = []
+    similar_places = []
     for first in np.flatnonzero(is_possible):
-        difference, turn = compare_places(looks[first], looks[second])
+        difference, turn = compare_places(descriptions[first], descriptions[second])
         if difference < MAX_DIFFERENCE:
-            alike.append((difference, int(first), turn))
-    return [(first, turn) for _, first, turn in sorted(alike)[:CANDIDATES]]
+            similar_places.append((difference, int(first), turn))
+    return [(first, turn) for _, first, turn in sorted(similar_places)[:CANDIDATES]]
 
 
 def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> Pose | None:
-    """Return T_first_second that lays the clouds on each other, or None where they do not lie well."""
+    """Return T_first_second that aligns the clouds, or None if they overlap too little."""
     import small_gicp
 
     c, s = np.cos(turn), np.sin(turn)
@@ -132,25 +132,25 @@ def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> 
 
 
 def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
-    """Return the share of `points` above the ground, and well inside the reach of `cloud`, that lie near it."""
+    """Return the share of `points` close to `cloud`, of those above the ground and well within its reach."""
     from scipy.spatial import KDTree
 
     ground = np.percentile(cloud[:, 2], 5.0)
     is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
-    asked = points[is_inside & (points[:, 2] > ground + VOXEL)]
-    if len(asked) < MIN_POINTS:
+    checked = points[is_inside & (points[:, 2] > ground + VOXEL)]
+    if len(checked) < MIN_POINTS:
         return 0.0
-    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(asked, distance_upper_bound=VOXEL)
+    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(checked, distance_upper_bound=VOXEL)
     return float(np.isfinite(distance).mean())
 
 
 def _solve(
     T_level_place: Pose, path: Array, found: list[_Revisit], loops: LoopSettings
 ) -> tuple[Pose, npt.NDArray[np.bool_]]:
-    """Return the places' poses with the revisits taken into account, and which of these were believed.
+    """Return the places' poses corrected by the revisits, and which of these were accepted.
 
-    Wrong revisits that agree with each other could outvote the path driven. So none may bend it more than drift would:
-    until that is so, the one that asks for most is given up.
+    Wrong revisits that agree with each other could outvote the odometry. So none may bend the path more than drift
+    would: until that holds, the revisit with the greatest correction is rejected.
     """
     first = np.arange(len(T_level_place) - 1)
     steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
@@ -158,7 +158,7 @@ def _solve(
     usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
     chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
     is_left = np.ones(len(found), bool)
-    asked = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
+    bends = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
     while is_left.any():
         left = np.flatnonzero(is_left)
         links = Edges(
@@ -174,19 +174,19 @@ def _solve(
         if is_even.all() and is_straight.all():
             is_left[left] = is_kept
             return T, is_left
-        is_left[left[int(np.argmax(np.array(asked)[left]))]] = False
+        is_left[left[int(np.argmax(np.array(bends)[left]))]] = False
     return T_level_place, is_left
 
 
 def _disagreement(T: Pose, revisit: _Revisit) -> Array:
-    """Return the (6,) motion by which poses `T` differ from what a revisit measured."""
+    """Return the (6,) difference between the poses `T` and the relative pose measured by a revisit."""
     return se3_log(inverse(revisit.T_first_second) @ inverse(T[revisit.first]) @ T[revisit.second])
 
 
 def _spread(
     T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array
 ) -> Pose:
-    """Return the poses moved by the corrections of the places before and after, in proportion to the path."""
+    """Return the poses corrected by interpolation between the previous and the next place, along the path."""
     after = np.clip(np.searchsorted(place_path, path, side="right"), 1, len(place_path) - 1)
     before = after - 1
     share = np.clip((path - place_path[before]) / np.maximum(place_path[after] - place_path[before], 1e-9), 0.0, None)

@@ -1,7 +1,7 @@
-"""What a place looks like from above, so that it is recognised from any heading.
+"""Descriptors of places from above, which are recognised from any heading.
 
-The heights of what stands around, in rings and sectors about the place (Scan Context: Kim and Kim, IROS 2018), here of
-several scans together, so that it does not depend on a sensor's beams. Turning on the spot shifts the sectors.
+The heights of surrounding objects, in rings and sectors about the place (Scan Context: Kim and Kim, IROS 2018), from
+several scans, so that they do not depend on the sensor's beams. A rotation in place shifts the sectors.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from automos.scan import Points
 Array = npt.NDArray[np.float64]
 
 GROUND = 0.5
-"""Metres over the lowest surface below which nothing distinguishes a place."""
+"""Metres above the lowest surface below which heights are not distinctive."""
 
 
 def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Array:
-    """Return (rings, sectors) metres, how high things stand over the ground about the place; 0 where nothing does.
+    """Return (rings, sectors) metres, the heights of objects above the ground around the place; 0 if there are none.
 
     Parameters
     ----------
-    points : (N, 3) metres, z up, the place at the origin.
-    reach : metres, outer radius.
+    points : (N, 3) float, metres, z up, the place at the origin.
+    reach : float, metres, outer radius.
     """
     x, y, z = np.asarray(points, np.float64).T
     distance = np.hypot(x, y)
@@ -41,10 +41,10 @@ def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Ar
 
 
 def compare_places(a: Array, b: Array) -> tuple[float, float]:
-    """Return how different two places (rings, sectors) look, 0 to 1, and by what angle (rad) `b` is turned.
+    """Return the difference of two places (rings, sectors), 0 to 1, and the rotation (rad) of `b`.
 
-    The angle is the heading of b's frame in a's. The difference is one less the mean cosine between sectors, at the
-    shift that makes it least; a sector empty in both does not count.
+    The rotation is the heading of b's frame in a's. The difference is one minus the mean cosine between sectors, at the
+    shift that minimises it; sectors empty in both are ignored.
     """
     length_a, length_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
     unit_a, unit_b = a / np.maximum(length_a, 1e-9), b / np.maximum(length_b, 1e-9)

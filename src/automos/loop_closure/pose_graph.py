@@ -1,4 +1,4 @@
-"""Poses that suit a path driven and the revisits along it, of which some may be wrong."""
+"""Pose graph of odometry and revisits, robust against outliers among the revisits."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Array = npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int64]
 
 OUTLIER = 16.8
-"""Squared deviations in six dimensions that one of a hundred right links exceeds."""
+"""Squared normalised residual in six dimensions that one of a hundred inliers exceeds."""
 RELAX = 1.4
-"""Factor by which each round judges more sharply (the authors' value)."""
+"""Factor by which the robust kernel becomes sharper per iteration (the authors' value)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class Edges:
     Attributes
     ----------
     first, second : (E,) int64, rows of the poses they join.
-    T_first_second : (E, 4, 4).
-    deviation : (E, 6) usual error: metres, then radians.
+    T_first_second : (E, 4, 4) float64.
+    deviation : (E, 6) float64, usual error: metres, then radians.
     """
 
     first: Ids
@@ -37,15 +37,15 @@ class Edges:
     deviation: Array
 
     def residuals(self, T: Pose) -> Array:
-        """Return (E, 6) deviations of the poses `T` (N, 4, 4) from the edges, in the second node's frame."""
+        """Return (E, 6) residuals of the edges for poses `T` (N, 4, 4), in the second node's frame."""
         return se3_log(inverse(self.T_first_second) @ inverse(T[self.first]) @ T[self.second])
 
     def squared(self, T: Pose) -> Array:
-        """Return (E,) squared deviations of the poses, in units of the usual ones."""
+        """Return (E,) squared residuals, in units of the usual deviation."""
         return ((self.residuals(T) / self.deviation) ** 2).sum(axis=1)
 
     def add_to(self, equations: NormalEquations, T: Pose, trust: npt.ArrayLike = 1.0) -> None:
-        """Add that the poses `T` suit the edges, (E,) `trust` being the share of its weight that each has."""
+        """Add the edges as factors at the poses `T`, their weights scaled by (E,) `trust`."""
         information = np.reshape(trust, (-1, 1)) / self.deviation**2
         of_first = -adjoint(inverse(inverse(T[self.first]) @ T[self.second]))
         of_second = np.tile(np.eye(6), (len(self.first), 1, 1))
@@ -54,16 +54,16 @@ class Edges:
 
 
 def solve_pose_graph(T_world_node: Pose, chain: Edges, links: Edges) -> tuple[Pose, npt.NDArray[np.bool_]]:
-    """Return the (N, 4, 4) poses that suit chain and links best, and which (L,) links they suit.
+    """Return the (N, 4, 4) poses that fit chain and links best, and which (L,) links are inliers.
 
-    Links are judged by graduated non-convexity (Yang et al., RA-L 2020): at first all are believed, then those that
-    cannot be reconciled with the chain and the other links count ever less.
+    Outliers are rejected by graduated non-convexity (Yang et al., RA-L 2020): at first all links count, then those that
+    contradict the chain and the other links lose weight.
 
     Parameters
     ----------
-    T_world_node : (N, 4, 4) first guess; the first pose stays.
-    chain : edges believed.
-    links : edges that may be wrong.
+    T_world_node : (N, 4, 4) float64, initial guess; the first pose is fixed.
+    chain : Edges, without outliers.
+    links : Edges, possibly outliers.
     """
     T, squared = T_world_node, links.squared(T_world_node)
     if len(squared) == 0:

@@ -1,4 +1,4 @@
-"""Poses of every scan from the scans alone (paper III-A)."""
+"""LiDAR odometry: the pose of every scan, from the scans alone (paper III-A)."""
 
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory, make_frame

@@ -1,4 +1,4 @@
-"""How far to trust poses, from the scans alone: how thick walls become when seen from places a second apart."""
+"""Quality of poses from the scans alone: the thickness of walls observed from positions a second apart."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 SAMPLES = 3
-"""Places of a recording where its poses are tried."""
+"""Parts of a recording in which poses are checked."""
 SAMPLE_SECONDS = 2.5
-"""Length of each."""
+"""Length of each part."""
 AHEAD = 0.1
-"""Of all landmarks found again at another speed, by which that must be ahead to put the present one in doubt."""
+"""Share of the landmarks re-observed at the rival speed by which it must lead to put the current speed in doubt."""
 ACCELERATION_SECONDS = 0.5
-"""Over which accelerations are looked at: what is held in a hand shakes, in less, as no vehicle does."""
+"""Interval over which accelerations are measured: within shorter ones, a handheld sensor shakes more than a vehicle."""
 MAX_ACCELERATION = 8.0
-"""m/s², an emergency stop. Poses that leave the world for the traffic, or return to it, change their speed by more."""
+"""m/s², an emergency stop. Poses that switch between following the world and the traffic exceed it."""
 WITHOUT_CLOCK = 4.0
-"""Times as great as it is an acceleration may seem where scans are only counted: the slowest sensors turn at 5 Hz."""
+"""Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 
 
 def measure_consistency(
     sequence: Sequence, poses: Pose, timing: SweepTiming, clock: Clock, settings: OdometrySettings
 ) -> Consistency:
-    """Return how well scans lie on each other with `poses` (N, 4, 4), at a few places of the recording."""
+    """Return how well scans align with `poses` (N, 4, 4), in a few parts of the recording."""
     length = min(max(round(SAMPLE_SECONDS / clock.period), 3), len(sequence))
     firsts = np.unique(np.linspace(0, len(sequence) - length, SAMPLES).round().astype(int))
     twists = timing.share * step_twists(poses, clock.gaps)
@@ -51,11 +51,11 @@ def measure_consistency(
 
 
 def summarize(links: Consistency) -> dict[str, float | None]:
-    """Return the figures over baselines of about a second; None where there are no such.
+    """Return the figures over baselines of about a second; None if there are no such baselines.
 
-    wall_thickness_m : how far surfels lie off surfaces seen a second before or after.
-    baseline_disagreement_m : by how much a scan would move to suit what was seen a second apart alone.
-    baseline_disagreement_percent : the same over the distance driven meanwhile; 0 while standing.
+    wall_thickness_m : distance of surfels from surfaces observed a second before or after.
+    baseline_disagreement_m : correction of a scan that a baseline of a second alone would make.
+    baseline_disagreement_percent : the same relative to the distance travelled; 0 at standstill.
     """
     is_second = (links.lag > 0.6) & (links.lag < 1.5)
     if not is_second.any():
@@ -70,7 +70,7 @@ def summarize(links: Consistency) -> dict[str, float | None]:
 
 
 def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
-    """Return the greatest acceleration, m/s², of (N, 4, 4) `poses` over half a second, and the scan in its middle.
+    """Return the greatest acceleration, m/s², of (N, 4, 4) `poses` over half a second, and its middle scan.
 
     times : (N,) seconds.
     """
@@ -90,16 +90,16 @@ def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
 
 
 def can_be_driven(poses: Pose, times: Array) -> bool:
-    """Return whether a vehicle can drive along (N, 4, 4) `poses` at `times` (N,), seconds."""
+    """Return whether a vehicle can follow (N, 4, 4) `poses` at `times` (N,), seconds."""
     return greatest_acceleration(poses, times)[0] <= MAX_ACCELERATION
 
 
 def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
-    """Return how surely the speed is known: by how much of what cannot be traffic is found again.
+    """Return the certainty of the speed: how many landmarks, which cannot be traffic, are re-observed.
 
-    landmarks_refound, landmarks_expected : how much is, and how much should be at least from nearly the same place.
-    refound_at_rival : how much would be at other speeds, on average `rival_faster_m_s`.
-    is_speed_doubted : whether too little is found again, or clearly more at the other speeds.
+    landmarks_refound, landmarks_expected : re-observed, and the least number expected from nearly the same position.
+    refound_at_rival : re-observed at the rival speeds, which are `rival_faster_m_s` higher on average.
+    is_speed_doubted : whether too few are re-observed, or clearly more at the rival speeds.
     """
     here = Landmarks.concatenate([search.landmarks for search in searches])
     there = Landmarks.concatenate([search.landmarks_at_rival for search in searches])
@@ -115,27 +115,27 @@ def speed_figures(searches: list[SpeedSearch]) -> dict[str, Any]:
 
 
 def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:
-    """Return warnings, in sentences, that the `figures` of a run call for."""
+    """Return the warnings, in sentences, that follow from the `figures` of a run."""
     found = []
     if figures.get("is_speed_doubted", False):
         faster, here, there = (figures[k] for k in ("rival_faster_m_s", "landmarks_refound", "refound_at_rival"))
         found.append(
-            "the speed is in doubt: of what cannot be traffic (higher than any vehicle, far beside the road) "
-            f"{here:.0f} pieces are found again as it is, {there:.0f} if the sensor is {abs(faster):.0f} m/s "
-            f"{'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world, and labels "
-            "are not to be trusted: give your own poses (--poses)."
+            "the speed is in doubt: of the landmarks that cannot be traffic (higher than any vehicle, far beside the "
+            f"road), {here:.0f} are re-observed at the estimated speed, {there:.0f} if the sensor is {abs(faster):.0f} "
+            f"m/s {'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world; do not "
+            "trust the labels: give your own poses (--poses)."
         )
     acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
     if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
         found.append(
-            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s in a "
-            "second, which no vehicle does: before or after it the poses are wrong, they may follow traffic rather "
-            "than the world, and labels there are not to be trusted: give your own poses (--poses)."
+            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s per "
+            "second, more than any vehicle can. The poses before or after it are wrong and may follow traffic rather "
+            "than the world; do not trust the labels there: give your own poses (--poses)."
         )
     thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
     if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):
         found.append(
             f"scans a second apart do not align with each other: walls are {100 * thickness:.0f} cm thick and poses "
-            f"off by {100 * disagreement:.0f} cm. The poses or the points' times are poor, and labels will be, too."
+            f"disagree by {100 * disagreement:.0f} cm. Poses or point times are inaccurate, so labels will be, too."
         )
     return found

@@ -1,8 +1,8 @@
-"""Where each scan begins, if the stream was cut by time and the order of its points is lost.
+"""The azimuth seam of each scan, if the stream was cut by time and the order of its points is lost.
 
-A scan of less than a turn leaves a sector out, one of more has a sector twice. The next scan begins where this one
-ended: the sector wanders, by its own width, and tells which way the sensor turns and how far a scan reaches. A sector
-seen twice has twice the points in each direction that returns any, whatever stands there.
+A scan of less than a turn misses a sector, a scan of more than a turn contains a sector twice. The next scan starts
+where this one ends, so the sector drifts by its own width, which reveals the direction of rotation and the turns per
+scan. A doubled sector has twice the points in each direction that returns any, whatever the scene.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from automos.scan import Points, Sequence
 Array = npt.NDArray[np.float64]
 
 N_SECTORS = 720
-"""Sectors in which a gap is looked for."""
+"""Sectors in which a gap is searched."""
 N_DOUBLED = 180
-"""Sectors in which points are counted: two degrees hold several firings of every beam, and are exact enough."""
+"""Sectors in which points are counted: two degrees hold several firings of every beam and are accurate enough."""
 N_HEIGHTS = 512
-"""Bins of a direction's sine, a quarter of a degree each at the horizon."""
+"""Bins of the sine of the elevation, a quarter of a degree each at the horizon."""
 MIN_WIDTH, MAX_WIDTH = 0.01, 0.8
-"""Turns, of a sector that is left out or seen twice: what is narrower may be a thing's shadow."""
+"""Turns, width of a missing or doubled sector: a narrower gap may be the shadow of an object."""
 MIN_EXPLAINED = 0.6
-"""Of the variance of points in a direction, that a sector seen twice explains: 0.7 to 0.95; any other, 0.1 to 0.5."""
+"""Share of the variance of points per direction that a sector must explain: doubled 0.7 to 0.95, others 0.1 to 0.5."""
 SAME_WIDTH = 0.3
-"""Of its width, by which a sector may wander more or less than that."""
+"""Share of its width by which the drift of a sector may differ from its width."""
 STAGGER = 0.03
-"""Turns by which it may wander more besides: beams that look aside, by up to five degrees, blur its edges."""
+"""Turns by which the drift may also be greater: azimuth offsets of beams, up to five degrees, blur the edges."""
 
 
 def learn_drifting_seam(sequence: Sequence) -> tuple[int, float] | None:
-    """Return which way the sensor turns (+1, -1) and the turns of a scan; None where no sector wanders.
+    """Return the direction of rotation (+1, -1) and the turns per scan; None if no sector drifts.
 
     Notes
     -----
-    Works only where scans overlap, or leave something out, by a part of a turn: with whole turns nothing wanders.
+    Works only if scans span a fractional number of turns: with whole turns, nothing drifts.
     """
     ids = sample_pairs(sequence)
     for edges, sign in ((gap_edges, -1), (doubled_edges, 1)):
@@ -50,10 +50,10 @@ def learn_drifting_seam(sequence: Sequence) -> tuple[int, float] | None:
 
 
 def _step(edges: tuple[float, float], following: tuple[float, float], sign: int) -> float:
-    """Return the turns by which a sector wanders to the next scan, positive counter-clockwise; 0 if not by its width.
+    """Return the turns by which a sector drifts to the next scan, positive counter-clockwise; 0 if not by its width.
 
-    `sign` is 1 for a sector seen twice, which goes on with the sensor, -1 for one left out, which goes back: the step
-    that is returned is the sensor's.
+    `sign` is 1 for a doubled sector, which drifts in the direction of rotation, -1 for a missing one, which drifts
+    against it. The returned step is that of the sensor.
     """
     width = 0.5 * (edges[1] - edges[0] + following[1] - following[0])
     if not MIN_WIDTH < width < MAX_WIDTH:
@@ -62,34 +62,34 @@ def _step(edges: tuple[float, float], following: tuple[float, float], sign: int)
     allowed = SAME_WIDTH * min(width, 1.0 - width)
     for turn in (1, -1):
         step = sign * turn * shift
-        step -= round(step - width)  # of all that are the same on the circle, the one next to the width
+        step -= round(step - width)  # of the equivalent steps on the circle, the one closest to the width
         if -allowed < step - width < allowed + STAGGER:
             return turn * step
     return 0.0
 
 
 def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Return when `points` (N, 3) were seen by a scan of `turns` that begins anywhere, and which may be a turn later.
+    """Return when `points` (N, 3) were measured in a scan of `turns` with any seam, and which may be a turn later.
 
     Returns
     -------
-    times : (N,) float32 in [-0.5, 0.5] of the scan, the earlier one where there are two.
-    is_twofold : (N,) bool, whether the point may as well have been seen one turn later.
+    times : (N,) float32 in [-0.5, 0.5] of the scan, the earlier of two possible times.
+    is_twofold : (N,) bool, whether the point may also have been measured one turn later.
     """
     points = np.ascontiguousarray(points)
     low, high = gap_edges(points) if turns <= 1.0 else doubled_edges(points, turns - 1.0)
     middle, width = 0.5 * (low + high), max(high - low, abs(turns - 1.0))
-    if turns <= 1.0:  # from one edge of the gap all round to the other
+    if turns <= 1.0:  # from one edge of the gap to the other
         turned, span = _turned(points, turn, middle) - np.float32(0.5 * width), 1.0 - width
         return np.clip(turned / np.float32(span), 0.0, 1.0) - np.float32(0.5), np.zeros(len(points), bool)
-    blur = 1.0 / N_DOUBLED  # as exactly as the edges are known
+    blur = 1.0 / N_DOUBLED  # accuracy of the edges
     turned, span = _turned(points, turn, middle - turn * (0.5 * width + blur)), 1.0 + width
     times = np.maximum((turned - np.float32(blur)) / np.float32(span), 0.0) - np.float32(0.5)
     return times, turned < width + 2.0 * blur
 
 
 def gap_edges(points: Points) -> tuple[float, float]:
-    """Return where the widest sector without points begins and ends, azimuths in turns; the end may be beyond 0.5."""
+    """Return the azimuths, in turns, between which the widest sector without points lies; the end may exceed 0.5."""
     x, y = points[:, :2].astype(np.float64).T
     is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
     turn = np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi) + 0.5
@@ -102,10 +102,10 @@ def gap_edges(points: Points) -> tuple[float, float]:
 
 
 def doubled_edges(points: Points, width: float | None = None) -> tuple[float, float]:
-    """Return where the sector of most points in a direction begins and ends, azimuths in turns.
+    """Return the azimuths, in turns, between which the sector with the most points per direction lies.
 
-    Of `width` turns where that is known; else of the width that explains most, and empty where none explains enough.
-    The end may be beyond 0.5.
+    Its width is `width` turns if given, else the one that explains most variance; empty if none explains enough.
+    The end may exceed 0.5.
     """
     n, n_seen = _count_directions(np.ascontiguousarray(points))
     density = n / np.maximum(n_seen, 1)
@@ -114,7 +114,7 @@ def doubled_edges(points: Points, width: float | None = None) -> tuple[float, fl
     widths = np.array(some)[:, None]
     first = np.arange(N_DOUBLED)
     inside = sums[first + widths] - sums[first]
-    # Variance between the two parts of the circle, as of a split into two classes.
+    # Between-class variance of the two parts of the circle.
     more = inside / widths - (density.sum() - inside) / (N_DOUBLED - widths)
     explained = np.maximum(more, 0.0) ** 2 * widths * (N_DOUBLED - widths)
     k, low = np.unravel_index(int(np.argmax(explained)), explained.shape)
@@ -125,7 +125,7 @@ def doubled_edges(points: Points, width: float | None = None) -> tuple[float, fl
 
 @kernel
 def _count_directions(points):  # type: ignore[no-untyped-def]
-    """Return (N_DOUBLED,) points in each sector, and how many bins of height hold any of them."""
+    """Return (N_DOUBLED,) points in each sector, and the number of occupied elevation bins."""
     is_seen = np.zeros((N_DOUBLED, N_HEIGHTS), np.bool_)
     n, n_seen = np.zeros(N_DOUBLED, np.int64), np.zeros(N_DOUBLED, np.int64)
     for i in range(len(points)):

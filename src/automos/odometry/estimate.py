@@ -1,4 +1,4 @@
-"""The odometry, step by step: sweep timing, poses, refinement, ground (paper III-A)."""
+"""The steps of the odometry: sweep timing, poses, refinement, ground (paper III-A)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from automos.settings import OdometrySettings
 Progress = Callable[[int, int], None]
 
 GROUND_SCANS = 20
-"""Scans in which the ground is looked for."""
+"""Scans in which the ground is searched."""
 
 
 def estimate_trajectory(
@@ -41,28 +41,28 @@ def estimate_trajectory(
 
     Parameters
     ----------
-    sequence : at least one scan.
-    settings : the odometry's.
-    poses : (N, 4, 4) T_world_sensor known to the user; then nothing is registered, and only the motion during each
-        sweep and the ground are found.
-    progress : called with the number of scans done and their total.
-    workers : threads, 0: one per core; the result does not depend on their number.
+    sequence : Sequence, at least one scan.
+    settings : OdometrySettings
+    poses : (N, 4, 4) T_world_sensor, optional, known poses: then nothing is registered; only the motion during each
+        sweep and the ground are estimated.
+    progress : callable, optional, receives the number of processed scans and their total.
+    workers : int, threads, 0: one per core; the result does not depend on it.
 
     Raises
     ------
     InputError
-        When the sequence is empty, or the poses are not one rigid transform per scan.
+        If the sequence is empty, or the poses are not one rigid transform per scan.
     """
     from threadpoolctl import threadpool_limits
 
     if len(sequence) == 0:
-        raise InputError(f"{sequence.name} holds no scans; give a folder with at least one.")
+        raise InputError(f"{sequence.name} holds no scans; give a folder with at least one scan.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
         distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, None, progress, workers)
         return with_repeats(distinct, is_repeat)
     known = None if poses is None else _checked_poses(poses, len(sequence))
-    # Our own threads share the work; BLAS's would wait for its small matrices by spinning on the same cores.
+    # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
         found = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
         poses, timing = (known, found.timing_at(known).timing) if known is not None else found.from_scans()
@@ -74,13 +74,13 @@ def estimate_trajectory(
         warnings += doubts(figures, settings, clock.has_stamps)
         T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
         if not has_ground:
-            warnings.append("no ground found near the sensor; its own z axis is taken for up and its height for zero.")
+            warnings.append("no ground found near the sensor; its z axis is used as vertical and its height as zero.")
     motion = timing.share * step_twists(poses, clock.gaps)
     return Trajectory(poses, clock.stamps, motion, timing, T_level_world, {"warnings": warnings, **figures})
 
 
 class _Estimate:
-    """Poses and timing of one recording, with the `warnings` and `figures` that go with them."""
+    """Poses and timing of one recording, with `warnings` and `figures`."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class _Estimate:
         self._sequence, self._settings, self._pool, self._progress = sequence, settings, pool, progress
 
     def timing_at(self, poses: Pose | None) -> TimingChoice:
-        """Return the timing under which scans align best, at (N, 4, 4) `poses` or, without, at poses of its own."""
+        """Return the timing under which scans align best, at given (N, 4, 4) `poses` or else at estimated ones."""
         choice = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
         self.figures["timing"] = choice.to_dict()
         return choice
@@ -106,7 +106,7 @@ class _Estimate:
         choice = self.timing_at(None)
         poses = self._poses_under(choice.timing)
         if self._settings.time in ("auto", "azimuth") and not choice.suits(poses):
-            # The registrations on which timing was decided had followed the traffic: decide it again.
+            # The poses used for the choice followed the traffic: choose the timing again.
             better = self.timing_at(poses)
             if better.timing != choice.timing:
                 self.warnings = []
@@ -115,13 +115,13 @@ class _Estimate:
         return poses, choice.timing
 
     def _poses_under(self, timing: SweepTiming) -> Pose:
-        """Return (N, 4, 4) poses under a timing; corrects the clock where scans are missing."""
+        """Return (N, 4, 4) poses under a timing; corrects the clock if scans are missing."""
         names, given = self._sequence.names, self.clock.gaps
         steps, held, refinement = self._register(timing)
         if len(missing := np.flatnonzero(self.clock.gaps != given)):
             self.warnings.append(
-                f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}), "
-                "and no stamps say how many; the motion does, and they were counted in."
+                f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}); "
+                "without stamps, their number was estimated from the motion and taken into account."
             )
         if held:
             self.warnings.append(
@@ -138,7 +138,7 @@ class _Estimate:
         return poses
 
     def _register(self, timing: SweepTiming) -> _FirstPoses:
-        """Return every scan registered to the ones before; once more if some turn out to be missing."""
+        """Return every scan registered to the previous ones; repeated if scans turn out to be missing."""
         if self.clock.has_stamps:
             return self._register_once(timing)
         at_gaps = FacingGaps(timing.share, self._settings, self._pool)
@@ -150,7 +150,7 @@ class _Estimate:
         return self._register_once(timing)
 
     def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> _FirstPoses:
-        """Return every scan registered to the ones before; `at_gaps` is given each, too."""
+        """Return every scan registered to the previous ones; also passes each to `at_gaps`."""
         gaps, steps, held = self.clock.gaps, [], []
         refinement = RollingRefinement(self.clock.period, timing.share, self._settings, self._pool)
         for i, scan in enumerate(register_scans(self._sequence, self._settings, timing, gaps)):
@@ -169,7 +169,7 @@ class _Estimate:
 
 
 class _FirstPoses(NamedTuple):
-    """Steps (N - 1, 4, 4) between scans, the scans whose motion is extrapolated, and all scans for refinement."""
+    """Steps (N - 1, 4, 4) between scans, the scans with extrapolated motion, and all scans for refinement."""
 
     steps: Pose
     held: list[int]
@@ -187,13 +187,13 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
     if not is_rigid.all():
         row = int(np.argmin(is_rigid))
         raise InputError(
-            f"pose {row} is no rigid transform (rotation times its transpose is off by {error[row]:.3g}); check "
+            f"pose {row} is not a rigid transform (rotation times its transpose is off by {error[row]:.3g}); check "
             "the pose file's format."
         )
     if not (np.abs(poses[:, :3, 3]) < FARTHEST).all():
         row = int(np.argmax((np.abs(poses[:, :3, 3]) >= FARTHEST).any(axis=1)))
         raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
-    u, _, vt = np.linalg.svd(R)  # files round
+    u, _, vt = np.linalg.svd(R)  # pose files are rounded
     poses = poses.copy()
     poses[:, :3, :3] = u @ vt
     return inverse(poses[0]) @ poses
@@ -202,7 +202,7 @@ def _checked_poses(poses: Pose, n: int) -> Pose:
 def _find_level(
     sequence: Sequence, poses: Pose, timing: SweepTiming, clock: Clock, settings: OdometrySettings
 ) -> tuple[Pose, bool]:
-    """Return T_level_world and whether there is ground."""
+    """Return T_level_world and whether ground was found."""
     twists = timing.share * step_twists(poses, clock.gaps)
     clouds: list[Points] = []
     used: list[int] = []

@@ -1,4 +1,4 @@
-"""How much of the surface that faces along the path is found again, as a function of the distance travelled."""
+"""The share of surfaces facing along the path that are re-observed, as a function of the distance travelled."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from automos.scan import Pose
 from automos.voxels import VoxelMap, find_slot
 
 CLOSE = 0.15
-"""Metres, surfels nearer to a surface than this have found it again: poses that are not yet refined are off by less."""
+"""Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
 EVIDENCE = 5.0
-"""Surfels found again that count for half of full certainty."""
+"""Re-observed surfels that count for half of full certainty."""
 STANDSTILL_SHARE = 0.25
-"""Of what is overhead and faces along the path, found where it was by one who stands."""
+"""Least share of the overhead surfaces facing along the path that a stationary sensor re-observes."""
 STANDSTILL_SHARE_LOW = 0.1
-"""Of all that faces along the path, the same where nothing is overhead."""
+"""Least share of all surfaces facing along the path that a stationary sensor re-observes, if none is overhead."""
 NEAR_SHARE = 0.5
-"""Of what faces along the path, found again from nearly the same place."""
+"""Share of the surfaces facing along the path that are re-observed from nearly the same position."""
 NEAR_VIEW = 1.5
-"""Metres over which this falls to a third."""
+"""Metres over which this share decreases to a third."""
 
 BESIDE = 12.0
-"""Metres from the sensor's path, farther than lanes of its own direction reach: what is there keeps no pace with it."""
+"""Metres from the path, beyond all lanes of the sensor's own direction: nothing there keeps pace with the sensor."""
 
 BODY_RANGE = 6.0
-"""Metres within which the vehicle's own body is looked for: a long one's ends."""
+"""Metres within which the ego body is searched: up to the ends of a long vehicle."""
 BODY_VOXEL = 0.4
-"""Metres, edge of the voxels in which places are compared, as surfels have."""
+"""Metres, edge of the voxels in which positions are compared, the same as for surfels."""
 BODY_SHARE = 0.8
-"""Share of the scans that must see it at the same place."""
+"""Share of the scans that must observe it at the same position."""
 BODY_SPREAD = 0.04
-"""Metres, deviation of that place: noise of a surfel."""
+"""Metres, deviation of that position: noise of a surfel."""
 
 Array = npt.NDArray[np.float64]
 
 
 def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
-    """Return (...,) metres travelled, negative backwards, and the (..., 3) direction that is forwards."""
+    """Return the (...,) metres travelled, negative backwards, and the (..., 3) forward direction."""
     travelled = T_start_end[..., :3, 3]
     length = np.linalg.norm(travelled, axis=-1)
     sign = np.where(travelled @ forward < 0.0, -1.0, 1.0)
@@ -57,11 +57,11 @@ def score_distances(
     per_sweep: float,
     overhead: float,
 ) -> Array:
-    """Return how much surface facing along the path is found again, had the sensor travelled `distances` (D,) metres.
+    """Return how much surface facing along the path is re-observed if the sensor has travelled `distances` (D,) metres.
 
-    Returned as (3, D): of what may be vehicles that keep pace, of what is too far beside the path for these, and of
-    what is higher than any, `overhead` metres over the sensor. The surfels' own compensation follows: `per_sweep` is
-    the share of the distance that is driven during a sweep.
+    Returns (3, D): surfaces that may be vehicles keeping pace, surfaces too far beside the path for that, and surfaces
+    higher than any vehicle, `overhead` metres above the sensor. The compensation of the surfels is adapted:
+    `per_sweep` is the share of the distance that is travelled during a sweep.
     """
     scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
@@ -76,10 +76,10 @@ def score_distances(
 
 
 def without_body(surfels: list[Surfels]) -> list[Surfels]:
-    """Return the surfels of consecutive scans, each in its sensor frame, less those of the vehicle's own body.
+    """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
 
-    Near the sensor, what nearly every scan has at the same place to within centimetres belongs to the vehicle (or is
-    ground so even that nothing is lost with it). While the vehicle stands, everything does.
+    Surfels near the sensor that nearly every scan has at the same position within centimetres belong to the vehicle (or
+    to ground so even that it is not needed). At standstill, all surfels do.
     """
     if not surfels:
         return []
@@ -102,10 +102,10 @@ def without_body(surfels: list[Surfels]) -> list[Surfels]:
     return out
 
 
-def stands(refound: Array, whole: Array) -> bool:
-    """Return whether as much is found again where it was, of the `whole` (3,), as one at rest sees.
+def is_stationary(refound: Array, whole: Array) -> bool:
+    """Return whether as much of `whole` (3,) is re-observed in place as by a stationary sensor.
 
-    What is high tells, if there is any; what is lower may be traffic nearly all.
+    Overhead surfaces decide if there are any; nearly all lower ones may be traffic.
     """
     if whole[2] > EVIDENCE:
         return bool(refound[2] > STANDSTILL_SHARE * whole[2])
@@ -113,9 +113,9 @@ def stands(refound: Array, whole: Array) -> bool:
 
 
 def expected_share(distances: Array) -> Array:
-    """Return how much of what faces along the path is found again at least, (D,), had the sensor travelled `distances`.
+    """Return the least share (D,) of the surfaces facing along the path that is re-observed after `distances` (D,).
 
-    From nearly the same place nearly all of it is: what stands with the traffic finds little beside the traffic.
+    From nearly the same position, nearly all are; a sensor that keeps pace with traffic re-observes little else.
     """
     return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
 
@@ -126,33 +126,33 @@ def _score(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     keys, rows, mean, axes, variance = submap
     inverse_voxel = 1.0 / VOXEL
-    says = np.zeros(len(mean))  # how much each voxel says about the path
+    constrains = np.zeros(len(mean))  # how much each voxel constrains the position along the path
     for row in range(len(mean)):
         for k in range(2):
             if variance[row, k] < 0.0:
                 break
-            says[row] += (
+            constrains[row] += (
                 axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
             ) ** 2
-    n_telling = 0
+    n_constraining = 0
     for slot in range(len(keys)):
-        if keys[slot] != -1 and says[rows[slot]] > 0.1:
-            n_telling += 1
+        if keys[slot] != -1 and constrains[rows[slot]] > 0.1:
+            n_constraining += 1
     size = 16
-    while size < 4 * n_telling:
+    while size < 4 * n_constraining:
         size *= 2
-    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough to stay in cache
+    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough for the cache
     for slot in range(len(keys)):
-        if keys[slot] != -1 and says[rows[slot]] > 0.1:
+        if keys[slot] != -1 and constrains[rows[slot]] > 0.1:
             few = find_slot(few_keys, keys[slot])
             few_keys[few] = keys[slot]
             few_rows[few] = rows[slot]
     a = np.empty(3)
-    for k in range(3):  # the path in the surfels' frame
+    for k in range(3):  # direction of the path in the surfels' frame
         a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
     for i in range(len(points)):
         c = covariance[i]
-        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # it lies along the path
+        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
             continue
         px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
@@ -173,4 +173,4 @@ def _score(  # type: ignore[no-untyped-def]
                 off = axes[row, k, 0] * (x - mean[row, 0]) + axes[row, k, 1] * (y - mean[row, 1])
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < CLOSE:
-                scores[where, d] += says[row]
+                scores[where, d] += constrains[row]

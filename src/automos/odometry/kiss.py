@@ -1,12 +1,12 @@
 """Poses of every scan from the scans alone, with KISS-ICP (paper III-A; Vizzo et al., RA-L 2023).
 
-Scans reach KISS-ICP already compensated to mid-sweep, so its poses are the sensor's at mid-sweep (its own compensation
-would move them to the sweep's end), and a scan too poor to register holds the motion instead of breaking the map.
+Scans are compensated to mid-sweep before KISS-ICP, so its poses refer to mid-sweep (its own compensation would move
+them to the sweep's end). If a scan has too few points to register, the motion is extrapolated and the map kept.
 
-At the start nothing is known of the motion, and a registration that begins at rest while the sensor is in full flight
-may stay at rest for good: rings lie on rings. So where the first scans seem to stand, or nearly, they are also
-registered from a few speeds in either direction of the sensor's axes, and the start whose scans then align best over
-longer baselines is taken. Amid traffic a standstill aligns well, too; but who stands sees landmarks again.
+The motion at the start is unknown, and a registration that starts at rest may stay at rest while the sensor drives
+fast, because rings coincide. So if the first scans seem stationary, or nearly, they are also registered from a few
+speeds in both directions of the sensor's axes. The start whose scans align best over longer baselines is chosen.
+In traffic a standstill aligns well, too, but a stationary sensor re-observes landmarks.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 STEP_DIGITS = 6
-"""Decimals (m, rad) of a step: sums of another order show in the sixteenth digit, and reruns are identical."""
+"""Decimals (m, rad) of a step: rounding removes the effect of the summation order, so that reruns are identical."""
 UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
-"""Metres, deviation expected at first: while the motion is unknown, and once it is known."""
+"""Metres, initial expected deviation while the motion is unknown, and once it is known."""
 START_SCANS = 6
-"""Scans registered twice, to know the motion during the first."""
+"""Scans registered twice to estimate the motion during the first one."""
 CLEAR_STEP = 0.5
-"""Metres from scan to scan: what pulls registrations off pulls them to rest, so faster starts are no mistaken rest."""
+"""Metres per scan: registrations are biased towards rest, so a faster start is not a mistaken standstill."""
 TRIED_STEPS = (1.0, 2.5)
-"""Metres from scan to scan, tried where a start is slower, in either direction of the sensor's x and y."""
+"""Metres per scan, tried if a start is slower, in both directions of the sensor's x and y axes."""
 TRIAL_SURFELS = 3000
-"""Of a scan, with which starts are compared, at most."""
+"""Surfels of a scan with which starts are compared, at most."""
 SAME_START = 0.05
-"""Metres from scan to scan between starts that registration has brought together: they are one."""
+"""Metres per scan between starts that converged to the same motion, at most."""
 TRIAL_SCANS = 10
-"""Scans whose alignment decides between these."""
+"""Scans whose alignment decides between starts."""
 TRIAL_GAIN = 0.2
-"""Share by which another start must align them better, and one that landmarks contradict must do so, too."""
+"""Share by which another start, or one that landmarks contradict, must align them better."""
 COARSE_VOXEL = 1.5
-"""Metres, voxel of the local map that surfels are registered to: centimetres are left to what follows."""
+"""Metres, voxel of the local map that surfels are registered to: later steps provide centimetre accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """One scan and where it was put.
+    """One registered scan.
 
     Attributes
     ----------
-    T_last_this : (4, 4) from this scan's sensor frame to the one before (identity for the first).
-    is_registered : False where the motion is only held.
-    points : (M, 3) float32 the usable points, compensated.
-    times : (M,) float32 in [-0.5, 0.5], or None where unknown.
-    twist : (6,) motion during the sweep they were compensated with.
+    T_last_this : (4, 4) from this scan's sensor frame to the previous one (identity for the first).
+    is_registered : bool, False if the motion is extrapolated.
+    points : (M, 3) float32, usable points, compensated.
+    times : (M,) float32 in [-0.5, 0.5], or None if unknown.
+    twist : (6,) motion during the sweep, used for the compensation.
     """
 
     T_last_this: Pose
@@ -73,16 +73,16 @@ class Registered:
 
 
 def empty_map(settings: OdometrySettings) -> LocalMap:
-    """Return the map that scans are registered on, without any yet."""
+    """Return an empty map to register scans to."""
     voxel = settings.voxel or settings.max_range / 100.0
     return LocalMap(voxel, settings.points_per_voxel, settings.max_range)
 
 
 class KissOdometry:
-    """KISS-ICP with the motion it has seen, per usual gap, so that missing scans are bridged.
+    """KISS-ICP with a motion model per usual gap, which bridges missing scans.
 
-    `threshold` is the deviation from `twist` expected at first. KISS-ICP learns from great deviations only: with a good
-    start it would look as far around as at first for ever, where rings match rings and pull to a standstill.
+    `threshold` is the initial expected deviation from `twist`. KISS-ICP adapts it from large deviations only: with a
+    good start, it would keep a large search range, in which rings match rings and bias the motion to standstill.
     """
 
     def __init__(
@@ -98,10 +98,10 @@ class KissOdometry:
         self._settings = settings
         self._sign = -1.0 if reverse else 1.0
         self._pose: Pose = np.eye(4)  # of the last scan
-        self.twist = twist  # forwards in time, also where scans are registered backwards
+        self.twist = twist  # forwards in time, even if scans are registered backwards
 
     def register(self, scan: Scan, gap: float) -> Registered:
-        """Return `scan` registered to the ones before, `gap` usual gaps after the last (0 for the first)."""
+        """Return `scan` registered to the previous ones, `gap` usual gaps after the last one (0 for the first)."""
         step = se3_exp(self._sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
@@ -118,14 +118,14 @@ class KissOdometry:
 def register_scans(
     sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array
 ) -> Iterator[Registered]:
-    """Yield every scan of `sequence` registered to the ones before.
+    """Yield every scan of `sequence` registered to the previous ones.
 
     Parameters
     ----------
-    sequence : the scans.
-    settings : the odometry's.
-    timing : when in the sweep each point was measured.
-    gaps : (N - 1,) time between neighbouring scans, in units of the usual one (1 where no scan is missing).
+    sequence : Sequence
+    settings : OdometrySettings
+    timing : SweepTiming, when in the sweep each point was measured.
+    gaps : (N - 1,) float64, time between neighbouring scans in units of the usual one (1 if no scan is missing).
     """
     start = find_start([sequence[i] for i in range(min(TRIAL_SCANS, len(sequence)))], settings, timing, gaps)
     odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
@@ -134,14 +134,14 @@ def register_scans(
 
 
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
-    """Return the (6,) motion per usual gap at the first of `scans`, of which `TRIAL_SCANS` are enough."""
+    """Return the (6,) motion per usual gap at the first of `scans`; the first `TRIAL_SCANS` suffice."""
     rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
     surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
     return _find_start(rest, surfels, settings, timing.share, gaps)
 
 
 def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
-    """Return (N - 1, 4, 4) rough steps from each scan to the one before, found with surfels as they came alone."""
+    """Return (N - 1, 4, 4) rough steps from each scan to the previous one, from uncompensated surfels alone."""
     scans, settings = _as_scans(surfels), _coarse(settings)
     rest = _from_rest(scans[:START_SCANS], settings, SweepTiming(), gaps[: START_SCANS - 1])
     start = _find_start(rest, surfels[:TRIAL_SCANS], settings, 0.0, gaps)
@@ -149,9 +149,9 @@ def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: A
 
 
 def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array) -> Array:
-    """Return the (6,) motion per usual gap at the start: `rest`, found from there, or another with which `surfels` fit.
+    """Return the (6,) motion per usual gap at the start: `rest`, estimated from rest, or one that aligns better.
 
-    surfels : of the first scans, as they came.
+    surfels : those of the first scans, uncompensated.
     """
     surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
     scans, gaps = _as_scans(surfels), gaps[: len(surfels) - 1]
@@ -179,7 +179,7 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
 
 
 def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
-    """Return the (6,) first motion that a few scans give: forwards from rest, then backwards."""
+    """Return the (6,) initial motion from a few scans, registered forwards from rest, then backwards."""
     forwards = KissOdometry(settings, timing, np.zeros(6), UNKNOWN_MOTION)
     _follow(forwards, scans, gaps)
     backwards = KissOdometry(settings, timing, forwards.twist, UNKNOWN_MOTION, reverse=True)
@@ -190,15 +190,15 @@ def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
 def _align_start(
     steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
 ) -> tuple[Window, float | None]:
-    """Return the scans aligned from (N - 1, 4, 4) `steps`, and how badly they align."""
+    """Return the scans aligned from (N - 1, 4, 4) `steps`, and their misfit."""
     n, T = len(surfels), chain(np.eye(4), steps)
-    as_they_came = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
-    aligned, _, links = refine_poses(as_they_came.moved(T), np.zeros(n, bool), settings, COARSE)
+    uncompensated = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
+    aligned, _, links = refine_poses(uncompensated.moved(T), np.zeros(n, bool), settings, COARSE)
     return aligned, links.misfit
 
 
 def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:
-    """Return (N - 1, 4, 4) steps from each scan to the one before."""
+    """Return (N - 1, 4, 4) steps from each scan to the previous one."""
     steps = [odometry.register(scan, gap).T_last_this for scan, gap in zip(scans, [0.0, *gaps], strict=True)]
     return np.array(steps[1:]).reshape(-1, 4, 4)
 

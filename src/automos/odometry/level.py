@@ -1,7 +1,7 @@
-"""The vertical and the height of the sensor, from the ground near it, wherever the sensor points.
+"""The vertical and the height of the sensor, from the ground near it, for any mounting orientation.
 
-In a handful of scans over the whole recording, the ground is the plane near the sensor that holds most of the surface
-seen there and has next to nothing behind it. It may lie below the sensor or, for one mounted upside down, above it.
+In a few scans spread over the recording, the ground is the plane near the sensor that contains most of the observed
+surface and has almost nothing behind it. It lies below the sensor, or above if the sensor is mounted upside down.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from automos.voxels import find_slot, voxel_key
 _log = logging.getLogger(__name__)
 
 RANGE = 20.0
-"""Metres around the sensor in which the ground is looked for: farther away it may slope otherwise."""
+"""Metres around the sensor in which the ground is searched: farther away, its slope may differ."""
 VOXEL = 0.5
-"""Metres, one point per voxel is asked, so that every piece of surface counts alike."""
+"""Metres; one point per voxel is used, so that all surfaces have equal weight."""
 TRIALS = 1000
-"""Planes through three points tried: ground that is a fifth of the surface is hit eight times."""
+"""Planes through three points that are tried: if a fifth of the surface is ground, eight of them lie on it."""
 DISTANCE = 0.15
-"""Metres, points nearer a plane than this lie on it: kerbs and ruts."""
+"""Metres between a plane and its inliers, at most: allows for kerbs and ruts."""
 SHARE = 0.1
-"""Of the near surface that must be ground."""
+"""Least share of the near surface that must be ground."""
 
 
 def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:
@@ -37,13 +37,13 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
 
     Parameters
     ----------
-    clouds : M arrays (n, 3) float32, metres, sensor frame; the first one is the recording's first usable scan.
-    poses : (M, 4, 4) T_world_sensor of these.
-    settings : the odometry's.
+    clouds : list of M arrays (n, 3) float32, metres, sensor frame; the first is the recording's first usable scan.
+    poses : (M, 4, 4) their T_world_sensor.
+    settings : OdometrySettings
     """
     near = [_thin(cloud) for cloud in clouds]
     everything = np.concatenate(near) if near else np.zeros((0, 3))
-    mount = _find_plane(everything, settings)  # what most scans share: how the sensor is mounted
+    mount = _find_plane(everything, settings)  # common to most scans: the mounting of the sensor
     if mount is None:
         return np.eye(4), False
     planes = [_fit_plane(points, mount) for points in near]
@@ -60,14 +60,14 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
 
 
 def _thin(points: Points) -> npt.NDArray[np.float64]:
-    """Return one point per voxel of those near the sensor, so that every piece of surface counts alike."""
+    """Return one point per voxel near the sensor, so that all surfaces have equal weight."""
     keys, rows = _nearest_to_middle(points, RANGE, VOXEL)
-    return points[rows[np.argsort(keys)]].astype(np.float64)  # whatever the user's order
+    return points[rows[np.argsort(keys)]].astype(np.float64)  # independent of the input order
 
 
 @kernel
 def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
-    """Return names of voxels, and the row of the point nearest to the middle of each."""
+    """Return the keys of voxels, and the row of the point nearest to the centre of each."""
     size = 16
     while size < 2 * len(points):
         size *= 2
@@ -89,7 +89,7 @@ def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
 
 
 def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
-    """Return (4,) unit normal towards the sensor and its height over the plane, or None where there is no ground."""
+    """Return (4,) unit normal towards the sensor and its height above the plane, or None if there is no ground."""
     if len(points) < MIN_POINTS:
         return None
     rng = np.random.default_rng(0)
@@ -100,7 +100,7 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
     length = np.linalg.norm(normals, axis=1)
     normals = normals[length > 1e-6] / length[length > 1e-6, None]
     a = a[length > 1e-6]
-    heights = -np.einsum("ij,ij->i", normals, a)  # of the sensor over each plane
+    heights = -np.einsum("ij,ij->i", normals, a)  # of the sensor above each plane
     normals *= np.sign(heights)[:, None]
     heights = np.abs(heights)
     is_possible = (
@@ -120,7 +120,7 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
 
 @kernel
 def _score_planes(points, normals, heights, distance):  # type: ignore[no-untyped-def]
-    """Points on each plane, less twice those clearly behind it (walls of a valley have none behind, roofs have)."""
+    """Return inliers of each plane minus twice the points clearly behind it (roofs have some, valley walls none)."""
     scores = np.zeros(len(normals))
     for j in range(len(normals)):
         score = 0.0
@@ -137,7 +137,7 @@ def _score_planes(points, normals, heights, distance):  # type: ignore[no-untype
 
 
 def _fit_plane(points: npt.NDArray[np.float64], plane: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return `plane` (4,) drawn onto the points near it, each round looking closer (reweighted least squares)."""
+    """Return `plane` (4,) fitted to the points near it, with a decreasing distance (reweighted least squares)."""
     for reach in (4.0, 2.0, 1.0, 1.0):
         residual = points @ plane[:3] + plane[3]
         near = points[np.abs(residual) < reach * DISTANCE]

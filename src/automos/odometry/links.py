@@ -1,4 +1,4 @@
-"""Scans laid on submaps half a second to some seconds before and after them, and how well they lie."""
+"""Alignment of scans with submaps up to a few seconds before and after them, and its residuals."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from automos.scan import Pose
 Array = npt.NDArray[np.float64]
 
 MIN_MATCHED = 50
-"""Surfels on surfaces that a scan and a submap need in common: fewer may all be of one thing that moves."""
+"""Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Consecutive scans as surfels, compensated with the motion they were believed to have.
+    """Consecutive scans as surfels, compensated with an assumed motion.
 
     Attributes
     ----------
-    surfels : N surfels, sensor frame mid-sweep.
-    twists : (N, 6) motion per sweep they were compensated with.
-    T_world_sensor : (N, 4, 4).
-    gaps : (N - 1,) time between scans in units of the usual one.
-    period : seconds, the usual time between scans.
-    share : sweep duration over the usual time between scans.
+    surfels : list of N Surfels, sensor frame at mid-sweep.
+    twists : (N, 6) motion per sweep used for the compensation.
+    T_world_sensor : (N, 4, 4) float64.
+    gaps : (N - 1,) float64, time between scans in units of the usual one.
+    period : float, seconds, the usual time between scans.
+    share : float, sweep duration over the usual time between scans.
     """
 
     surfels: list[Surfels]
@@ -56,7 +56,7 @@ class Window:
         return inverse(self.T_world_sensor[:-1]) @ self.T_world_sensor[1:]
 
     def moved(self, T_world_sensor: Pose) -> Window:
-        """Return the same scans at other poses, their surfels compensated for the motion these imply."""
+        """Return the same scans at other poses, with surfels compensated for the motion between these."""
         twists = self.share * step_twists(T_world_sensor, self.gaps)
         pieces = zip(self.surfels, twists - self.twists, strict=True)
         surfels = [Surfels(compensate(s.mean, s.time, change), s.covariance, s.count, s.time) for s, change in pieces]
@@ -65,17 +65,17 @@ class Window:
 
 @dataclass(frozen=True)
 class Alignment:
-    """How scans are laid on submaps.
+    """Parameters for aligning scans with submaps.
 
     Attributes
     ----------
-    kernels : metres, one round each: residuals much longer count little.
-    noise : metres, deviation of a surfel on a perfect surface.
-    lags : seconds between a scan and the submaps it is laid on.
-    submap_every : seconds between the middles of submaps.
-    submap_length : seconds of scans in a submap.
-    max_distance : metres between a scan and the submaps it is laid on: farther away too little is seen of the same.
-    max_surfels : of a scan that are laid on one submap, at most; more cost time and tell nothing new.
+    kernels : tuple of float, metres, one per iteration: much larger residuals have little weight.
+    noise : float, metres, deviation of a surfel on a perfect surface.
+    lags : tuple of float, seconds between a scan and its submaps.
+    submap_every : float, seconds between the middles of submaps.
+    submap_length : float, seconds of scans in a submap.
+    max_distance : float, metres between a scan and its submaps, at most: beyond it, they have too little in common.
+    max_surfels : int, surfels of a scan aligned with one submap, at most; more take time without further information.
     """
 
     kernels: tuple[float, ...] = (0.5, 0.2, 0.1, 0.1)
@@ -88,20 +88,20 @@ class Alignment:
 
 
 COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.3, submap_length=0.5, max_distance=40.0, max_surfels=800)
-"""Under which hypotheses are compared: wide enough not to overlook what does not fit."""
+"""For comparing hypotheses: wide enough not to miss misaligned surfaces."""
 
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """How well scans lie on what other scans saw, one row per link of a scan with a submap.
+    """How well scans align with other scans, one row per link of a scan with a submap.
 
     Attributes
     ----------
     lag : (L,) seconds between scan and submap, absolute.
     distance : (L,) metres between them.
-    thickness : (L,) metres, how far surfels lie off the surfaces they meet (root of the robust mean square).
+    thickness : (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square).
     disagreement : (L,) metres by which the link alone would move the scan.
-    share : (L,) of the surfels laid down, those that met a surface and lie on it.
+    share : (L,) share of the surfels that match a surface and lie on it.
     """
 
     lag: Array
@@ -112,7 +112,7 @@ class Consistency:
 
     @property
     def misfit(self) -> float | None:
-        """Logarithm of how thick walls are over how many surfels find one, both medians; None without links."""
+        """Logarithm of the wall thickness over the share of surfels that match, both medians; None without links."""
         return float(np.log(np.median(self.thickness) / np.median(self.share))) if len(self.share) else None
 
     @classmethod
@@ -122,7 +122,7 @@ class Consistency:
 
 
 def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
-    """Yield (scan, middle scan of a submap): for each lag the submaps nearest to it, before and after."""
+    """Yield (scan, middle scan of a submap): for each lag, the nearest submaps before and after."""
     half, every = _half_width(window, about), max(round(about.submap_every / window.period), 1)
     n = len(window)
     centers = np.arange(min(half, n - 1), max(n - half, min(half, n - 1) + 1), every)
@@ -141,7 +141,7 @@ def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
 
 
 def _half_width(window: Window, about: Alignment) -> int:
-    """Return the number of scans on either side of a submap's middle one; few scans make narrow submaps."""
+    """Return the number of scans on either side of a submap's middle scan; smaller if there are few scans."""
     return min(int(about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
 
 
@@ -152,7 +152,7 @@ def fit_links(
     about: Alignment,
     pool: ThreadPoolExecutor | None,
 ) -> tuple[list[Fit], Consistency]:
-    """Return how the scans lie on the submaps, one fit for each of `links` (from `choose_links`), and the figures."""
+    """Return the fit of each of `links` (from `choose_links`), and their consistency."""
     T, clock, half = window.T_world_sensor, window.clock, _half_width(window, about)
     each: Callable = map if pool is None else pool.map
 
@@ -168,7 +168,7 @@ def fit_links(
     def fit(k: int) -> Fit:
         i, center = links[k]
         surfels = window.surfels[i]
-        every = max(-(-len(surfels) // about.max_surfels), 1)  # another part for each link: all have a say
+        every = max(-(-len(surfels) // about.max_surfels), 1)  # a different subset for each link
         return fit_surfels(submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise)
 
     fits = list(each(fit, range(len(links))))

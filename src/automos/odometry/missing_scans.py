@@ -1,9 +1,9 @@
-"""Scans that are missing, where no stamp says so: a step of twice the length amid even ones.
+"""Missing scans without stamps: a step of twice the length among even ones.
 
-No vehicle doubles its speed for a tenth of a second. But registrations begin with the motion before, and amid traffic
-that keeps pace they stay there: of the twofold step nothing shows. What faces along the path does not go along: it is
-found again at a step of one, two or more gaps, over the step itself and over two neighbouring ones. Both are weighed
-together, since in the open nothing faces along the path, and registrations are right there.
+No vehicle doubles its speed for a tenth of a second. But registrations start with the previous motion, and in traffic
+that keeps pace they stay there, so a double step is invisible. Surfaces facing along the path do not move with the
+traffic: they are re-observed at a step of one, two or more gaps, over the step itself and over two neighbouring ones.
+Both cues are combined, since in open terrain no surface faces along the path, but registrations are right there.
 """
 
 from __future__ import annotations
@@ -25,47 +25,47 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 N_AROUND = 3
-"""Steps on either side from which the usual speed is taken."""
+"""Steps on either side that define the usual speed."""
 TRIED = np.arange(1.0, 7.0)
-"""Gaps that a step may have: up to five scans in a row may be missing and still be counted."""
+"""Hypotheses on the gaps of a step: up to five consecutive missing scans are detected."""
 LAGS = (1, 2)
-"""Steps over which things are found again: over more, errors of several steps add up."""
+"""Steps over which surfaces are re-observed: over more, errors of several steps add up."""
 AROUND = 0.1 * np.arange(-2, 3)
-"""Metres about the distance of so many gaps: the speed is only nearly that of the steps around."""
+"""Metres around the distance of so many gaps: the speed only approximates that of the steps around."""
 LEAST_STEP = 0.2
-"""Metres, steps that are usually shorter than this look alike, single or twofold."""
+"""Metres; if steps are usually shorter, double steps cannot be distinguished from single ones."""
 USUAL_ACCELERATION = 3.0
-"""m/s^2, by which the speed changes from scan to scan."""
+"""m/s², usual change of the speed from scan to scan."""
 STEP_NOISE = 0.05
 """Metres, error of a registration from scan to scan."""
 MISTAKEN = 20.0
-"""Logarithm of the odds that a registration counts for at most: it may follow traffic."""
+"""Greatest log-odds that a registration contributes: it may follow traffic."""
 SELDOM, EACH = 8.0, 2.0
-"""The same of how much likelier it is that no scan is missing at a place; and for each that is missing there."""
+"""Prior log-odds that no scan is missing at a place, and for each further missing scan."""
 REFOUND = 20.0
-"""The same for all that faces along the path, found again: half as much over each of three pairs of scans outweighs a
-registration and the rarity together."""
+"""Log-odds if all surfaces facing along the path are re-observed: half as much over each of three pairs of scans
+outweighs a registration and the prior together."""
 CHANCE = 0.15
-"""Of what is found again, for each scan that is missing: posts along a road stand at the same distances."""
+"""Share re-observed by chance for each missing scan: posts along a road are evenly spaced."""
 
 
 def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
-    """Return (N - 1,) the gaps between scans, estimated from the motion where there are no stamps.
+    """Return (N - 1,) the gaps between scans, estimated from the motion without stamps.
 
-    How many are missing is the hypothesis under which the speed changes least and most is found again. The less the
-    scans before and after agree on the speed, the less a step's length counts.
+    Chooses the number of missing scans under which the speed changes least and most surfaces are re-observed. The less
+    the scans before and after agree on the speed, the less a step's length counts.
 
     Parameters
     ----------
-    steps : (N - 1, 4, 4) from each scan to the one before it, as registered.
-    gaps : (N - 1,) taken where nothing else is clearly more likely.
-    period : seconds between scans.
-    refound : (N - 1, 6) how much of what faces along the path is found again, were each step of 1 to 6 gaps.
+    steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered.
+    gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
+    period : float, seconds between scans.
+    refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
     """
     travelled, found = steps[:, :3, 3], gaps
     rarity = SELDOM + EACH * (TRIED - 1.0)
     certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
-    for _ in range(2):  # neighbours may have gaps of their own
+    for _ in range(2):  # neighbouring steps may have gaps, too
         velocity, found = travelled / found[:, None], gaps.copy()
         for k in range(len(travelled)):
             sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
@@ -76,8 +76,8 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
             usual = 0.5 * (before + after)
             length = np.linalg.norm(usual)
             if length < LEAST_STEP:
-                continue  # twofold steps are hardly longer
-            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # both sides may be right
+                continue  # double steps are hardly longer
+            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # either side may be right
             off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
             cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
             if refound is not None:
@@ -87,47 +87,47 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
 
 
 class FacingGaps:
-    """Finds, scan by scan, at how many gaps what faces along the path is found again; holds a few scans only."""
+    """Finds, scan by scan, after how many gaps surfaces facing along the path are re-observed; holds few scans."""
 
     def __init__(self, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
-        """Take the share of the time between scans that a sweep lasts, and threads to work with."""
+        """Take the sweep duration over the time between scans, and a thread pool."""
         self._share, self._settings, self._pool = share, settings, pool
         self._surfels: deque[Surfels | Future[Surfels]] = deque(maxlen=max(LAGS) + N_AROUND + 1)
-        self._come: list[Array] = []
+        self._velocities: list[Array] = []
         self._steps: list[Pose] = []
         self._found: list[Array | Future[Array]] = []
 
     def add(self, surfels: Surfels | Future[Surfels], T_last_this: Pose, gap: float) -> None:
-        """Add a scan: its surfels, its pose in and its gap to the scan before."""
+        """Add a scan: its surfels, its pose in the previous scan's frame, and the gap between them."""
         if self._surfels:
             self._steps.append(T_last_this)
-            self._come.append(T_last_this[:3, 3] / gap)
+            self._velocities.append(T_last_this[:3, 3] / gap)
         self._surfels.append(surfels)
-        if len(self._surfels) == self._surfels.maxlen:  # all that is around the first of them is known
-            self._ask(0)
+        if len(self._surfels) == self._surfels.maxlen:  # all steps around the first scan are known
+            self._start_scoring(0)
 
     def shares(self) -> Array:
-        """Return (N - 1, 6) what is found again at 1 to 6 gaps: of three pairs of scans, 1 each at most."""
+        """Return (N - 1, 6) the re-observed share at 1 to 6 gaps, summed over three pairs of scans (1 each at most)."""
         n = len(self._steps)
         for row in range(len(self._found), n):
-            self._ask(row - n - 1)
+            self._start_scoring(row - n - 1)
         total = np.zeros((n + max(LAGS), len(TRIED)))
         for row, found in enumerate(self._found):
             total[row : row + max(LAGS)] += found.result() if isinstance(found, Future) else found
         return total[:n]
 
-    def _ask(self, place: int) -> None:
-        """Ask for the pairs of scans that begin with the one at `place` of those that are held."""
+    def _start_scoring(self, place: int) -> None:
+        """Start scoring the pairs of scans that begin with number `place` of the held scans."""
         scans = list(self._surfels)[place:][: 1 + max(LAGS)]
         row = len(self._found)
         steps = self._steps[row : row + len(scans) - 1]
-        usual = [_usual(self._come, k) for k in range(row, row + len(steps))]
-        asked = (scans, steps, usual, self._share, self._settings)
-        self._found.append(_shares(*asked) if self._pool is None else self._pool.submit(_shares, *asked))
+        usual = [_usual(self._velocities, k) for k in range(row, row + len(steps))]
+        arguments = (scans, steps, usual, self._share, self._settings)
+        self._found.append(_shares(*arguments) if self._pool is None else self._pool.submit(_shares, *arguments))
 
 
 def _usual(travelled: list[Array], k: int) -> Array:
-    """Return (3,) the metres per gap of the steps around the k-th."""
+    """Return (3,) the median metres per gap of the steps around the k-th."""
     around = [*travelled[max(k - N_AROUND, 0) : k], *travelled[k + 1 : k + 1 + N_AROUND]]
     return np.median(around, axis=0) if around else np.zeros(3)
 
@@ -139,7 +139,7 @@ def _shares(
     share: float,
     settings: OdometrySettings,
 ) -> Array:
-    """Return (2, 6) what is found again, were each of the steps that follow the first scan of 1 to 6 gaps."""
+    """Return (2, 6) the re-observed share if each of the steps after the first scan has 1 to 6 gaps."""
     found = np.zeros((max(LAGS), len(TRIED)))
     length = float(np.linalg.norm(usual[0]))
     if length < LEAST_STEP:

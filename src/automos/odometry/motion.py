@@ -1,8 +1,8 @@
-"""When in the sweep each point was measured, and points moved to where the sensor would have seen them mid-sweep.
+"""Point times within the sweep, and motion compensation of points to mid-sweep.
 
-A spinning sensor needs a tenth of a second for one scan and drives a metre or two meanwhile. Motion within a sweep is a
-constant twist: half of it lies before the reference time (mid-sweep), half after. Times are fractions of a sweep in
-[-0.5, 0.5], so that no clock is needed.
+A spinning sensor needs a tenth of a second for a scan and travels a metre or two meanwhile. Motion within a sweep is
+modelled as a constant twist: half of it before the reference time (mid-sweep), half after. Times are fractions of a
+sweep in [-0.5, 0.5], so no clock is needed.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
 
 LONGEST_SWEEP = 1e4
-"""Seconds; larger times are not times within a sweep: the slowest surveying scanners take minutes."""
+"""Seconds; larger values are not times within a sweep: the slowest surveying scanners take minutes."""
 MIN_POINTS = 50
-"""Usable points that a scan needs to be registered, and to be searched for ground."""
+"""Usable points that a scan needs for registration and for the ground search."""
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,16 @@ class SweepTiming:
 
     Attributes
     ----------
-    source : "file": the scans carry times; "order": from how far the azimuth has advanced along the file; "azimuth":
-        from the direction of the point; "none": already compensated, or unknown.
-    duration : seconds from a sweep's first point to its last ("file" only).
-    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
-    seam_deg : azimuth at which a sweep starts and ends, degrees from +x towards +y; None where it drifts from scan to
-        scan and shows as a sector without points or with twice as many ("azimuth" only).
-    turns : that a scan spans, where its seam drifts ("azimuth" only).
-    share : sweep duration over the time between scans; 0 where there is nothing to compensate, negative where the
-        recording was turned round.
-    order : how the azimuth runs along the file ("order" only).
+    source : "file": times in the scans; "order": from the advance of the azimuth along the file; "azimuth": from the
+        azimuth of the point; "none": already compensated, or unknown.
+    duration : float, seconds from a sweep's first point to its last ("file" only).
+    turn : int, +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
+    seam_deg : float, azimuth seam at which a sweep starts and ends, degrees from +x towards +y; None if it drifts from
+        scan to scan, visible as a sector with no points or twice as many ("azimuth" only).
+    turns : float, turns per scan if the seam drifts ("azimuth" only).
+    share : float, sweep duration over the time between scans; 0 if there is nothing to compensate, negative if the
+        recording is reversed.
+    order : PointOrder, advance of the azimuth along the file ("order" only).
     """
 
     source: Literal["file", "order", "azimuth", "none"] = "none"
@@ -54,12 +54,12 @@ class SweepTiming:
     order: PointOrder | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain numbers and text; `from_dict` undoes it."""
+        """Return the fields as plain numbers and text, for `from_dict`."""
         return asdict(self)
 
     @staticmethod
     def from_dict(fields: dict[str, Any]) -> SweepTiming:
-        """Return the timing that `to_dict` took apart."""
+        """Return the timing from the fields of `to_dict`."""
         order = fields.get("order")
         return SweepTiming(**{**fields, "order": None if order is None else PointOrder(**order)})
 
@@ -83,9 +83,9 @@ class SweepTiming:
 
 
 def recorded_duration(scan: Scan) -> float | None:
-    """Return the seconds from a sweep's first point to its last, as the scan's own times say; None where they do not.
+    """Return the seconds from a sweep's first point to its last according to the scan's times; None if unknown.
 
-    NaN is ignored, and so is what exceeds `LONGEST_SWEEP`.
+    Ignores NaN and times above `LONGEST_SWEEP`.
     """
     if scan.time is None or not scan.is_valid.any():
         return None
@@ -95,9 +95,9 @@ def recorded_duration(scan: Scan) -> float | None:
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
-    """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None where they are unknown.
+    """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None if unknown.
 
-    NaN where there are two of them: `trajectory.settled_times` tells which is right once the motion is known.
+    NaN for points with two possible times: `trajectory.settled_times` chooses one once the motion is known.
     """
     if timing.source == "none":
         return None
@@ -117,7 +117,7 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
 
 
 def azimuth_times(points: Points, turn: int, seam_deg: float) -> npt.NDArray[np.float32]:
-    """Return (N,) float32 times in [-0.5, 0.5] of `points` (N, 3) seen by a sensor that turns about its z axis.
+    """Return (N,) float32 times in [-0.5, 0.5] of `points` (N, 3) from a sensor that rotates about its z axis.
 
     `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`.
     """
@@ -136,7 +136,7 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     twist = np.asarray(twist, np.float64)
     if not np.any(twist):
         return points
-    # Contiguous, whatever they are a part of: the kernel is compiled once.
+    # Contiguous, so that the kernel is compiled only once.
     points, times = np.ascontiguousarray(points), np.ascontiguousarray(times)
     out = np.empty_like(points)
     _compensate(points, times, twist[:3], twist[3:], out)
@@ -148,7 +148,7 @@ def usable_points(
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None.
 
-    Those that have two times are left out.
+    Points with two possible times are left out.
     """
     points, times = timed_points(scan, timing, settings)
     return (points, None) if times is None else (compensate(points, times, twist), times)
@@ -157,7 +157,7 @@ def usable_points(
 def timed_points(
     scan: Scan, timing: SweepTiming, settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
-    """Return the valid points in range (M, 3) as they came and their times (M,) or None, but those with two times."""
+    """Return the valid points in range (M, 3), uncompensated, with times (M,) or None; leaves out ambiguous times."""
     rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
     if times is not None:
         times = np.take(times, rows)
@@ -168,12 +168,12 @@ def timed_points(
 
 
 def rows_in_range(scan: Scan, settings: OdometrySettings) -> npt.NDArray[np.int32]:
-    """Return (M,) the rows of the points that a registration can use."""
+    """Return (M,) the rows of the points usable for registration."""
     return _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
 
 
 def chain(T_first: Pose, steps: Pose) -> Pose:
-    """Return the (N, 4, 4) poses that start at `T_first` and go on by (N - 1, 4, 4) `steps`."""
+    """Return the (N, 4, 4) poses from `T_first` and the following (N - 1, 4, 4) `steps`."""
     poses = np.empty((len(steps) + 1, 4, 4))
     poses[0] = T_first
     for i, step in enumerate(steps):
@@ -202,7 +202,7 @@ def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
 
 @kernel(fastmath=True)
 def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
-    """Apply exp(time * twist): Rodrigues' formula, its sines and cosines as series, exact up to half a turn a sweep."""
+    """Apply exp(time * twist): Rodrigues' formula with sine and cosine as series, exact up to half a turn per sweep."""
     px, py, pz = phi[0], phi[1], phi[2]
     square = px * px + py * py + pz * pz
     rx, ry, rz = rho[0], rho[1], rho[2]

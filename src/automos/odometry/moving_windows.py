@@ -1,4 +1,4 @@
-"""Short parts of a recording in which the sensor moves, and under which hypothesis about its sweeps they fit best."""
+"""Short windows in which the sensor moves, and the hypothesis on the sweep timing under which they align best."""
 
 from __future__ import annotations
 
@@ -32,32 +32,32 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 NEAR = 15.0
-"""Metres, distance of typical walls: how much turning bends a sweep compared with driving."""
+"""Metres, distance of typical walls: weight of rotation in the distortion of a sweep relative to translation."""
 WINDOWS = 2
-"""Places of the recording where hypotheses are tried."""
+"""Windows of the recording in which hypotheses are tested."""
 PLACES = 7
-"""Of them, looked at for motion at most."""
+"""Positions at which a window with motion is searched, at most."""
 WINDOW_SCANS = 16
-"""Scans at each: enough for a seam that drifts by a tenth of a turn a scan to come round."""
+"""Scans per window: enough for a full turn of a seam that drifts by a tenth of a turn per scan."""
 MIN_BEND = 0.1
-"""Metres by which the motion within a sweep must bend it for a place to tell anything."""
+"""Metres by which the motion within a sweep must distort it for a window to be informative."""
 LINKS_OF_A_SCAN = 4
-"""Links of one scan err together."""
+"""Links of one scan, whose errors are correlated."""
 LEAST_LINKS = 8
-"""Of a window that meet enough surfaces, to tell anything."""
+"""Links of a window that must match enough surfaces for it to be informative."""
 N_ERRORS = 1.5
 """Standard errors by which another hypothesis must be better."""
 GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
 CLEAR_GAIN = 0.03
-"""By which more for what is seldom true: halved or reversed sweeps."""
+"""Additional gain required of rare hypotheses: halved or reversed sweeps."""
 CLEAR_ERRORS = 4.0
-"""Standard errors between the best and any hypothesis of another kind after which no more windows are asked."""
+"""Standard errors between the best and every hypothesis of another kind from which no more windows are needed."""
 
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
-"""Each scan on its neighbours: takes over whatever the hypothesis changes in their steps, up to half a metre."""
+"""Each scan with its neighbours: adapts their steps to the hypothesis, by up to half a metre."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
-"""A single round, to find the likeliest of many."""
+"""A single iteration, to find the likeliest of many hypotheses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +66,11 @@ class MovingWindow:
 
     Attributes
     ----------
-    first : its first scan.
-    surfels : of the points as they came, for each source of times.
+    first : int, index of the first scan.
+    surfels : dict of lists of N Surfels, from uncompensated points, for each source of times.
     T_world_sensor : (N, 4, 4) rough poses.
-    gaps : (N - 1,) time between scans in units of the usual one.
-    period : seconds, the usual time between scans.
+    gaps : (N - 1,) float64, time between scans in units of the usual one.
+    period : float, seconds, the usual time between scans.
     """
 
     first: int
@@ -88,7 +88,7 @@ def moving_windows(
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
 ) -> Iterator[MovingWindow]:
-    """Yield a few places of the recording at which the sensor moves, one in its middle first."""
+    """Yield a few windows of the recording in which the sensor moves, starting from the middle."""
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
         return
@@ -117,7 +117,7 @@ def _moving_window(
     settings: OdometrySettings,
     pool: ThreadPoolExecutor | None,
 ) -> MovingWindow | None:
-    """Return consecutive `scans` with rough poses, None where the sensor hardly moves."""
+    """Return consecutive `scans` with rough poses, None if the sensor hardly moves."""
     each: Callable = map if pool is None else pool.map
     surfels = {name: list(each(partial(_raw_surfels, settings, timing), scans)) for name, timing in sources.items()}
     T = poses
@@ -131,24 +131,24 @@ def _moving_window(
 
 
 def bend_of(T_world_sensor: Pose) -> float:
-    """Return by how many metres the motion between neighbouring scans bends a sweep, on average."""
+    """Return by how many metres the motion between neighbouring scans distorts a sweep, on average."""
     travelled, turned = np.split(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]), 2, axis=1)
     bends = np.linalg.norm(travelled, axis=1) + NEAR * np.linalg.norm(turned, axis=1)
     return float(bends.mean()) if len(bends) else 0.0
 
 
 def _raw_surfels(settings: OdometrySettings, timing: SweepTiming, scan: Scan) -> Surfels:
-    """Return the surfels of a scan's points as they came, with the times of `timing`."""
+    """Return the surfels of a scan's uncompensated points, with the times of `timing`."""
     return surfels_of(*timed_points(scan, timing, settings))
 
 
 def measure_misfits(
     window: MovingWindow, guess: SweepTiming, settings: OdometrySettings, is_rough: bool
 ) -> npt.NDArray[np.float64]:
-    """Return (L,) how badly each link of the window fits once its poses are made anew under the guess.
+    """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
-    A misfit is the logarithm of how thick walls are over how much of them is met; NaN where too little is. `is_rough`:
-    neighbours keep their steps, in a third of the time.
+    A misfit is the logarithm of the wall thickness over the matched share; NaN if too little is matched. `is_rough`:
+    neighbours keep their steps, which takes a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
     raw = window.surfels.get(guess.source, window.surfels["raw"])
@@ -166,23 +166,23 @@ def measure_misfits(
 
 
 def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
-    """Return surfels of the points as they came, with times as guessed, compensated for `twist` (6,)."""
+    """Return uncompensated surfels with the hypothetical times, compensated for `twist` (6,)."""
     if guess.source == "none":
         return raw
-    times = raw.time  # of what only whole scans tell
+    times = raw.time  # known from whole scans only
     if guess.source == "azimuth" and guess.seam_deg is not None:
         times = azimuth_times(raw.mean, guess.turn, guess.seam_deg)
     return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)
 
 
 class Search:
-    """Asks every window once for each hypothesis.
+    """Evaluates every hypothesis once in every window.
 
     Attributes
     ----------
-    misfits : as of `TimingChoice`.
-    windows : those asked.
-    is_clear : whether all hypotheses of another kind than the best are clearly worse, or tell no difference.
+    misfits : dict of float, see `TimingChoice`.
+    windows : list of MovingWindow, those evaluated.
+    is_clear : bool, whether all hypotheses of another kind than the best are clearly worse, or make no difference.
     """
 
     def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None):
@@ -194,32 +194,32 @@ class Search:
         self.is_clear = False
 
     def add(self, window: MovingWindow) -> None:
-        """Ask one more window from now on."""
+        """Add a window to the evaluation."""
         self.windows.append(window)
         self.misfits, self.is_clear = {}, True
 
-    def _ask(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
+    def _evaluate(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
         """Return (G, L) misfits of the links of all windows."""
-        asked = [(guess, window, is_rough) for guess in guesses for window in self.windows]
-        found = list(self._map(lambda one: self._misfit(*one), asked))
+        tasks = [(guess, window, is_rough) for guess in guesses for window in self.windows]
+        found = list(self._map(lambda one: self._misfit(*one), tasks))
         n = len(self.windows)
         return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
-        """Return the `n` of `guesses` under which the windows fit best as their poses are, in their order."""
-        misfits = self._ask(guesses, is_rough=True)
-        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # what meets nothing fits badly
+        """Return the `n` of `guesses` under which the windows align best with their current poses, in their order."""
+        misfits = self._evaluate(guesses, is_rough=True)
+        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # unmatched links count as a bad fit
         return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
 
-    def best(self, likely: list[SweepTiming], seldom: list[SweepTiming] | None = None) -> SweepTiming | None:
-        """Return the hypothesis under which the windows fit best, the first of them unless another is clearly better.
+    def best(self, likely: list[SweepTiming], rare: list[SweepTiming] | None = None) -> SweepTiming | None:
+        """Return the hypothesis under which the windows align best: the first one unless another is clearly better.
 
-        What is `seldom` true must be better by more. None where there is no hypothesis, or too little to tell.
+        Hypotheses in `rare` must be better by more. None without hypotheses or with too few matches.
         """
-        guesses = [*likely, *(seldom or [])]
+        guesses = [*likely, *(rare or [])]
         if not guesses:
             return None
-        found = self._ask(guesses, is_rough=False)
+        found = self._evaluate(guesses, is_rough=False)
         if np.isfinite(found).sum(axis=1).max() < LEAST_LINKS:
             self.is_clear = False
             return None
@@ -239,9 +239,9 @@ class Search:
 
 
 def _compare(found: Array, best: Array) -> tuple[Array, Array]:
-    """Return by how much more the links misfit, (G,), and the standard errors, from misfits (G, L) and (L,).
+    """Return the mean increase (G,) of the misfits and its standard errors, from misfits (G, L) and (L,).
 
-    Each link is compared with itself: how well links fit differs more than hypotheses do. NaN where none is met.
+    Each link is compared with itself, since links differ more than hypotheses. NaN if nothing is matched.
     """
     more = np.ma.masked_invalid(found - best)
     error = more.std(axis=1) / np.sqrt(more.count(axis=1) / LINKS_OF_A_SCAN)

@@ -1,4 +1,4 @@
-"""Least squares over poses (Gauss-Newton on SE(3)): the unknowns are small motions of all poses in their own frames."""
+"""Least squares over poses (Gauss-Newton on SE(3)); the unknowns are small motions of the poses in their own frames."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ Array = npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int64]
 
 FIXED = 1e12
-"""Information that keeps a pose where it is, to the micrometre."""
+"""Information that fixes a pose to the micrometre."""
 NARROW = 100
-"""Poses between those that a factor joins, at most, for which a banded solver is the fastest."""
+"""Greatest distance, in poses, between those that a factor joins for which a banded solver is fastest."""
 
 
 class NormalEquations:
-    """The normal equations of N small motions (6), added up factor by factor."""
+    """The normal equations of N small motions (6), accumulated factor by factor."""
 
     def __init__(self, held: npt.ArrayLike):
-        """Take (N,) information by which each pose is held where it is."""
+        """Take the (N,) prior information that holds each pose at its current value."""
         held = np.asarray(held, np.float64)
         self._rhs = np.zeros((len(held), 6))
         self._rows, self._columns = [np.arange(len(held))], [np.arange(len(held))]
@@ -29,8 +29,8 @@ class NormalEquations:
 
         Parameters
         ----------
-        parts : of each pose that a factor joins, (K,) its number and (K, 6, 6) the residual's derivative by its motion.
-        information : (K, 6, 6) or, of independent dimensions, (K, 6) inverse variances of the residuals.
+        parts : list of (ids, J) for each pose that a factor joins: (K,) its index and (K, 6, 6) the Jacobian.
+        information : (K, 6, 6) or, for independent dimensions, (K, 6) inverse variances of the residuals.
         gradient : (K, 6) information times residual.
         """
         for a, (first, A) in enumerate(parts):
@@ -43,7 +43,7 @@ class NormalEquations:
                 self._blocks.append(At_H @ B)
 
     def solve(self) -> Array:
-        """Return the (N, 6) motions that suit all factors best."""
+        """Return the (N, 6) motions that minimise the squared residuals of all factors."""
         from scipy.linalg import solveh_banded
         from scipy.sparse import coo_matrix
         from scipy.sparse.linalg import spsolve

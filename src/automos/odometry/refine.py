@@ -1,9 +1,9 @@
-"""Poses under which the world fits onto itself: every scan is laid on submaps half a second to some seconds away.
+"""Refinement of poses: every scan is aligned with submaps half a second to a few seconds away.
 
-Registering each scan to what was seen just before lets small errors add up, and traffic that keeps pace with the sensor
-looks like a standing world. Over longer baselines neither holds: errors of centimetres double the walls, and what moves
-is no longer where it was. All links are solved together with a weak wish for even motion, which bridges what no link
-holds; in windows of some seconds, each beginning on the end of the one before, so that memory stays that of one window.
+Registration to the scans just before accumulates small errors, and traffic that keeps pace with the sensor looks like a
+static world. Over longer baselines, errors of centimetres produce double walls, and moving objects have left their
+position. All links are solved together with a weak prior on even motion, which bridges scans without links; in windows
+of some seconds, each overlapping the end of the previous one, so that memory stays that of one window.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 CONVERGED = 0.003
-"""Metres, a round that moves no scan further is the last: a tenth of a surfel's noise."""
+"""Metres; iterations end once no scan moves further: a tenth of a surfel's noise."""
 INFORMATION = 0.05
-"""Share of a surfel's weight that is not its neighbours', which err with it."""
+"""Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3
-"""Information by which every scan is held where it is: what nothing links stays."""
+"""Prior information on every pose, which keeps scans without links in place."""
 WINDOW = 20.0
 """Seconds of recording refined at once: many times the longest baseline."""
 OVERLAP = 6.0
-"""Seconds of it that are refined again with the next: as long as a pose is felt."""
+"""Seconds of it that are refined again with the next window: as long as a pose has influence."""
 SPEED_ROUNDS = 5
-"""Searches for the speed, at most, each from the poses that the one before has found."""
+"""Searches for the speed, at most, each from the poses of the previous one."""
 
 
 def refine_poses(
@@ -52,11 +52,11 @@ def refine_poses(
 
     Parameters
     ----------
-    window : consecutive scans.
-    is_fixed : (N,) bool, scans that stay where they are (the first one does in any case).
-    settings : the odometry's.
-    about : how scans are laid on submaps.
-    pool : threads to share the work; the result does not depend on them.
+    window : Window, consecutive scans.
+    is_fixed : (N,) bool, scans whose poses are fixed (the first one always is).
+    settings : OdometrySettings
+    about : Alignment, parameters for aligning scans with submaps.
+    pool : ThreadPoolExecutor, optional; the result does not depend on it.
     """
     links = list(choose_links(window, about))
     seen: list[Consistency] = []
@@ -74,7 +74,7 @@ def refine_poses(
 
 
 def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: list[Fit], T: Pose) -> None:
-    """Add that scans lie on the submaps they meet enough of."""
+    """Add the links of scans with submaps that match enough surfels."""
     kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
     scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T
     H = INFORMATION * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
@@ -84,7 +84,7 @@ def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: l
 
 
 def _add_even_motion(equations: NormalEquations, window: Window, settings: OdometrySettings) -> None:
-    """Add, for every scan with two neighbours, that the motion before it goes on after it."""
+    """Add the prior of constant motion for every scan with two neighbours."""
     T, gaps = window.T_world_sensor, window.gaps
     if len(T) < 3:
         return
@@ -101,15 +101,15 @@ def _add_even_motion(equations: NormalEquations, window: Window, settings: Odome
 
 
 def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
-    """Whether landmarks speak for a rival: clearly, or at all where nobody can drive as the poses now say."""
+    """Whether landmarks favour the rival: clearly, or at all if no vehicle can follow the present poses."""
     return rival.explains_more_than(present) or (not is_possible and rival.lead_over(present) > 0.0)
 
 
 class RollingRefinement:
-    """Takes scans with first poses one by one, gives refined poses at the end.
+    """Takes scans with initial poses one by one and returns refined poses at the end.
 
-    Memory stays that of one window however long the recording is. In the overlap of two windows the first half keeps
-    its poses, so that the world goes on without a step; the second half, which had no future yet, is refined again.
+    Memory is that of one window, whatever the length of the recording. In the overlap of two windows, the first half
+    keeps its poses, so that the path is continuous; the second half, which had no later scans yet, is refined again.
     """
 
     def __init__(
@@ -121,10 +121,7 @@ class RollingRefinement:
         window: float = WINDOW,
         overlap: float = OVERLAP,
     ):
-        """Take the usual seconds between scans, the share of it a sweep lasts, and threads to work with.
-
-        `window` and `overlap` are the seconds refined at once, and again with the next.
-        """
+        """Take the usual period (s), the sweep's share of it, threads, and the seconds of a window and its overlap."""
         self._period, self._share, self._settings, self._pool = period, share, settings, pool
         self._length = max(round(window / period), 3)
         self._overlap = min(max(round(overlap / period), 2), self._length - 1)
@@ -132,16 +129,16 @@ class RollingRefinement:
         self._twists: list[Array] = []
         self._poses: list[Pose] = []
         self._gaps: list[float] = []
-        self._n_known = 0  # of these, how many were refined before
+        self._n_known = 0  # how many of these were refined before
         self._finished: list[Pose] = []
         self._seen: list[tuple[Consistency, Consistency]] = []
         self.lengthened = 0.0
-        """Metres by which steps were too short, all together."""
+        """Total metres by which steps were too short."""
         self.searches: list[SpeedSearch] = []
-        """What the speed's last search has found in each window."""
+        """Result of the last speed search in each window."""
 
     def add(self, surfels: Surfels | Future[Surfels], twist: Array, T_last_this: Pose, gap: float) -> None:
-        """Add a scan: its surfels, the twist they are compensated with, its pose in and its gap to the scan before."""
+        """Add a scan: surfels, the twist of their compensation, pose in the previous scan's frame, gap to that scan."""
         if len(self._poses) == self._length:
             self._refine()
             self._keep_last(self._overlap)
@@ -151,7 +148,7 @@ class RollingRefinement:
         self._gaps.append(gap)
 
     def finish(self) -> tuple[Pose, Consistency, Consistency]:
-        """Return the (N, 4, 4) refined poses, and the links' consistency before and after."""
+        """Return the (N, 4, 4) refined poses, and the consistency of the links before and after."""
         if self._poses:
             self._refine()
             self._keep_last(0)
@@ -179,7 +176,7 @@ class RollingRefinement:
         self._poses = list(window.T_world_sensor)
 
     def _settle_speed(self, window: Window, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
-        """Return the window at the speed that is found from its poses, the last search, and the metres added."""
+        """Return the window at the speed found from its poses, the last search, and the metres added."""
         longer = 0.0
         for _ in range(SPEED_ROUNDS):
             search = search_speed(window, self._settings, self._pool)
@@ -192,7 +189,7 @@ class RollingRefinement:
         return window, search, longer
 
     def _free(self, missing: Array) -> Array:
-        """Return (N - 1, 3) `missing` metres of those steps that were not refined before."""
+        """Return (N - 1, 3) `missing` metres, zero for steps that were refined before."""
         missing[: max(self._n_known - 1, 0)] = 0.0
         return missing
 

@@ -1,9 +1,9 @@
-"""A scan laid on the points of the ones before: KISS-ICP (Vizzo et al., RA-L 2023), compiled.
+"""Registration of a scan to the points of previous ones: KISS-ICP (Vizzo et al., RA-L 2023), compiled.
 
-Point to point, robust, on a map of voxels that hold a few points each; how far to look for a point's partner follows
-from how far predictions have been off. Two things make it several times as fast as the authors' library for the same
-poses: a search for the nearest point leaves out voxels farther away than what it has, and while a point moves by less
-than would make another one its nearest, that is not asked for again.
+Robust point-to-point ICP on a map of voxels with a few points each; the correspondence distance adapts to the errors of
+previous predictions. It is several times as fast as the authors' library, with the same poses, for two reasons: a
+nearest-neighbour search skips voxels farther away than the best point so far, and a correspondence is only searched
+again once the point has moved far enough for another point to be nearer.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from automos.voxels import ALONG_X, ALONG_Y, ALONG_Z, find_slot, rows_of_first_i
 Array = npt.NDArray[np.float64]
 
 DENSE, SPARSE = 0.5, 1.5
-"""Voxels of the map, to which scans are thinned to be kept and to be registered (the authors' values)."""
+"""Downsampling of scans, in voxels of the map, for the map and for registration (the authors' values)."""
 MIN_MOTION = 0.1
-"""Metres, predictions that are off by less do not change how far is looked (the authors' value)."""
+"""Metres; smaller prediction errors do not change the correspondence distance (the authors' value)."""
 FORGET_EVERY = 0.1
-"""Of the map's range, that the sensor moves on before what is out of range is forgotten."""
+"""Share of the map's range that the sensor travels before points out of range are removed."""
 MAX_ITERATIONS, CONVERGENCE = 500, 1e-4
-"""Of one registration, which ends with a step shorter than so many metres (the authors' values)."""
+"""Iterations of a registration, and metres of a step below which it ends (the authors' values)."""
 AROUND = np.array(sorted(np.ndindex(3, 3, 3), key=lambda v: np.abs(np.array(v) - 1).sum())) - 1
 """A voxel and its neighbours, nearest first."""
 
 
 class LocalMap:
-    """Points around the sensor in voxels of `voxel` metres, of which each holds `capacity` at most."""
+    """Points around the sensor in voxels of `voxel` metres, each with `capacity` points at most."""
 
     def __init__(self, voxel: float, capacity: int, max_range: float):
-        """Take what the map holds; it begins empty."""
+        """Take the map's parameters (range in metres); the map is empty at first."""
         self.voxel, self._max_range = voxel, max_range
         self._center = np.zeros(3)
         self._keys, self._rows = np.full(1 << 12, -1, np.int64), np.zeros(1 << 12, np.int32)
@@ -44,11 +44,11 @@ class LocalMap:
 
     @property
     def arrays(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray, float]:
-        """Keys of voxels and their rows, points and their number by row, edge of a voxel: as compiled loops take it."""
+        """Arguments of the compiled loops: voxel keys and their rows, points and their number by row, voxel edge."""
         return self._keys, self._rows, self._cells, self._counts, self.voxel
 
     def add(self, points: Array, center: Array) -> None:
-        """Add `points` (M, 3), world frame, seen from `center`; those too near to others are left out."""
+        """Add `points` (M, 3), world frame, observed from `center`, except those too near to others."""
         is_far = np.linalg.norm(center - self._center) > FORGET_EVERY * self._max_range
         if is_far or 2 * (self._n + len(points)) > min(len(self._keys), 2 * len(self._cells)):
             self._center = center
@@ -56,7 +56,7 @@ class LocalMap:
         self._n = _add_points(points, self.arrays, self._n)
 
     def _rebuild(self, n_more: int) -> None:
-        """Forget what is out of range, and make room for `n_more` voxels."""
+        """Remove voxels out of range, and reserve space for `n_more` voxels."""
         first = self._cells[: self._n, 0] - self._center
         kept = np.flatnonzero(np.einsum("ij,ij->i", first, first) < self._max_range**2)
         n, room = len(kept), 2 * (len(kept) + n_more)
@@ -69,17 +69,17 @@ class LocalMap:
 
 
 class Icp:
-    """Scans laid on the map of the ones before, and how far predictions have been off."""
+    """Registers scans to the map of the previous ones and tracks the errors of predictions."""
 
     def __init__(self, local_map: LocalMap, threshold: float, max_range: float):
-        """Take the map, the deviation from predictions that is expected at first (m), and the range of the map (m)."""
+        """Take the map, the initial expected deviation from predictions (m), and the range of the map (m)."""
         self._map, self._max_range = local_map, max_range
         self._squares, self._n = threshold**2, 1
 
     def register(self, points: Points, T_world_predicted: Pose) -> Pose:
-        """Return where the scan `points` (M, 3) lies, near to where it is predicted to; it becomes part of the map."""
+        """Return the pose of the scan `points` (M, 3), starting from its prediction, and add it to the map."""
         dense = points[rows_of_first_in_voxel(points, DENSE * self._map.voxel)]
-        shuffled = dense[np.random.default_rng(0).permutation(len(dense))]  # else what was measured first would win
+        shuffled = dense[np.random.default_rng(0).permutation(len(dense))]  # else the first measured points would win
         source = shuffled[rows_of_first_in_voxel(shuffled, SPARSE * self._map.voxel)]
         threshold = float(np.sqrt(self._squares / self._n))
         T = self._align(source, T_world_predicted, threshold)
@@ -99,7 +99,7 @@ class Icp:
 
 @kernel
 def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
-    """Enter the voxels of `firsts` (V, 3), one point of each, in the table."""
+    """Insert the voxels of `firsts` (V, 3), one point each, into the table."""
     for row in range(len(firsts)):
         key = voxel_key(firsts[row, 0], firsts[row, 1], firsts[row, 2], 1.0 / voxel)
         slot = find_slot(keys, key)
@@ -108,7 +108,7 @@ def _enter(firsts, keys, rows, voxel):  # type: ignore[no-untyped-def]
 
 @kernel
 def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
-    """Add points to their voxels unless these are full or one lies nearby; return the number of voxels."""
+    """Add points to their voxels unless these are full or hold a near point; return the number of voxels."""
     keys, rows, cells, counts, voxel = local_map
     capacity = cells.shape[1]
     apart = voxel * voxel / capacity
@@ -136,9 +136,9 @@ def _add_points(points, local_map, n):  # type: ignore[no-untyped-def]
 
 @kernel
 def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
-    """Write the nearest point in a voxel or its neighbours to `nearest`; return how far it and the next one are.
+    """Write the nearest point in a voxel or its neighbours to `nearest`; return its distance and a second one.
 
-    What lies in no neighbour is no nearer than the second.
+    No other point, including those beyond the neighbouring voxels, is nearer than the second distance.
     """
     keys, rows, cells, counts, voxel = local_map
     center = voxel_key(x, y, z, 1.0 / voxel)
@@ -169,17 +169,17 @@ def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
 
 
 def _align(source: Points, T: Pose, local_map: tuple, max_distance: float, kernel: float) -> None:
-    """Move `T` until the points lie on the map. Compiling it would take seconds and save a millisecond a scan."""
-    nearest, asked_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
+    """Align the points with the map by updating `T`. Compiling it would take seconds and save a millisecond a scan."""
+    nearest, searched_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
     margin = np.full(len(source), -1.0)
     H, g = np.empty((6, 6)), np.empty(6)
     for _ in range(MAX_ITERATIONS):
-        _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g)
-        if H[0, 0] == 0.0:  # nothing lies near anything
+        _linearize(source, T, local_map, nearest, searched_at, margin, max_distance, kernel, H, g)
+        if H[0, 0] == 0.0:  # no correspondences
             return
         for k in range(6):
-            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # a single point can be turned about
-        step = np.linalg.solve(H, -g)  # of the sensor's position, and a turn about it
+            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # for degenerate cases such as a single point
+        step = np.linalg.solve(H, -g)  # translation of the sensor, and rotation about its position
         T[:3, :3] = _rotation(*step[3:].tolist()) @ T[:3, :3]
         T[:3, 3] += step[:3]
         if np.sqrt(step @ step) < CONVERGENCE:
@@ -187,7 +187,7 @@ def _align(source: Points, T: Pose, local_map: tuple, max_distance: float, kerne
 
 
 def _rotation(x: float, y: float, z: float) -> Pose:
-    """Return (3, 3) the turn by a rotation vector; on three numbers a tenth of the time that `se3_exp` takes."""
+    """Return the (3, 3) rotation matrix of a rotation vector; ten times as fast as `se3_exp`."""
     angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
         return np.eye(3)
@@ -196,10 +196,10 @@ def _rotation(x: float, y: float, z: float) -> Pose:
 
 
 @kernel
-def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, H, g):  # type: ignore[no-untyped-def]
-    """Write the normal equations of a small motion of the points about the sensor's position that brings them together.
+def _linearize(source, T, local_map, nearest, searched_at, margin, max_distance, kernel, H, g):  # type: ignore[no-untyped-def]
+    """Write the normal equations of the small motion about the sensor's position that aligns points with the map.
 
-    `nearest`, `asked_at` and `margin` remember each point's partner: it is kept while no other can be nearer.
+    `nearest`, `searched_at` and `margin` cache each correspondence: it is kept while no other point can be nearer.
     """
     H[:], g[:], W = 0.0, 0.0, 0.0
     s, r, first, cross, second = np.empty(3), np.empty(3), np.zeros(3), np.zeros(3), np.zeros((3, 3))
@@ -208,12 +208,12 @@ def _lay(source, T, local_map, nearest, asked_at, margin, max_distance, kernel, 
         for k in range(3):
             s[k] = T[k, 0] * px + T[k, 1] * py + T[k, 2] * pz
         x, y, z = s[0] + T[0, 3], s[1] + T[1, 3], s[2] + T[2, 3]
-        moved = np.sqrt((x - asked_at[i, 0]) ** 2 + (y - asked_at[i, 1]) ** 2 + (z - asked_at[i, 2]) ** 2)
+        moved = np.sqrt((x - searched_at[i, 0]) ** 2 + (y - searched_at[i, 1]) ** 2 + (z - searched_at[i, 2]) ** 2)
         r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
         distance = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         if not distance <= margin[i] - moved:  # true of NaN
             distance, margin[i] = _find_nearest(x, y, z, local_map, nearest[i])
-            asked_at[i, 0], asked_at[i, 1], asked_at[i, 2] = x, y, z
+            searched_at[i, 0], searched_at[i, 1], searched_at[i, 2] = x, y, z
             r[0], r[1], r[2] = x - nearest[i, 0], y - nearest[i, 1], z - nearest[i, 2]
         if not distance < max_distance:
             continue

@@ -1,13 +1,13 @@
-"""The sensor's speed along its path, from surfaces that face along it.
+"""The sensor's speed along its path, from surfaces facing along it.
 
-In a street canyon whose traffic keeps pace with the sensor, façades and ground fit anywhere along the street, and the
-cars beside fit best where they were: registrations of neighbouring scans agree on steps that are too short, down to
-standing still. Only the few surfaces that face along the street (poles, recesses, corners) show the true speed, and
-sharply so once all others are left out (`speed_scores`). The path of speeds over time with the greatest sum and
-possible accelerations is taken (Viterbi); the registration's own speed is somewhat ahead, driving backwards behind.
+In a street canyon whose traffic keeps pace with the sensor, façades and ground align anywhere along the street, and the
+neighbouring cars align best at zero motion: registrations of neighbouring scans agree on steps that are too short, down
+to standstill. Only the few surfaces facing along the street (poles, recesses, corners) reveal the true speed, sharply
+once all others are excluded (`speed_scores`). The sequence of speeds over time with the greatest score and plausible
+accelerations is chosen (Viterbi); a prior favours the registration's own speed and penalises driving backwards.
 
-Where most of what is seen is traffic, that wins. Its rival is the path of speeds under which landmarks alone are found
-again: what is higher than any vehicle, or farther beside the path than lanes of the same direction reach.
+If most observed surfaces are traffic, traffic wins. Its rival is the sequence of speeds under which landmarks alone are
+re-observed: surfaces higher than any vehicle, or farther beside the path than the lanes of the same direction.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.facing import stands, without_body
+from automos.odometry.facing import is_stationary, without_body
 from automos.odometry.links import Window
 from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
 from automos.scan import Pose
@@ -27,32 +27,32 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 
 PRIOR = 0.2
-"""Lead of the registration's own speed, as a share of a full score."""
+"""Prior of the registration's own speed, as a share of a full score."""
 GAIN = 0.2
-"""Share by which another speed must explain more."""
+"""Share by which the score of another speed must be higher."""
 ACCELERATION_COST = 0.3
-"""Share that an acceleration of the usual size must explain."""
+"""Penalty of an acceleration of the usual size, as a share of a full score."""
 MIN_RATIO = 0.8
-"""Of true speed to first estimate, at least."""
+"""Least ratio of the true speed to the initial estimate."""
 MIN_STEP = 0.1
-"""Metres, shorter steps have no direction."""
+"""Metres; shorter steps have no direction."""
 KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
-"""Surfels found again at which a speed is known; the seconds and places next to an end where it is not, from which the
-acceleration there is taken; the greatest such acceleration, m/s²."""
+"""Re-observed surfels from which a speed is known; seconds and places next to an unknown end from which its
+acceleration is extrapolated; the greatest such acceleration, m/s²."""
 MIN_STRAIGHTNESS = 0.8
-"""How much steps agree on their direction in the sensor's frame, 0 to 1, to have one."""
+"""Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedSearch:
-    """The speed according to the surfaces that face along the path.
+    """The speed according to surfaces facing along the path.
 
     Attributes
     ----------
-    missing : (N - 1, 3) metres, in the sensor frame, by which steps are shorter than the world says; zero wherever no
-        other speed explains clearly more than the present one.
-    rival : (N - 1, 3) the same, were only landmarks asked: what cannot be traffic.
-    landmarks, landmarks_at_rival : how much of these is found again as the poses are, and with the rival's steps.
+    missing : (N - 1, 3) metres, sensor frame, by which steps are too short; zero where no other speed has a clearly
+        higher score than the present one.
+    rival : (N - 1, 3) the same from landmarks alone, which cannot be traffic.
+    landmarks, landmarks_at_rival : Landmarks, re-observed with the present poses and with the rival's steps.
     """
 
     missing: Array
@@ -62,7 +62,7 @@ class SpeedSearch:
 
 
 def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
-    """Return by how much steps are too short, and how much each other speed would explain."""
+    """Return by how much steps are too short, and which landmarks are re-observed."""
     steps = window.steps
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
@@ -70,7 +70,7 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
     surfels = without_body(window.surfels)
     known = _direction(steps)
     best, best_gain, found = nothing, 0.0, []
-    # A registration that wrongly stands still has none: then either axis of the sensor, usually the vehicle's, may do.
+    # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.
     for forward in np.eye(3)[:2] if known is None else [known]:
         scores = score_speeds(forward, window, surfels, settings, pool)
         growth, gain = _follow_speed(scores, window, settings, known is None)
@@ -84,7 +84,7 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
     """Return the poses with `missing` (N - 1, 3) added to each step, in the frame of the scan it starts from.
 
-    Nothing is turned: steps that were taken apart and chained again and again would lose their rotations to rounding.
+    Rotations are kept: decomposing and chaining steps repeatedly would accumulate rounding errors in them.
     """
     longer = T_world_sensor.copy()
     longer[1:, :3, 3] += np.cumsum(np.einsum("nij,nj->ni", T_world_sensor[:-1, :3, :3], missing), axis=0)
@@ -94,33 +94,33 @@ def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
 def _follow_speed(
     scores: SpeedScores, window: Window, settings: OdometrySettings, is_guess: bool
 ) -> tuple[Array, float]:
-    """Return the (N - 1,) metres by which steps are too short, and how much more these explain.
+    """Return the (N - 1,) metres by which steps are too short, and the gain in score.
 
-    A direction that `is_guess` must not be found by those who pass a vehicle that stands: little may be where it was.
+    A direction that `is_guess` is rejected if the sensor is stationary: then a passing vehicle may look like a speed.
     """
     present, speeds, nearest = scores.present, scores.speeds, scores.nearest
     rows, nothing = np.arange(len(present)), np.zeros(len(window) - 1)
-    if is_guess and stands(scores.refound[rows, :, nearest].sum(axis=0), scores.whole.sum(axis=0)):
+    if is_guess and is_stationary(scores.refound[rows, :, nearest].sum(axis=0), scores.whole.sum(axis=0)):
         return nothing, 0.0
-    believed = scores.likely(scores.believed, MIN_RATIO)
+    penalised = scores.with_priors(scores.by_all, MIN_RATIO)
     is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
-    lead = 0.0 if is_guess else PRIOR  # a mistaken standstill has nothing ahead
-    path = _best_path(believed + lead * is_present, speeds, scores.times, settings.usual_acceleration)
-    gain = believed[rows, path] - believed[rows, nearest]
+    lead = 0.0 if is_guess else PRIOR  # no prior for a mistaken standstill
+    path = _best_path(penalised + lead * is_present, speeds, scores.times, settings.usual_acceleration)
+    gain = penalised[rows, path] - penalised[rows, nearest]
     is_better = gain > GAIN
     if not is_better.any():
         return nothing, 0.0
-    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (believed[rows, nearest] > GAIN)
+    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (penalised[rows, nearest] > GAIN)
     change = np.where(is_better, speeds[path] - present, 0.0)
-    is_known = is_better | is_right  # elsewhere the error is interpolated from the places around
+    is_known = is_better | is_right  # elsewhere, the error is interpolated
     change = np.interp(scores.times, scores.times[is_known], change[is_known])
     return _growth(scores.times, change, window), float(gain[is_better].sum())
 
 
 def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array) -> SpeedSearch:
     """Return the speed along `forward` (3,) according to landmarks alone."""
-    believed = scores.likely(scores.by_landmarks, 0.0)
-    path = _best_path(believed, scores.speeds, scores.times, settings.usual_acceleration)
+    penalised = scores.with_priors(scores.by_landmarks, 0.0)
+    path = _best_path(penalised, scores.speeds, scores.times, settings.usual_acceleration)
     here, there = scores.landmarks_along(scores.nearest), scores.landmarks_along(path)
     speeds = _extended(scores.times, there.speeds, there.refound >= KNOWN)
     growth = _growth(scores.times, speeds - scores.present, window)
@@ -128,7 +128,7 @@ def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySet
 
 
 def _extended(times: Array, speeds: Array, is_known: npt.NDArray[np.bool_]) -> Array:
-    """Return `speeds` (M,), at the ends where none is known with the acceleration of what is known near them."""
+    """Return `speeds` (M,), extrapolated at unknown ends with the acceleration of the known speeds near them."""
     known = np.flatnonzero(is_known)
     if len(known) < 2:
         return speeds
@@ -142,13 +142,13 @@ def _extended(times: Array, speeds: Array, is_known: npt.NDArray[np.bool_]) -> A
 
 
 def _growth(times: Array, change: Array, window: Window) -> Array:
-    """Return (N - 1,) metres by which steps grow, if the sensor is faster by `change` (M,) m/s at `times` (M,)."""
+    """Return (N - 1,) metres by which steps grow if the sensor is faster by `change` (M,) m/s at `times` (M,)."""
     clock = window.clock
     return np.interp(0.5 * (clock[1:] + clock[:-1]), times, change) * np.diff(clock)
 
 
 def _direction(steps: Pose) -> Array | None:
-    """Return the (3,) direction, in the sensor frame, in which the sensor usually moves; None where it has none."""
+    """Return the usual (3,) direction of motion in the sensor frame; None if there is none."""
     length = np.linalg.norm(steps[:, :3, 3], axis=1)
     if len(length) == 0 or length.max() < MIN_STEP:
         return None
@@ -159,7 +159,7 @@ def _direction(steps: Pose) -> Array | None:
 
 
 def _best_path(scores: Array, speeds: Array, times: Array, usual_acceleration: float) -> npt.NDArray[np.int64]:
-    """Return (M,) columns of `scores` (M, S) with the greatest sum, less the cost of the accelerations between them."""
+    """Return (M,) columns of `scores` (M, S) with the greatest sum, minus the cost of accelerations between them."""
     best, came_from, rows = scores[0].copy(), [], np.arange(len(speeds))
     change = ACCELERATION_COST * ((speeds[:, None] - speeds[None, :]) / usual_acceleration) ** 2  # (to, from)
     for row in range(1, len(scores)):

@@ -1,9 +1,9 @@
-"""A short window of the recording as a field of small planes and edges, and how well a scan lies on it.
+"""A short window of the recording as a map of small planes and edges, and the alignment of a scan with it.
 
-Surfels of a few neighbouring scans are merged in voxels. Where a voxel holds a plane, it says how far a surfel is off
-along the normal; where it holds an upright edge or pole, along both directions across it. A single ring of a spinning
-sensor looks like a line lying down: it says nothing, since the ring moves along with the sensor and would pull every
-registration towards standing still.
+Surfels of a few neighbouring scans are merged in voxels. A voxel with a plane gives the residual of a surfel along the
+normal; one with an upright edge or pole, along both directions perpendicular to it. A single ring of a spinning sensor
+looks like a horizontal line and is ignored, since the ring moves with the sensor and would bias every registration
+towards standstill.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from automos.scan import Points, Pose
 from automos.voxels import find_slot
 
 VOXEL = 0.8
-"""Metres, edge of a voxel nearer than `surfels.NEAR`, doubling with distance: two surfels wide, to hold a plane."""
+"""Metres, edge of a voxel within `surfels.NEAR`, doubling with distance: two surfels wide, to contain a plane."""
 NOISE = 0.03
-"""Metres, deviation of a surfel on a perfect surface: ranges of usual sensors are as noisy."""
+"""Metres, deviation of a surfel on a perfect surface: range noise of usual sensors."""
 CLOSE = 0.1
-"""Metres, surfels nearer to a surface than this lie on it: three deviations."""
+"""Metres between a surface and its inliers, at most: three deviations."""
 MAX_WEIGHT = 8.0
-"""Points a surfel counts for at most when surfels are merged: near surfaces have hundreds, far ones a few."""
+"""Greatest weight of a surfel, in points, when surfels are merged: near surfaces have hundreds, far ones a few."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class Submap:
 
     Attributes
     ----------
-    keys : (K,) int64, voxel names, -1 where empty.
+    keys : (K,) int64, voxel keys, -1 if empty.
     rows : (K,) int32.
     mean : (M, 3) float32, metres.
-    axes : (M, 2, 3) float32, unit directions across the surface: a plane has one (the second is zero), an edge two.
-    variance : (M, 2) float32, square metres along these; negative where a direction says nothing.
+    axes : (M, 2, 3) float32, unit normals of the surface: a plane has one (the second is zero), an edge two.
+    variance : (M, 2) float32, square metres along these; negative for an unused direction.
     """
 
     keys: npt.NDArray[np.int64]
@@ -49,21 +49,21 @@ class Submap:
 
     @property
     def arrays(self) -> tuple[npt.NDArray, ...]:
-        """Everything, in order, as the compiled loops take it."""
+        """All arrays, in the order in which compiled loops take them."""
         return (self.keys, self.rows, self.mean, self.axes, self.variance)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """How surfels lie on a submap, to second order in a small motion (6: translation, rotation) of the submap's frame.
+    """Fit of surfels to a submap, to second order in a small motion (6: translation, rotation) of the submap's frame.
 
     Attributes
     ----------
-    H : (6, 6), g : (6,) float64, such that moving the surfels by `-inv(H) @ g` in the submap's frame fits them best.
-    n_surfels : surfels laid down.
-    n_matched : those that met a surface.
-    n_close : those nearer to it than the distance asked for.
-    thickness : metres, root of the mean square distance from the surfaces, outliers counting little.
+    H : (6, 6), g : (6,) float64; moving the surfels by `-inv(H) @ g` in the submap's frame aligns them best.
+    n_surfels : int, all surfels.
+    n_matched : int, surfels matched to a surface.
+    n_close : int, surfels within `CLOSE` of it.
+    thickness : float, metres, robust root mean square distance from the surfaces.
     """
 
     H: npt.NDArray[np.float64]
@@ -75,19 +75,19 @@ class Fit:
 
 
 def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
-    """Return the surfels of several scans merged.
+    """Return the merged surfels of several scans.
 
     Parameters
     ----------
-    parts : surfels of P scans, each in its own frame.
-    T_center_parts : (P, 4, 4) to the frame of the submap.
+    parts : list of P Surfels, each in its own frame.
+    T_center_parts : (P, 4, 4) float64, to the frame of the submap.
     """
     n = sum(len(part) for part in parts)
-    size = 1 << max(n, 16).bit_length()  # one slot more than there are surfels at least: a search ends at an empty one
+    size = 1 << max(n, 16).bit_length()  # at least one slot stays empty, since a search ends at an empty slot
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     sums, m = np.empty((n, 10)), 0
     for part, T in zip(parts, T_center_parts, strict=True):
-        # contiguous, whatever they are a part of: the kernel is compiled once
+        # contiguous, so that the kernel is compiled only once
         mean, covariance, count, T = (np.ascontiguousarray(one) for one in (part.mean, part.covariance, part.count, T))
         m = _add_surfels(mean, covariance, count, T, keys, rows, sums, m)
     mean, axes, variance = _shape_voxels(sums[:m])
@@ -95,15 +95,15 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
 
 
 def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel: float, noise: float = NOISE) -> Fit:
-    """Return how `surfels`, moved by `T_submap_surfels` (4, 4), lie on `submap`.
+    """Return the fit of `surfels`, moved by `T_submap_surfels`, to `submap`.
 
     Parameters
     ----------
-    submap : what they should lie on.
-    surfels : in their own frame.
-    T_submap_surfels : (4, 4).
-    kernel : metres, residuals much longer than this count little (Geman and McClure).
-    noise : metres, deviation of a surfel on a perfect surface.
+    submap : Submap
+    surfels : Surfels, in their own frame.
+    T_submap_surfels : (4, 4) float64.
+    kernel : float, metres; much larger residuals have little weight (Geman and McClure).
+    noise : float, metres, deviation of a surfel on a perfect surface.
     """
     H, g = np.zeros((6, 6)), np.zeros(6)
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
@@ -116,7 +116,7 @@ def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel
 def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: ignore[no-untyped-def]
     """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
 
-    Written out without loops, which takes half the time.
+    Written without loops, which takes half the time.
     """
     inverse_voxel = 1.0 / VOXEL
     r00, r01, r02 = T[0, 0], T[0, 1], T[0, 2]
@@ -232,7 +232,7 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
                 for q in range(p + 1):
                     H[p, q] += w * J[p] * J[q]
             worst = max(worst, abs(r))
-            trust = 4.0 * CLOSE * CLOSE / (4.0 * CLOSE * CLOSE + r * r)  # whatever the kernel
+            trust = 4.0 * CLOSE * CLOSE / (4.0 * CLOSE * CLOSE + r * r)  # independent of the kernel
             squares += trust * trust * r * r
             weights += trust * trust
         n_matched += 1

@@ -1,7 +1,7 @@
-"""Small pieces of surface: the points of a scan, gathered in voxels, as mean and covariance.
+"""Surfels: the points of a scan in each voxel, as mean and covariance.
 
-Voxels double in size with distance, as the beams spread. A scan shrinks to a few thousand surfels that can be moved,
-merged and matched at a thousandth of the cost of its points.
+Voxels double in size with distance, as the beams diverge. A scan is reduced to a few thousand surfels that can be
+moved, merged and matched at a thousandth of the cost of its points.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from automos.scan import Points
 from automos.voxels import find_slot, voxel_key
 
 N_LEVELS = 4
-"""Voxel sizes: each covers twice the distance of the one before."""
+"""Voxel sizes: each covers twice the distance of the previous one."""
 NEAR = 20.0
-"""Metres up to which voxels have their least size: beams of usual sensors are 10 cm and less apart there."""
+"""Metres up to which voxels have their smallest size: beams of usual sensors are at most 10 cm apart there."""
 SURFEL = 0.4
-"""Metres, least edge of the voxels that a scan is gathered in: some points each, and still flat."""
+"""Metres, smallest voxel edge for surfels: large enough for several points, small enough to be flat."""
 MAX_RANGE = 80.0
-"""Metres; surfels farther away are larger than the errors they should show."""
+"""Metres; surfels farther away are larger than the errors they should reveal."""
 MIN_SURFEL_POINTS = 3
-"""Points without which a surfel has no extent."""
+"""Points of a surfel, at least: fewer have no extent."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """Pieces of surface in one frame.
+    """Surfels in one frame.
 
     Attributes
     ----------
     mean : (M, 3) float32, metres.
     covariance : (M, 6) float32, square metres: xx, xy, xz, yy, yz, zz of the points about their mean.
     count : (M,) float32, points.
-    time : (M,) float32 in [-0.5, 0.5], mean time in the sweep (zero where unknown).
+    time : (M,) float32 in [-0.5, 0.5], mean time in the sweep (zero if unknown).
     """
 
     mean: Points
@@ -70,14 +70,14 @@ def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfe
 
 
 def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
-    """Return the surfels of a sweep's usable points that are seen well enough."""
+    """Return the surfels of a sweep's usable points that have enough points."""
     surfels = make_surfels(points, times)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
 
 
 @kernel
 def level_of(x, y, z):  # type: ignore[no-untyped-def]
-    """Return the voxel level at a place in the frame of the sensor that sees it."""
+    """Return the voxel level at a position in the sensor frame."""
     squared = x * x + y * y + z * z
     limit = NEAR * NEAR
     level = 0
@@ -89,7 +89,7 @@ def level_of(x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def key_at_level(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
-    """Return the int64 that names a voxel at a level, which doubles its edge."""
+    """Return the int64 key of a voxel at a level; each level doubles the edge."""
     return voxel_key(x, y, z, inverse_voxel / (1 << level)) | level
 
 
@@ -105,7 +105,7 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
             continue
         key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
-        if times[i] > 0.0:  # where the sweep ends beside its start, what it saw first and last lies apart
+        if times[i] > 0.0:  # at the azimuth seam, separates the start of the sweep from its end
             key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
@@ -152,7 +152,7 @@ def eigenvalues(c):  # type: ignore[no-untyped-def]
 
 @kernel(error_model="numpy")
 def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
-    """Write the unit eigenvector of an eigenvalue apart from the others: it is normal to the rows of C - value."""
+    """Write the unit eigenvector of a distinct eigenvalue: it is perpendicular to the rows of C - value."""
     x, y, z = c[0] - value, c[3] - value, c[5] - value
     best = -1.0
     for k in range(3):
@@ -171,7 +171,7 @@ def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
 
 @kernel(error_model="numpy")
 def across(c, along, first, second):  # type: ignore[no-untyped-def]
-    """Write the directions across `along` (not the x axis) of least and most variance; return both variances."""
+    """Write the directions of least and most variance perpendicular to `along` (not the x axis); return both."""
     length = np.sqrt(along[1] * along[1] + along[2] * along[2])
     ex, ey, ez = 0.0, along[2] / length, -along[1] / length
     fx, fy, fz = along[1] * ez - along[2] * ey, along[2] * ex - along[0] * ez, along[0] * ey - along[1] * ex

@@ -1,9 +1,9 @@
-"""When each point was measured, from the order of a scan's points.
+"""Point times from the order of a scan's points.
 
-Drivers append points as the sensor fires: along the file the azimuth advances, turn after turn, and how far it has
-advanced is the time, wherever the driver cut its stream. Some files are sorted by beam instead: then it advances within
-each beam. Beams with an azimuth offset blur the azimuth but not its progress, which is read from blocks of neighbours.
-A file that was shuffled, or sorted otherwise, shows no progress and gives no times.
+Drivers append points as the sensor fires: the azimuth advances along the file, turn after turn, and this advance is the
+time, wherever the driver cut its stream. In files sorted by beam, it advances within each beam. Azimuth offsets of
+beams blur the azimuth but not its advance, which is measured on blocks of neighbouring points. Files that are shuffled
+or sorted otherwise show no advance and give no times.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ Array = npt.NDArray[np.float64]
 By = Literal["firing", "beam"]
 
 N_BLOCKS = 400
-"""Blocks a scan is read in: a thousandth of a turn's time matters little, and a block still holds every beam."""
+"""Blocks of a scan: small enough for the time of a point, large enough to contain every beam."""
 MIN_BLOCK = 128
-"""Points in a block, at least: beams with an azimuth offset must even out."""
+"""Points per block, at least: azimuth offsets of beams must average out."""
 SAMPLES = 5
-"""Neighbouring scans of a recording that are read to learn its order."""
+"""Pairs of neighbouring scans from which the order of a recording is learnt."""
 MIN_CONCENTRATION = 0.9
-"""Length of the mean direction within a block, at least: 1 where all look the same way, 0 where a file is shuffled."""
+"""Length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
 MIN_STEADY = 0.95
-"""Share of blocks that must advance in the direction of the whole."""
+"""Share of blocks that must advance in the overall direction."""
 FIXED = 0.005
-"""Turns by which the start may drift from one scan to the next and still be the same."""
+"""Turns by which a fixed start may drift from one scan to the next."""
 BACKWARD = 0.03
-"""Turns by which the azimuth steps back where one beam ends and the next begins."""
+"""Turns by which the azimuth steps back between two beams."""
 NOISE = 0.1
-"""Turns by which a block may lie behind the one before: noise of what is near the axis; more is a gap ahead."""
+"""Turns by which a block may lie behind the previous one (noise of points near the axis); more is a gap ahead."""
 TURNS = (0.2, 3.0)
-"""Turns in a scan, least and most: less may be a sensor that looks one way, more is a file sorted by beam."""
+"""Turns in a scan, least and most: less may be a narrow field of view, more is a file sorted by beam."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class PointOrder:
     Attributes
     ----------
     by : "firing": over all beams at once; "beam": within one beam after the other.
-    turn : +1 counter-clockwise seen from the sensor's +z, -1 clockwise.
-    turns : that a scan spans, from its first point to its last.
-    turns_per_scan : from one scan's first point to the next one's.
-    start : azimuth in turns at which all scans begin; None where it drifts from scan to scan.
+    turn : int, +1 counter-clockwise seen from the sensor's +z, -1 clockwise.
+    turns : float, turns from a scan's first point to its last.
+    turns_per_scan : float, turns from one scan's first point to that of the next.
+    start : float, azimuth in turns at which all scans begin; None if it drifts from scan to scan.
     """
 
     by: By
@@ -62,16 +62,16 @@ class PointOrder:
 
     @property
     def span(self) -> float:
-        """Turns from the beginning of a scan to its end, whether or not anything was seen then."""
+        """Turns from the beginning of a scan to its end, with or without returns there."""
         return max(self.turns, self.turns_per_scan)
 
 
 def learn_order(sequence: Sequence) -> PointOrder | None:
-    """Return how the azimuth advances along the files of `sequence`; None where the order gives no times."""
+    """Return how the azimuth advances along the files of `sequence`; None if the order gives no times."""
     firsts = sample_pairs(sequence)
     found: list[tuple[By, int, float, float, float]] = []
     for n_seen, i in enumerate(firsts):
-        if n_seen - len(found) >= len(firsts) / 2:  # no majority is possible any more
+        if n_seen - len(found) >= len(firsts) / 2:  # a majority is no longer possible
             return None
         first = _read(sequence[i])
         second = None if first is None else _read(sequence[i + 1])
@@ -84,9 +84,9 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     found = [f for f in found if f[:2] == (by, turn)]
     turns = float(np.median([f[3] for f in found]))
     drift = np.array([turn * (f[4] - f[2]) for f in found])
-    # The seam goes on by the turns of a scan less whole ones: of these, as many as bring it next to what a scan spans.
+    # The seam drifts by the turns per scan modulo whole turns: add as many as bring it closest to the span of a scan.
     whole = np.round(turns - drift)
-    whole += drift + whole < 0.5 * turns  # a sensor that looks one way still turns once
+    whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
     starts = np.exp(2j * np.pi * np.array([f[2] for f in found]))
     is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
@@ -94,15 +94,15 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
 
 
 def sample_pairs(sequence: Sequence) -> list[int]:
-    """Return a few scans that have a next one."""
+    """Return the indices of a few scans, each followed by another."""
     last = len(sequence) - 2
     return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
 
 
 def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
-    """Return (N,) float32: by how far the sensor had turned since the scan's first point when it measured each one.
+    """Return (N,) float32 turns of the sensor between the scan's first point and each point.
 
-    Points that are not valid have the turns of their neighbours.
+    Invalid points have the turns of their neighbours.
     """
     if order.by == "beam":
         return _turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
@@ -113,13 +113,13 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     first = np.flatnonzero(np.isfinite(azimuth))[:1]
     if order.start is None or len(first) == 0:
         return turned
-    # Where all scans begin at the same azimuth, one that begins later has lost its first points.
+    # If all scans begin at the same azimuth, a scan that begins later has lost its first points.
     late = order.turn * (azimuth[first[0]] - order.start) - turned[min(first[0] * block + block // 2, len(scan) - 1)]
     return np.maximum(turned + np.float32(late - round(late)), np.float32(0.0))
 
 
 def _read(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return by what a scan is ordered, its sense of rotation, its first azimuth and its span (both in turns)."""
+    """Return a scan's order, its direction of rotation, its first azimuth and its span (both in turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
@@ -136,7 +136,7 @@ def _read(scan: Scan) -> tuple[By, int, float, float] | None:
 
 
 def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return the same of a file sorted by beam whose beams span more than a turn; others have a fixed seam."""
+    """Return the same for a file sorted by beam whose beams span more than a turn; others have a fixed seam."""
     valid = np.flatnonzero(scan.is_valid)
     if len(valid) < N_BLOCKS:
         return None
@@ -154,7 +154,7 @@ def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
 
 
 def _unwrap(azimuth: Array, turn: int) -> Array:
-    """Return how far each block lies behind the first, in turns: a gap is passed in the sensor's own direction."""
+    """Return the turns of each block since the first; gaps are crossed in the direction of rotation."""
     out, is_known = np.full(len(azimuth), np.nan), np.isfinite(azimuth)
     if is_known.any():
         steps = turn * np.diff(azimuth[is_known], prepend=azimuth[is_known][0])
@@ -163,12 +163,12 @@ def _unwrap(azimuth: Array, turn: int) -> Array:
 
 
 def _at_points(turned: Array, block: int, n: int) -> npt.NDArray[np.float32]:
-    """Return (n,) float32 the turns at every point, linear between the middles of blocks, 0 at the first point."""
+    """Return (n,) float32 turns of every point, interpolated between the middles of blocks, 0 at the first point."""
     known = np.flatnonzero(np.isfinite(turned))
     if len(known) < 2:
         return np.zeros(n, np.float32)
     at, turns = known[[0, *range(len(known)), -1]].astype(float), turned[known[[0, *range(len(known)), -1]]]
-    at[[0, -1]] = -1.0, len(turned)  # on beyond the middles of the first and the last block
+    at[[0, -1]] = -1.0, len(turned)  # extrapolated beyond the first and the last middle
     for end, near, next_one in ((0, 1, 2), (-1, -2, -3)):
         turns[end] += (turns[near] - turns[next_one]) * (at[end] - at[near]) / (at[near] - at[next_one])
     out = np.interp((np.arange(n) - 0.5 * (block - 1)) / block, at, turns)
@@ -176,7 +176,7 @@ def _at_points(turned: Array, block: int, n: int) -> npt.NDArray[np.float32]:
 
 
 def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: npt.NDArray[np.float32]) -> None:
-    """Correct `turned` where a block reaches across a sector without points, by the azimuth of each point."""
+    """Correct `turned` by the azimuth of each point in blocks that span a sector without points."""
     known = np.flatnonzero(np.isfinite(azimuth))
     if len(known) < 3:
         return
@@ -193,7 +193,7 @@ def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: 
 
 
 def _start_of_beams(points: Points, turn: int) -> float:
-    """Return the azimuth, in turns, at which most beams of a file that is sorted by beam begin."""
+    """Return the azimuth, in turns, at which most beams of a file sorted by beam begin."""
     azimuth = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
     azimuth = azimuth[np.isfinite(azimuth) & (np.abs(points[:, :2]).sum(axis=1) > 0.0)]
     steps = np.diff(azimuth)
@@ -201,7 +201,7 @@ def _start_of_beams(points: Points, turn: int) -> float:
     starts = np.append(azimuth[:1], azimuth[1:][turn * steps < -BACKWARD])
     if len(starts) == 0:
         return 0.0
-    # The earliest that many share: a beam whose first rays met nothing begins later.
+    # The earliest common azimuth: a beam whose first rays have no return begins later.
     around = np.angle(np.exp(2j * np.pi * starts).mean()) / (2.0 * np.pi)
     off = turn * (starts - around)
     return float(around + turn * np.percentile(off - np.round(off), 10))
@@ -209,7 +209,7 @@ def _start_of_beams(points: Points, turn: int) -> float:
 
 @kernel
 def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
-    """Return the mean azimuth in turns of every `block` points, NaN where none is valid, and how much they agree."""
+    """Return the mean azimuth in turns of every `block` points, NaN if none is valid, and their concentration."""
     n_blocks = (len(points) + block - 1) // block
     azimuth, agreement = np.full(n_blocks, np.nan), np.zeros(n_blocks)
     for b in range(n_blocks):
@@ -229,7 +229,7 @@ def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
 
 @kernel
 def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
-    """Return (N,) float32 the turns since azimuth `start` of a file sorted by beam; each beam begins anew."""
+    """Return (N,) float32 turns since azimuth `start` for a file sorted by beam; each beam restarts."""
     out = np.zeros(len(points), np.float32)
     total, last, is_new = 0.0, 0.0, True
     for i in range(len(points)):

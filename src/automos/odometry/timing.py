@@ -1,9 +1,9 @@
-"""The timing of a sweep: when in it each point was measured, where the recording does not say.
+"""The timing of sweeps: when each point was measured, if the recording does not provide it.
 
-Wrongly timed sweeps are bent, and poses estimated from them are biased to match: a driver that cuts its stream every
-1.09 turns makes every step 8 % too short, and neighbouring scans agree perfectly. So each hypothesis about the times is
-registered anew: a few seconds of scans are aligned with their neighbours, then with what was seen half a second to two
-apart, and the hypothesis under which walls are thinnest and best met is taken.
+Wrong point times distort sweeps and bias the poses accordingly: if a driver cuts its stream every 1.09 turns, every
+step is 8 % too short, and neighbouring scans still agree perfectly. So each hypothesis on the times is tested by
+registration: a few seconds of scans are aligned with their neighbours, then with scans half a second to two seconds
+apart. The hypothesis with the thinnest and best overlapping walls is chosen.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from automos.settings import OdometrySettings
 _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
-"""Azimuths at which sweeps are tried to start, the most usual first: others must be clearly better."""
+"""Azimuth seams that are tried, the most common first: others must be clearly better."""
 SAME_TIME = 0.02
-"""Share of the time between scans by which two timings of a point may differ and still agree."""
+"""Share of the time between scans by which two consistent timings of a point may differ."""
 OTHER_MOTION = 0.2
-"""Share of the motion in a window that final poses may change: timing changes it by a tenth."""
+"""Share of the motion in a window that final poses may change: the timing changes it by a tenth."""
 MOSTLY = 0.95
 """Share of a scan's points for which two timings must agree."""
 USUAL_PERIODS = (0.1, 0.05)
-"""Seconds in which sensors turn."""
+"""Seconds, common rotation periods of sensors."""
 N_LIKELY = 3
-"""Seams that are compared closely."""
+"""Seams that are compared in detail."""
 
 
 @dataclass(frozen=True)
 class TimingChoice:
-    """The timing that was taken, and what it was measured against.
+    """The chosen timing and its rivals.
 
     Attributes
     ----------
-    timing : the best.
-    misfits : of each hypothesis tried, in words, the logarithm of how thick walls are over how much of them is met,
-        less that of the first; empty where nothing had to be, or could be, decided.
-    rough : what it was decided on: the first scan of each window and the (n, 4, 4) rough poses of its scans.
+    timing : SweepTiming, the best.
+    misfits : dict of float, for each tested hypothesis (as text), the logarithm of the wall thickness over the matched
+        share, relative to the first hypothesis; empty if no choice was necessary or possible.
+    rough : tuple, windows used: the first scan of each and the (n, 4, 4) rough poses of its scans.
     """
 
     timing: SweepTiming
@@ -63,7 +63,7 @@ class TimingChoice:
         return all(abs(then - now) < OTHER_MOTION * max(then, now) for then, now in bends)
 
     def to_dict(self) -> dict[str, object]:
-        """Return what was chosen, and by how many percent its rivals are worse, the next best first."""
+        """Return the choice, and by how many percent its rivals are worse, best first."""
         best = self.misfits.get(str(self.timing), 0.0)
         rivals = {name: round(100.0 * float(np.expm1(m - best)), 1) for name, m in self.misfits.items()}
         rivals.pop(str(self.timing), None)
@@ -77,12 +77,12 @@ def choose_timing(
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
 ) -> TimingChoice:
-    """Return how the time of each point within its sweep is known, as `settings.time` asks.
+    """Return the source of the point times, as requested by `settings.time`.
 
     Raises
     ------
     InputError
-        When the file's times are asked for and there are none, or the order of points and it tells nothing.
+        If the file's times are requested but missing, or if the order of points is requested but gives no times.
     """
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
@@ -106,7 +106,7 @@ def choose_timing(
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear:
             break
-    if best is None:  # nothing moves, so nothing bends, or there is too little to see
+    if best is None:  # no motion, so no distortion, or too few surfaces
         from_file = [timing for timing in timed if timing.source == "file"]
         return TimingChoice([*from_file, *untimed, *timed, rear_seam()][0])
     choice = TimingChoice(best, search.misfits, tuple((w.first, w.T_world_sensor) for w in search.windows))
@@ -122,7 +122,7 @@ def _best_hypothesis(
     drifting: SweepTiming | None,
     clock: Clock,
 ) -> SweepTiming | None:
-    """Return the best of all that may be: recorded times, none, by azimuth; or in a part of the time between scans."""
+    """Return the best hypothesis: recorded times, none, or by azimuth; also over part of the time between scans."""
     best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
     if is_by_azimuth and (best is None or best.source == "none"):
         best = _best_seam(search, untimed) if drifting is None else search.best([drifting, *untimed])
@@ -134,7 +134,7 @@ def _best_hypothesis(
 
 
 def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
-    """Return the best timing by azimuth with a seam that stays where it is, or `untimed`."""
+    """Return the best timing by azimuth with a fixed seam, or `untimed`."""
     circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
     (found,) = search.likeliest(circle, 1)
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
@@ -144,25 +144,25 @@ def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
-    """Return which part of the time between scans a sweep may have taken, if scans were left out."""
-    if timing.source == "file":  # its times say how long a sweep takes
+    """Return the shares of the time between scans that a sweep may take if scans were dropped."""
+    if timing.source == "file":  # its times contain the sweep duration
         return []
     usual = [period / clock.period for period in USUAL_PERIODS] if clock.has_stamps else []
     return sorted({0.5, *(round(share, 3) for share in usual if share < 0.45)})
 
 
 def rear_seam() -> SweepTiming:
-    """Return the most usual timing of a sensor that turns: clockwise, from behind to behind."""
+    """Return the most common timing of a rotating sensor: clockwise, with the seam at the rear."""
     return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
 
 
 def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
-    """Return the timings that follow from the file's times and from the order of its points, as far as they are wanted.
+    """Return the timings from the file's times and from the order of its points, as far as they are requested.
 
     Raises
     ------
     InputError
-        One of them is asked for, and there is none.
+        One of them is requested but not available.
     """
     found = []
     if wanted in ("auto", "file") and (from_file := _file_timing(sequence, clock)):
@@ -173,7 +173,7 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
         raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
     if wanted == "order" and not found:
         raise InputError(
-            f"in {sequence.name} the azimuth does not run on from point to point, so their order tells no time; "
+            f"in {sequence.name} the azimuth does not advance from point to point, so their order gives no times; "
             "set odometry.time to auto, azimuth or none."
         )
     return found
@@ -189,13 +189,13 @@ def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
 
 
 def _drifting_timing(sequence: Sequence) -> SweepTiming | None:
-    """Return the timing by a sector that wanders from scan to scan, None where there is none."""
+    """Return the timing from a sector that drifts from scan to scan, None if there is none."""
     found = learn_drifting_seam(sequence)
     return None if found is None else SweepTiming("azimuth", turn=found[0], seam_deg=None, turns=found[1], share=1.0)
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
-    """Return the timing the scans' own times give, None where they have none."""
+    """Return the timing from the scans' own times, None if they have none."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, 11).round().astype(int))
     scans = [sequence[int(i)] for i in ids]
     durations = [recorded_duration(scan) or 0.0 for scan in scans if scan.time is not None and scan.is_valid.any()]
@@ -207,7 +207,7 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
 
 
 def sees_all_round(sequence: Sequence) -> bool:
-    """Whether a scan has points in nearly all directions, as that of a sensor that spins about its z axis."""
+    """Whether a scan has points at nearly all azimuths, as from a sensor that spins about its z axis."""
     scan = sequence[len(sequence) // 2]
     x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
     return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30

@@ -1,4 +1,4 @@
-"""What the odometry gives to every later stage: where the sensor was, how it moved, and each scan ready for use."""
+"""The result of the odometry for later stages: poses, motion, and compensated scans."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Trajectory:
     T_world_sensor : (N, 4, 4) float64; world is the first scan's sensor frame.
     stamps : (N,) float64, seconds.
     sweep_motion : (N, 6) float64, se(3) motion of the sensor during one sweep, in the sensor frame at mid-sweep; zero
-        where the scans need no compensation.
-    timing : how the time of each point within its sweep is known.
+        if the scans need no compensation.
+    timing : SweepTiming, the source of the point times.
     T_level_world : (4, 4) float64; the level frame has z up and the ground under the first scan at z = 0.
-    diagnostics : figures that tell how far to trust the poses, and warnings in sentences.
+    diagnostics : dict, quality figures of the poses, and warnings in sentences.
     """
 
     T_world_sensor: Pose
@@ -58,7 +58,7 @@ class Trajectory:
         return self.T_level_world @ self.T_world_sensor
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
-        """Return everything as arrays, for `numpy.savez`; `from_arrays` undoes it."""
+        """Return everything as arrays, for `numpy.savez` and `from_arrays`."""
         notes = json.dumps({"timing": self.timing.to_dict(), "diagnostics": self.diagnostics})
         return {
             "T_world_sensor": self.T_world_sensor,
@@ -70,7 +70,7 @@ class Trajectory:
 
     @staticmethod
     def from_arrays(arrays: dict[str, npt.NDArray]) -> Trajectory:
-        """Return the trajectory that `to_arrays` took apart."""
+        """Return the trajectory from the arrays of `to_arrays`."""
         notes = json.loads(str(arrays["notes"]))
         return Trajectory(
             np.asarray(arrays["T_world_sensor"]),
@@ -94,8 +94,8 @@ def frame_of(
 ) -> Frame:
     """Return the valid points of `scan`, compensated for the sensor's `motion` (6,) during the sweep.
 
-    The user's own points are compensated, in their order, never a cloud that came back from a registration: those are
-    clipped and thinned, and their rows no longer line up with the labels.
+    The original points are compensated, in their order, never a cloud returned by a registration: those are clipped and
+    downsampled, so their rows no longer match the labels.
     """
     kept = np.flatnonzero(scan.is_valid)
     points = scan.points if len(kept) == len(scan) else np.take(scan.points, kept, axis=0)
@@ -118,10 +118,10 @@ def frame_of(
 def settled_times(
     scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], rows: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.float32] | None:
-    """Return (M,) float32 times of the points in `rows` (M,) of `scan`, one each, or None where they are unknown.
+    """Return (M,) float32 times of the points in `rows` (M,) of `scan`, one each, or None if unknown.
 
-    What is seen twice in one scan is seen twice at the same place, unless it moves: of a point's two times, a turn
-    apart, that is right which puts it where others are if they are of the other turn.
+    A static surface observed twice in one scan is observed at the same position: of a point's two possible times, a
+    turn apart, the one is chosen that places the point closer to points of the other turn.
     """
     if timing.source != "azimuth" or timing.seam_deg is not None:
         known = sweep_times(scan, timing)
@@ -130,7 +130,7 @@ def settled_times(
     times, is_twofold = np.take(all_times, rows), np.take(is_any_twofold, rows)
     if is_twofold.sum() < 2 or not np.any(twist):
         return times
-    from scipy.spatial import cKDTree  # only such recordings wait for it
+    from scipy.spatial import cKDTree  # imported only for such recordings
 
     points, first = np.take(scan.points, rows[is_twofold], axis=0), times[is_twofold]
     second = np.minimum(first + np.float32(1.0 / timing.turns), np.float32(0.5))
@@ -141,10 +141,10 @@ def settled_times(
 
 
 class SequenceFrames:
-    """The frames of a whole recording, each made from its scan when asked for; InputError tells one that changes."""
+    """The frames of a recording, each made from its scan on access; InputError if a scan has changed."""
 
     def __init__(self, sequence: Sequence, trajectory: Trajectory):
-        """Take a recording and where its sensor was."""
+        """Take a recording and its trajectory."""
         self.sequence = sequence
         self.trajectory = trajectory
         self._counts: dict[int, tuple[int, int]] = {}
@@ -166,9 +166,9 @@ class SequenceFrames:
         frame = make_frame(self.sequence[index], self.trajectory, index)
         now = (frame.n_points, len(frame.points))
         before = self._counts.setdefault(int(index), now)
-        if now != before:  # what was found of its points is of others: the file was written, or comes anew every time
+        if now != before:  # earlier results are of other points: the file was rewritten, or differs on every read
             raise InputError(
-                f"scan {self.sequence.names[index]} had {before[0]} points ({before[1]} of use) and now has {now[0]} "
+                f"scan {self.sequence.names[index]} had {before[0]} points ({before[1]} valid) and now has {now[0]} "
                 f"({now[1]}): the recording changed while it was labelled; label it again when nothing writes to it"
             )
         return frame

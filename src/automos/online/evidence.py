@@ -1,4 +1,4 @@
-"""Free-space evidence among the scans of the last seconds."""
+"""Free-space evidence between the scans of the last seconds."""
 
 from __future__ import annotations
 
@@ -17,58 +17,58 @@ from automos.settings import FreeSpaceSettings
 
 
 @dataclass(eq=False)
-class _Look:
+class _PastScan:
     stamp: float
     is_far: bool
     seen: Seen
 
 
 class EvidenceWindow:
-    """Memory holds the scans that may still be asked: all of the last few seconds, some of those before."""
+    """Holds the scans that may still be compared: all of the last few seconds, some of the earlier ones."""
 
     def __init__(self, settings: FreeSpaceSettings):
-        """Take how others are asked."""
+        """Take the settings of the free-space comparison."""
         self._settings = settings
-        self._looks: list[_Look] = []
+        self._scans: list[_PastScan] = []
 
     def __len__(self) -> int:
-        return len(self._looks)
+        return len(self._scans)
 
     def add(self, stamp: float, seen: Seen) -> None:
-        """Remember what the scan at `stamp`, later than all others, saw."""
+        """Store the observations of the scan at `stamp`, which is later than all others."""
         step = self._settings.far_step
-        is_far = not self._looks or np.floor(stamp / step) > np.floor(self._looks[-1].stamp / step)
-        self._looks.append(_Look(stamp, is_far, seen))
+        is_far = not self._scans or np.floor(stamp / step) > np.floor(self._scans[-1].stamp / step)
+        self._scans.append(_PastScan(stamp, is_far, seen))
 
     def renew(self, seen: dict[float, Seen], T_after_before: Pose) -> None:
-        """Take over what some scans, by stamp, are now known to have seen, and move all by (4, 4) `T_after_before`."""
-        for look in self._looks:
-            known = seen.get(look.stamp, look.seen)
-            look.seen = (known if len(look.seen.kind) else as_partner(known)).moved(T_after_before)
+        """Replace the observations of some scans, by stamp, and move those of all by (4, 4) `T_after_before`."""
+        for scan in self._scans:
+            known = seen.get(scan.stamp, scan.seen)
+            scan.seen = (known if len(scan.seen.kind) else as_partner(known)).moved(T_after_before)
 
-    def question(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], npt.NDArray[np.float32]]:
-        """Return what asks all scans that are remembered now about the one at `stamp`, which saw `mine`.
+    def comparison(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], npt.NDArray[np.float32]]:
+        """Return a function that compares the scan at `stamp`, with observations `mine`, with all scans held now.
 
-        It takes threads to share the work, or None in one of these threads. Whenever it is called, it asks the same.
+        It takes a thread pool, or None in one of the pool's threads. Its result does not depend on when it is called.
         """
-        stamps = np.array([look.stamp for look in self._looks])
-        is_far = np.array([look.is_far for look in self._looks], np.bool_)
+        stamps = np.array([scan.stamp for scan in self._scans])
+        is_far = np.array([scan.is_far for scan in self._scans], np.bool_)
         chosen = partners_of(stamp, stamps, is_far, self._settings)
-        others = [self._looks[k].seen for k in chosen]
+        others = [self._scans[k].seen for k in chosen]
         return partial(ask, mine, others, stamps[chosen] - stamp, self._settings)
 
     def forget(self, stamp: float) -> None:
-        """Drop what no scan at `stamp` or later asks; of scans before it only what they saw is kept."""
+        """Drop scans not needed at `stamp` or later, and the points of all earlier scans."""
         reach = 1.0 + SPAN_TOLERANCE
         near, far = stamp - reach * self._settings.far_from, stamp - reach * max(self._settings.spans)
-        self._looks = [look for look in self._looks if look.stamp >= (far if look.is_far else near)]
-        for look in self._looks:
-            if look.stamp < stamp and len(look.seen.kind):
-                look.seen = as_partner(look.seen)
+        self._scans = [scan for scan in self._scans if scan.stamp >= (far if scan.is_far else near)]
+        for scan in self._scans:
+            if scan.stamp < stamp and len(scan.seen.kind):
+                scan.seen = as_partner(scan.seen)
 
 
 def as_partner(seen: Seen) -> Seen:
-    """Return what others need: the images without the points."""
+    """Return what other scans need: the images without the points."""
     nothing = np.zeros(0, np.uint8)
     return Seen(nothing, nothing.astype(np.float32), nothing, [_without_points(view) for view in seen.views])
 

@@ -1,8 +1,8 @@
-"""Tracks of the last seconds, and the verdicts on them so far.
+"""Tracks of the last seconds, and their current verdicts.
 
 The tracker advances once the evidence of a scan is complete. Later scans are tracked again from there each time, with
-the evidence known so far, because the next scan may add to it. A track is judged by its last seconds; a track that has
-moved stays a mover, however long it waits.
+the evidence available so far, because the next scan may add to it. A track is judged by its last seconds; a track that
+has moved keeps the verdict moving, however long it waits.
 """
 
 from __future__ import annotations
@@ -24,30 +24,29 @@ from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdict, Verdicts
 
 MEMORY = 8.0
-"""Seconds of its past by which a track is judged."""
+"""Seconds of a track on which its verdict is based."""
 
 
 PAST_ALONE = 1.0
-"""Log-odds more, that what is seen in a scan has moved, from the past alone: later scans would show
-of more of a mover's points. On simulated worlds, of what would have a probability of 0.6 to 0.8, four in five move."""
-LACKING = -2.0
-"""Log-odds less, for each other that could not be asked of the `FEW` that should be: one of them decides then, and its
-pose is about to be corrected."""
+"""Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. On
+simulated worlds, four in five objects with a probability of 0.6 to 0.8 without it move."""
+TOO_FEW = -2.0
+"""Added log-odds of moving per scan short of `FEW`: a single one would decide, and its pose may soon be corrected."""
 FEW = 3
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Who was asked about a scan.
+class Comparisons:
+    """The other scans with which a scan was compared.
 
     Attributes
     ----------
     n : int
-        How many others.
+        Their number.
     is_far : bool
-        Whether some were a second or more away.
+        Whether some are a second or more away.
     is_past : bool
-        Whether all came before it.
+        Whether all are earlier.
     """
 
     n: int
@@ -56,9 +55,9 @@ class Asked:
 
     @property
     def shift(self) -> float:
-        """Log-odds to add, that what is seen has moved."""
+        """Log-odds to add to those of moving."""
         if self.n < FEW:
-            return LACKING * (FEW - self.n)
+            return TOO_FEW * (FEW - self.n)
         return PAST_ALONE if self.is_past and self.is_far else 0.0
 
 
@@ -69,13 +68,13 @@ class Followed:
     Attributes
     ----------
     here : Tracks
-        Their rows in that scan; `track` counts from 0 and is the row of what follows.
+        Their rows in that scan; `track` counts from 0 and indexes `verdicts` and `numbers`.
     verdicts : Verdicts
-        On each of them.
+        One for each track.
     numbers : (T,) int64
-        The number by which each is known from scan to scan.
+        Persistent number of each track.
     is_followed : bool
-        Whether scans come fast enough for tracks to be trusted.
+        Whether the scan rate is high enough for reliable tracks.
     """
 
     here: Tracks
@@ -97,7 +96,7 @@ class Following:
     """The tracks of one stream."""
 
     def __init__(self, settings: TrackingSettings, first_track: int = 0):
-        """Take the tracking's settings, and the number that the first new object gets."""
+        """Take the settings of the tracker, and the number of the first new object."""
         self._settings = settings
         self._tracker = Tracker(settings, first_track)
         self._steps: deque[_Step] = deque()
@@ -106,25 +105,26 @@ class Following:
 
     @property
     def next_track(self) -> int:
-        """The number that the next new object gets."""
+        """Number of the next new object."""
         return self._tracker.next_track
 
-    def add(self, stamp: float, found: Detections, asked: Asked) -> None:
-        """Follow all objects to the next scan, whose segments `found` will not change any more."""
-        terms = segment_terms(found, asked.is_far)
-        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), terms, asked.shift))
+    def add(self, stamp: float, found: Detections, compared: Comparisons) -> None:
+        """Track all objects into the next scan, whose segments `found` are final."""
+        terms = segment_terms(found, compared.is_far)
+        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), terms, compared.shift))
         while self._steps[0].stamp < stamp - MEMORY:
             self._steps.popleft()
             self._has_forgotten = True
 
-    def renew(self, stamp: float, found: Detections, asked: Asked) -> None:
-        """Take over what is known now of the segments of the scan at `stamp`, as far as that is remembered."""
+    def renew(self, stamp: float, found: Detections, compared: Comparisons) -> None:
+        """Update the segments of the scan at `stamp`, if it is still held."""
         for k, step in enumerate(self._steps):
             if step.stamp == stamp:
-                self._steps[k] = replace(step, found=found, terms=segment_terms(found, asked.is_far), shift=asked.shift)
+                terms = segment_terms(found, compared.is_far)
+                self._steps[k] = replace(step, found=found, terms=terms, shift=compared.shift)
 
     def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
-        """Return the objects of the scan at `stamp`; `ahead` are those that were not added yet, with their times."""
+        """Return the objects of the scan at `stamp`; `ahead` are the segments not added yet, with their times."""
         tracker = copy.copy(self._tracker)
         steps = list(self._steps)
         for t, found in ahead:
@@ -138,7 +138,7 @@ class Following:
         verdicts = judge_tracks(tracks, [step.terms for step in steps], self._settings.judge, shifts)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
-        # Rows of a track are in the order of scans: written backwards, the first stays.
+        # Rows of a track are in the order of scans: assigned backwards, the first one remains.
         begins[tracks.track[::-1]] = tracks.scan[::-1]
         self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
         if not is_followed:
@@ -149,7 +149,7 @@ class Following:
         return Followed(smooth[rows], verdicts, numbers, is_followed)
 
     def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:
-        """Return the verdicts, moving for what had moved before."""
+        """Return the verdicts, moving for tracks that have moved before."""
         before = np.array([self._moved.get(int(number), 0.0) for number in numbers])
         forgotten = (before > 0.0) & ~verdicts.is_moving
         return Verdicts(
@@ -158,7 +158,7 @@ class Following:
         )
 
     def _remember(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64], is_old: npt.NDArray[np.bool_]) -> None:
-        """Keep in mind which tracks move whose beginning is being forgotten."""
+        """Store which tracks are moving among those whose beginning is dropped."""
         alive = set(self._tracker.numbers.tolist()) | set(numbers.tolist())
         self._moved = {number: p for number, p in self._moved.items() if number in alive}
         for k in np.flatnonzero(is_old & verdicts.is_moving):
@@ -166,7 +166,7 @@ class Following:
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
-    """Return all rows of the tracks that are in step number `scan`, and the number of each track (T,)."""
+    """Return all rows of the tracks present in step number `scan`, and the number of each track (T,)."""
     wanted = np.unique(steps[scan].log.track)
     log = joined([step.log._replace(scan=np.full(len(step.log.track), k)) for k, step in enumerate(steps)])
     log = log.at(np.isin(log.track, wanted))

@@ -1,7 +1,7 @@
-"""Checks each scan that arrives: whether it is the next one, unusable, or the start of a new stream.
+"""Checks each arriving scan: whether it is the next one, unusable, or the start of a new stream.
 
-Drivers send scans twice, late or empty; cables are unplugged, clocks are set, sensors are changed. None of this may
-stop a robot: unusable scans are left out, and after an interruption a new stream starts.
+Drivers send scans twice, late or empty; cables are unplugged, clocks are set, sensors are replaced. None of this may
+stop a robot: unusable scans are skipped, and after an interruption a new stream starts.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from automos.odometry.clock import USUAL_PERIOD
 from automos.scan import LATEST, Points, Scan
 
 LONGEST_GAP = 0.8
-"""Seconds without scans after which no object is followed any more, and another sensor may have taken over."""
+"""Seconds without scans after which tracking stops, and the sensor may have been replaced."""
 USUAL_GAPS = 3.0
-"""Times as long as usual that this must be: some sensors take a scan a second."""
+"""Usual periods that such a gap must also exceed: some sensors take one scan per second."""
 LEAST_STEP = 1e-3
-"""Seconds: no sensor takes a scan so soon after another, so a stamp that says so is no later."""
+"""Seconds: no sensor has a shorter period, so a scan stamped less than this later counts as not later."""
 MOST_LATE = 5
-"""Scans in a row that are older than what came before: then the clock was set back."""
+"""Consecutive late scans after which the clock is assumed to have been set back."""
 
 
 class Kind(Enum):
-    """What a scan is to the stream."""
+    """Role of a scan in the stream."""
 
     NEXT, RESTART, REPEAT, LATE, EMPTY = auto(), auto(), auto(), auto(), auto()
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What a scan is, its time in seconds, and a sentence where something is wrong that was not wrong before."""
+    """Role of a scan, its time in seconds, and a warning if there is a new problem."""
 
     kind: Kind
     stamp: float
@@ -41,7 +41,7 @@ class Taken:
 
 
 class Intake:
-    """Looks at every scan before anything is made of it."""
+    """Checks every scan before it is processed."""
 
     def __init__(self) -> None:
         self._stamp: float | None = None
@@ -52,7 +52,7 @@ class Intake:
         self._trouble: Kind | None = None
 
     def take(self, scan: Scan) -> Taken:
-        """Return what the scan is. A lasting problem is reported once."""
+        """Return the role of the scan. A lasting problem is reported once."""
         stamp, own = self._stamp_of(scan), scan.stamp
         kind, why = self._judge(scan, stamp)
         if kind in (Kind.NEXT, Kind.RESTART):
@@ -64,7 +64,7 @@ class Intake:
         is_new = kind is not self._trouble or kind is Kind.RESTART
         self._trouble = None if kind is Kind.NEXT else kind
         if own is not None and not abs(own) < LATEST and not why:
-            why = f"its stamp is {own}, which is not a time; it is taken to have come in its turn"
+            why = f"its stamp {own} is invalid; the usual period after the previous scan is assumed"
         return Taken(kind, stamp, why if is_new else "")
 
     def _stamp_of(self, scan: Scan) -> float:
@@ -75,25 +75,25 @@ class Intake:
 
     def _judge(self, scan: Scan, stamp: float) -> tuple[Kind, str]:
         if not scan.is_valid.any():
-            return Kind.EMPTY, "it holds no points that can be used; it is given back unlabelled"
+            return Kind.EMPTY, "it has no valid points; it is returned unlabelled"
         if self._stamp is None or self._points is None:
             return Kind.NEXT, ""
         if len(scan) == len(self._points) and np.array_equal(scan.points, self._points):
-            return Kind.REPEAT, "it is the scan before once more; it gets the same labels"
+            return Kind.REPEAT, "it repeats the previous scan; it gets the same labels"
         if _n_lidars(scan) != self._n_lidars:
-            return Kind.RESTART, f"it is of {_n_lidars(scan)} LiDARs, after {self._n_lidars}; everything begins anew"
+            return Kind.RESTART, f"it has {_n_lidars(scan)} LiDARs, after {self._n_lidars}; a new stream starts"
         if stamp < self._stamp + LEAST_STEP:
             self._n_late += 1
             if self._n_late < MOST_LATE:
                 return (
                     Kind.LATE,
-                    f"it is no later than the scan before ({stamp - self._stamp:+.3f} s); left out, unlabelled",
+                    f"it is not later than the previous scan ({stamp - self._stamp:+.3f} s); skipped, unlabelled",
                 )
-            return Kind.RESTART, f"the clock has gone back to {stamp:.3f} s; everything begins anew"
+            return Kind.RESTART, f"the clock was set back to {stamp:.3f} s; a new stream starts"
         gap = stamp - self._stamp
         usual = float(np.median(self._steps)) if self._steps else LONGEST_GAP
         if gap > max(LONGEST_GAP, USUAL_GAPS * usual):
-            return Kind.RESTART, f"nothing came for {gap:.1f} s; everything begins anew"
+            return Kind.RESTART, f"no scans for {gap:.1f} s; a new stream starts"
         return Kind.NEXT, ""
 
 

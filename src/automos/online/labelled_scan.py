@@ -27,18 +27,18 @@ class LabelledScan:
     Attributes
     ----------
     index : int
-        Number of scans that were pushed before it.
+        Number of scans pushed before it.
     stamp : float
         Seconds.
     pose : (4, 4) float64
         T_world_sensor at mid-sweep. The world frame has z up and the ground under the first scan at z = 0.
     labels : (N,) uint8
-        `Label` of each point: 251 moving, 9 static, 0 for missing returns, the ego body, and places that were never
-        observed before.
+        `Label` of each point: 251 moving, 9 static, 0 for missing returns, the ego body, and places never observed
+        before.
     track_ids : (N,) int32
-        Number of the moving object that each point belongs to, -1 for none. An object keeps its number.
+        Number of the moving object of each point, -1 for none. An object keeps its number.
     confidence : (N,) float32
-        Probability in [0, 1] that the label is right; for points that are not known yet, that they are static.
+        Probability in [0, 1] that the label is correct; for unlabelled points, that they are static.
     objects : (K,) structured array
         One row per moving object in this scan, in the world frame: `track` (its number), `center` (3) and `size`
         (3: length, width, height) in metres, `yaw` in radians, `velocity` (3) in m/s.
@@ -54,7 +54,7 @@ class LabelledScan:
 
     @staticmethod
     def of_nothing(index: int, stamp: float, pose: Pose, n: int) -> LabelledScan:
-        """Return a scan of `n` points of which nothing is known."""
+        """Return an unlabelled scan of `n` points."""
         nothing = np.zeros(n, np.uint8), np.full(n, -1, np.int32), np.zeros(n, np.float32)
         return LabelledScan(index, stamp, pose, *nothing, np.zeros(0, OBJECT_FIELDS))
 
@@ -72,7 +72,7 @@ def objects_of(tracks: Tracks) -> npt.NDArray:
 
 
 def labelled_scans(result: Result) -> list[LabelledScan]:
-    """Return all scans of a recording that was labelled as a whole."""
+    """Return all scans of a recording labelled as a whole."""
     out = []
     for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):
         track = result.track_ids(i)
@@ -83,7 +83,7 @@ def labelled_scans(result: Result) -> list[LabelledScan]:
 
 
 def is_unknown(about: Arrays, segments: Arrays) -> npt.NDArray[np.bool_]:
-    """Return (M,) which points nothing is known of: no scan has seen their place, nor any of what they belong to."""
+    """Return (M,) whether a point has no evidence: no scan observed its position, nor any other of its segment."""
     found = Detections.from_arrays(segments)
     spoken = np.append(found.n_moving + found.n_static > 0.0, False)  # the last entry is for id -1
     is_silent = about["log_odds"] == 0.0

@@ -1,7 +1,7 @@
-"""What is learnt about the sensor during a stream: the directions of its beams, and the ego body.
+"""Learns the sensor model during a stream: the directions of the beams, and the ego body.
 
-The first scan with enough points shows the beams. The ego body is determined in the background from scans some distance
-apart, again whenever the path has doubled in length, until everything that may be body was seen from elsewhere.
+The first scan with enough points provides the beams. The ego body is determined in the background from scans some
+distance apart, again whenever the path has doubled in length, until its whole range was observed from elsewhere.
 """
 
 from __future__ import annotations
@@ -13,30 +13,30 @@ import numpy.typing as npt
 
 from automos.candidates.ego_body import MIN_SCANS
 from automos.candidates.free_space_view import Lidar, learn_lidars, with_body
-from automos.online.inquiry import Inquiry
+from automos.online.background import BackgroundTask
 from automos.scan import Frame, Pose
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000
-"""Points a scan needs to show the sensor's beams."""
+"""Points that a scan needs to learn the sensor's beams from it."""
 APART = 0.6
-"""Metres between the scans that show the body, at first: it is looked for once the sensor has come twice its reach."""
+"""Initial metres between the scans for the ego body: the search starts after the sensor travelled twice its range."""
 MOST_SCANS = 2 * MIN_SCANS
-"""That are kept; of more, every second."""
-PATIENCE = 1.0
-"""Seconds of the stream in which the answer is found."""
+"""Scans that are kept; beyond this, every second one is dropped."""
+DELAY = 1.0
+"""Seconds of the stream after which the result is used."""
 
 
 class LidarLearner:
     """Learns from the frames of a stream."""
 
     def __init__(self, settings: CandidatesSettings):
-        """Begin with nothing known: `lidars` is empty."""
+        """Start without knowledge: `lidars` is empty."""
         self.lidars: list[Lidar] = []
         self._settings = settings
         self._apart: list[Frame] = []
         self._distance = APART
-        self._question: Inquiry[list[Lidar]] = Inquiry(PATIENCE)
+        self._task: BackgroundTask[list[Lidar]] = BackgroundTask(DELAY)
 
     def add(self, frame: Frame) -> None:
         """Take the next frame."""
@@ -44,28 +44,28 @@ class LidarLearner:
             if len(frame.points) >= PATTERN_POINTS:
                 self.lidars = learn_lidars(_FewFrames([frame]), [frame], self._settings.ego_body, 1)
             return
-        found = self._question.answer(frame.stamp)
+        found = self._task.result(frame.stamp)
         if found is not None:
-            self.lidars, self._question = found, Inquiry(PATIENCE)
+            self.lidars, self._task = found, BackgroundTask(DELAY)
         if self._distance > self._settings.ego_body.max_range or len(frame.points) < PATTERN_POINTS:
             return
         if self._apart and np.linalg.norm(frame.origin_level - self._apart[-1].origin_level) < self._distance:
             return
-        self._apart.append(replace(frame))  # a copy without what was computed of it
+        self._apart.append(replace(frame))  # a copy without cached results
         is_due = len(self._apart) == (MIN_SCANS + 1 if self._distance == APART else MOST_SCANS)
-        if is_due and not self._question.is_asked:
+        if is_due and not self._task.is_started:
             frames, lidars = _FewFrames(self._apart), self.lidars
-            self._question.ask(lambda: with_body(lidars, frames, self._settings.ego_body, 1), frame.stamp)
+            self._task.start(lambda: with_body(lidars, frames, self._settings.ego_body, 1), frame.stamp)
         if len(self._apart) == MOST_SCANS:
             self._apart, self._distance = self._apart[::2], 2.0 * self._distance
 
     def forget_poses(self) -> None:
-        """Begin anew with frames from now on, because earlier ones lie elsewhere."""
+        """Restart with later frames, because the poses of earlier ones are outdated."""
         self._apart, self._distance = [], APART
 
 
 class _FewFrames:
-    """Frames in memory, where the frames of a recording are asked for."""
+    """Frames in memory with the interface of a recording's frames."""
 
     def __init__(self, frames: list[Frame]):
         self._frames = list(frames)

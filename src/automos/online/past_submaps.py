@@ -1,8 +1,8 @@
 """Registers a scan to submaps of the scans half a second to two seconds before it.
 
 Registration to the scans just before accumulates errors, and the rings of a spinning sensor coincide wherever it goes,
-which pulls the motion towards zero. Walls, poles and kerbs seen some time ago do neither, see `odometry.refine`; this
-is the part of it that needs no future.
+which biases the motion towards zero. Walls, poles and kerbs observed earlier have neither effect, see
+`odometry.refine`; this is its causal part.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from automos.settings import OdometrySettings
 Array = npt.NDArray[np.float64]
 ON_PAST = Alignment()
 SUDDEN = 2.0
-"""Usual accelerations at which one counts half as unlikely as by a normal distribution."""
+"""Usual accelerations at which the weight of the prior is half that of a normal distribution."""
 FIRST_MOTION = np.array([2.0, 0.2])
-"""Metres and radians that the sensor may move from the first scan to the second."""
+"""Metres and radians, expected motion from the first scan to the second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,62 +45,62 @@ class _Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Come:
-    """What is known of how the sensor has come to a scan.
+class Prediction:
+    """Predicted motion of the sensor from the previous scan to this one.
 
     Attributes
     ----------
     stamp : float
         Seconds.
     T_world_last : (4, 4) float64
-        The scan before, `gap` usual times earlier.
-    twist : (6,) float64
-        Expected motion per usual time between scans, `period` seconds; `doubt` (6,), how uncertain it is (variance).
+        Pose of the previous scan, `gap` usual periods earlier.
+    twist, variance : (6,) float64
+        Expected motion per usual period, which is `period` seconds, and its variance.
     share : float
-        Of a sweep in the time between scans.
+        Sweep duration over the time between scans.
     is_first : bool
-        Whether `twist` is a guess, because nothing came before.
+        Whether `twist` is a guess, because there are no earlier scans.
     """
 
     stamp: float
     T_world_last: Pose
     gap: float
     twist: Array
-    doubt: Array
+    variance: Array
     period: float
     share: float
     is_first: bool
 
-    def evenness(self, off: Array, settings: OdometrySettings) -> Array:
-        """Return (6,) weights of even motion against a motion that is `off` (6,) from what is expected.
+    def prior_weights(self, off: Array, settings: OdometrySettings) -> Array:
+        """Return (6,) weights of the prior on even motion, for a motion that is `off` (6,) from the prediction.
 
-        The prediction is as uncertain as the motion it is based on: where little shows how fast the sensor
-        is, it is not held to a guess. Tails are heavy (Cauchy), so that who brakes hard among traffic is not either.
+        The prediction inherits the variance of the motion it is based on, so an uncertain speed is only a weak prior.
+        The tails are heavy (Cauchy), which permits hard braking in traffic.
         """
         usual = np.array([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)])
         spread = usual * self.period**2 * self.gap
         spread = np.maximum(spread, FIRST_MOTION) if self.is_first else spread
-        variance = np.repeat(spread**2, 3) + self.gap**2 * self.doubt
+        variance = np.repeat(spread**2, 3) + self.gap**2 * self.variance
         far = (off**2 / variance).reshape(2, 3).sum(axis=1) / SUDDEN**2
         return 1.0 / variance / (1.0 + np.repeat(far, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
-    """Where a scan lies: (4, 4) T_world_sensor, its surfels compensated for the motion this implies.
+class ScanAlignment:
+    """An aligned scan: (4, 4) T_world_sensor, and its surfels compensated for the resulting motion.
 
-    share : of the surfels, those that lie on a surface; 0 if nothing is there to lie on.
-    doubt : (6,) variance of the motion to there.
+    share : share of the surfels that lie on a surface; 0 without overlapping submaps.
+    variance : (6,) variance of the motion.
     """
 
     T_world_sensor: Pose
     surfels: Surfels
     share: float
-    doubt: Array
+    variance: Array
 
 
 class PastSubmaps:
-    """Submaps of the last seconds, made of scans whose poses will not change any more."""
+    """Submaps of the last seconds, from scans with final poses."""
 
     def __init__(self, settings: OdometrySettings):
         self._settings = settings
@@ -108,7 +108,7 @@ class PastSubmaps:
         self._places: deque[_Place] = deque()
 
     def add(self, stamp: float, T_world_sensor: Pose, surfels: Surfels, period: float) -> None:
-        """Remember a scan at its final pose; every now and then a submap is made of the last few."""
+        """Add a scan at its final pose; a submap is made of the last few scans at regular intervals."""
         half = int(ON_PAST.submap_length / period / 2.0)
         self._kept.append(_Kept(stamp, T_world_sensor, surfels))
         while len(self._kept) > 2 * half + 1:
@@ -125,19 +125,20 @@ class PastSubmaps:
         while self._places[0].stamp < stamp - reach and len(self._places) > 1:
             self._places.popleft()
 
-    def lay(self, guesses: list[Pose], surfels: Surfels, come: Come) -> Laid:
-        """Return where a scan lies best, from each of the `guesses`, (4, 4) T_world_sensor.
+    def align(self, guesses: list[Pose], surfels: Surfels, prediction: Prediction) -> ScanAlignment:
+        """Return the best alignment of a scan, starting from each of the `guesses`, (4, 4) T_world_sensor.
 
-        surfels : of the scan, compensated for `come.share` times the motion `come.twist`.
+        surfels : those of the scan, compensated for `prediction.share` times the motion `prediction.twist`.
         """
-        places = self._near(come.stamp, guesses[0])
+        places = self._near(prediction.stamp, guesses[0])
         if not places:
-            return Laid(guesses[0], surfels, 0.0, come.doubt)
-        return max((self._descend(places, guess, surfels, come) for guess in guesses), key=lambda laid: laid.share)
+            return ScanAlignment(guesses[0], surfels, 0.0, prediction.variance)
+        found = [self._align_from(places, guess, surfels, prediction) for guess in guesses]
+        return max(found, key=lambda aligned: aligned.share)
 
-    def _descend(self, places: list[_Place], T: Pose, surfels: Surfels, come: Come) -> Laid:
-        """Return where the scan comes to lie from the guess `T`."""
-        used, nothing = come.twist, Laid(T, surfels, 0.0, come.doubt)
+    def _align_from(self, places: list[_Place], T: Pose, surfels: Surfels, prediction: Prediction) -> ScanAlignment:
+        """Return the alignment of the scan, starting from the guess `T`."""
+        used, unmatched = prediction.twist, ScanAlignment(T, surfels, 0.0, prediction.variance)
         for kernel in ON_PAST.kernels:
             fits = self._fit(places, T, surfels, kernel)
             A = adjoint(np.array([inverse(place.T_world_center) @ T for place in places]))
@@ -145,23 +146,23 @@ class PastSubmaps:
             H = np.einsum("k,kji,kjl,klm->im", weights, A, np.array([fit.H for fit in fits]), A)
             g = np.einsum("k,kji,kj->i", weights, A, np.array([fit.g for fit in fits]))
             if not H.any():
-                return nothing
-            off = se3_log(inverse(come.T_world_last) @ T) - come.gap * come.twist
-            even = come.evenness(off, self._settings)
-            known = H + np.diag(even)
-            step = -np.linalg.solve(known, g + even * off)
+                return unmatched
+            off = se3_log(inverse(prediction.T_world_last) @ T) - prediction.gap * prediction.twist
+            prior = prediction.prior_weights(off, self._settings)
+            known = H + np.diag(prior)
+            step = -np.linalg.solve(known, g + prior * off)
             T = T @ se3_exp(step)
-            twist = se3_log(inverse(come.T_world_last) @ T) / come.gap
-            surfels = _compensated(surfels, come.share * (twist - used))
+            twist = se3_log(inverse(prediction.T_world_last) @ T) / prediction.gap
+            surfels = _compensated(surfels, prediction.share * (twist - used))
             used = twist
             if np.abs(step[:3]).max() < CONVERGED:
                 break
         fits = self._fit(places, T, surfels, ON_PAST.kernels[-1])
         share = sum(fit.n_close for fit in fits) / sum(fit.n_surfels for fit in fits)
-        return Laid(T, surfels, share, np.diag(np.linalg.inv(known)))
+        return ScanAlignment(T, surfels, share, np.diag(np.linalg.inv(known)))
 
     def _near(self, stamp: float, T: Pose) -> list[_Place]:
-        """Return the submaps nearest to each lag, the oldest where the past is shorter than that."""
+        """Return the submap nearest to each lag, the oldest one if the past is shorter."""
         chosen = {}
         for lag in ON_PAST.lags:
             near = min(self._places, key=lambda place: abs(place.stamp - (stamp - lag)), default=None)
@@ -170,7 +171,7 @@ class PastSubmaps:
         return list(chosen.values())
 
     def _fit(self, places: list[_Place], T: Pose, surfels: Surfels, kernel: float) -> list[Fit]:
-        every = max(-(-len(surfels) // ON_PAST.max_surfels), 1)  # another part for each submap: all have a say
+        every = max(-(-len(surfels) // ON_PAST.max_surfels), 1)  # a different subset for each submap
         return [
             fit_surfels(
                 place.submap, surfels[k % every :: every], inverse(place.T_world_center) @ T, kernel)

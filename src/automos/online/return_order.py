@@ -1,4 +1,4 @@
-"""Returns labelled scans in the order of their arrival, including those that could not be used."""
+"""Returns labelled scans in the order of their arrival, including unusable ones."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from automos.online.labelled_scan import LabelledScan
 
 
 class ReturnOrder:
-    """Holds labelled scans back until all scans that arrived before them can be returned, too."""
+    """Holds labelled scans until all earlier ones can be returned, too."""
 
     def __init__(self) -> None:
-        self._pending: deque[tuple[int, Taken, int]] = deque()  # index, what it is, number of points
+        self._pending: deque[tuple[int, Taken, int]] = deque()  # index, role, number of points
         self._ready: dict[int, LabelledScan] = {}
         self._last: LabelledScan | None = None
 
     def expect(self, index: int, about: Taken, n_points: int) -> None:
-        """Note that scan `index` of `n_points` points has arrived."""
+        """Register the arrival of scan `index` with `n_points` points."""
         self._pending.append((index, about, n_points))
 
     def add(self, labelled: Iterable[LabelledScan]) -> None:
-        """Add scans that were labelled."""
+        """Add labelled scans."""
         self._ready.update((scan.index, scan) for scan in labelled)
 
     def take(self) -> list[LabelledScan]:
-        """Return the scans that are ready, up to the first one that is not."""
+        """Return the ready scans before the first one that is not ready."""
         done = []
         while self._pending:
             index, about, n_points = self._pending[0]
@@ -46,7 +46,7 @@ class ReturnOrder:
         return done
 
     def _unusable(self, index: int, about: Taken, n_points: int) -> LabelledScan:
-        """Return the result for a scan that could not be used; a duplicate has the labels of the first."""
+        """Return the result for an unusable scan; a repeated scan has the labels of the original."""
         last = self._last
         if about.kind is Kind.REPEAT and last is not None and len(last.labels) == n_points:
             return replace(last, index=index, stamp=about.stamp)

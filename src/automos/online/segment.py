@@ -1,4 +1,4 @@
-"""`automos segment`: labels a recording online, as on a robot, and writes results like `automos label`."""
+"""`automos segment`: labels a recording online, as on a robot, with results like those of `automos label`."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from automos.workspace import RUN_FILE
 def segment_recording(
     sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Label every scan of `sequence` `lag` seconds after it was taken; return what run.json says of it.
+    """Label every scan of `sequence` with a lag of `lag` seconds; return the contents of run.json.
 
-    Labels, poses, tracks.json and run.json go to `folder`.
+    Labels, poses, tracks.json and run.json are written to `folder`.
 
     Raises
     ------
-    InputError : the folder holds another program's labels, or cannot be written.
+    InputError : the folder contains another program's labels, or cannot be written.
     """
     labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
     milliseconds = []
@@ -64,27 +64,27 @@ def segment_recording(
 def results_writer(
     folder: Path, names: list[str] | None, settings: Settings, recording: Sequence | None = None
 ) -> Iterator[ResultsWriter]:
-    """Give a writer into `folder`, which nobody else writes into until the block ends; errors as of `claimed`."""
+    """Yield a writer with exclusive access to `folder` until the block ends; errors as in `claimed`."""
     places = ["predictions", *(["confidences"] if settings.output.confidence else [])]
     with claimed(folder, places, recording):
         yield ResultsWriter(folder, names, settings)
 
 
 class ResultsWriter:
-    """Writes scans as they are given back: labels at once, what belongs to all of them at the end."""
+    """Writes scans as they are returned: labels at once, results of all scans at the end."""
 
     def __init__(self, folder: Path, names: list[str] | None, settings: Settings):
-        """Take a results folder that is claimed, and the scans' names, their numbers where there are none."""
+        """Take a claimed results folder, and the scans' names, or None to use their numbers."""
         self._folder, self._names, self._settings = folder, names, settings
         self._written: list[str] = []
         self._poses: list[np.ndarray] = []
         self._stamps: list[float] = []
         self._boxes: dict[int, list[dict[str, Any]]] = {}
-        self._sure: dict[int, list[float]] = {}
+        self._confidences: dict[int, list[float]] = {}
         self._counts = no_points()
 
     def write(self, given: LabelledScan) -> None:
-        """Write one scan; scans come in their order."""
+        """Write one scan; call in the order of the scans."""
         name = f"{given.index:06d}" if self._names is None else self._names[given.index]
         output = self._settings.output
         track_ids, confidence = given.track_ids, given.confidence
@@ -98,13 +98,13 @@ class ResultsWriter:
             columns = np.hstack([row["center"], row["size"], row["yaw"], row["velocity"]]).round(3).tolist()
             entry = box_entry(len(self._written), round(given.stamp, 6), True, columns)
             self._boxes.setdefault(track, []).append(entry)
-            self._sure.setdefault(track, []).append(float(confidence[track_ids == track].mean()))
+            self._confidences.setdefault(track, []).append(float(confidence[track_ids == track].mean()))
         self._written.append(name)
         self._poses.append(given.pose)
         self._stamps.append(given.stamp)
 
     def finish(self, about: dict[str, Any]) -> dict[str, Any]:
-        """Write what belongs to all scans, and run.json with `about` in it; return what it says."""
+        """Write the results of all scans, and run.json including `about`; return its contents."""
         folder = self._folder
         T_level_sensor = np.array(self._poses).reshape(-1, 4, 4)
         T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
@@ -121,7 +121,7 @@ class ResultsWriter:
 
     def _entries(self) -> Iterator[dict[str, Any]]:
         for track, boxes in sorted(self._boxes.items()):
-            confidence = round(float(np.mean(self._sure[track])), 3)
+            confidence = round(float(np.mean(self._confidences[track])), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
 
 
@@ -134,7 +134,7 @@ def stamped(sequence: Sequence) -> Iterator[Scan]:
 
 
 def summary(run: dict[str, Any], folder: Path) -> str:
-    """Return what was done in a few lines for a terminal."""
+    """Return a summary of a few lines for a terminal."""
     points = run["points"]
     total, spent = max(sum(points.values()), 1), run["milliseconds"]["all"]
     return (

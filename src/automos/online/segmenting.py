@@ -1,7 +1,7 @@
 """The per-scan part of the method: evidence and segments.
 
-A scan is processed twice. When it arrives, only the past says which of its points have moved; when later scans have
-seen its places, the evidence is computed again. With no lag, only the first pass is done. Neither needs the tracks, so
+A scan is processed twice. When it arrives, the evidence is based on past scans only; once later scans have observed its
+surroundings, the evidence is computed again. Without a lag, only the first pass is done. Neither needs the tracks, so
 the next scan can be segmented while the objects of the last one are tracked.
 """
 
@@ -17,7 +17,7 @@ from automos.candidates.free_space_view import Lidar, Seen, ray_steps
 from automos.detections import Detections
 from automos.instances.detect import recount
 from automos.online.evidence import EvidenceWindow
-from automos.online.following import FEW, Asked
+from automos.online.following import FEW, Comparisons
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.scan import Frame, Pose, Scan
@@ -26,19 +26,19 @@ from automos.stages.candidates import candidates_of
 from automos.stages.instances import segment_frame
 from automos.workspace import Arrays
 
-Found = tuple[float, Detections, Asked]
-"""The segments of the scan at a time, in seconds, and who was asked about them."""
+Found = tuple[float, Detections, Comparisons]
+"""A scan's stamp in seconds, its segments, and the scans with which it was compared."""
 GROWN = 1.0
-"""Seconds after which a scan is asked about once more, for the tracks' sake, if it was first asked about before."""
+"""Seconds after which the evidence of a scan is updated for the tracks, if it was first computed earlier."""
 AGAIN = 3
-"""Scans that are asked about once more with every scan that comes, where the sensor's path turned out to be another."""
+"""Scans whose evidence is updated with every new scan, after the sensor's path was replaced."""
 SETTLED = 1.0
-"""Seconds after which the evidence of a scan is complete enough, however long labels may wait."""
+"""Seconds after which the evidence of a scan is complete, even if the lag is longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentedScan:
-    """A scan whose lag is over: its points, and the arrays of the stages before the tracker; None if it has none."""
+    """A scan whose lag has passed: its points, and the arrays of the stages before the tracker, None if unavailable."""
 
     number: int
     stamp: float
@@ -54,13 +54,13 @@ class Segmented:
     Attributes
     ----------
     renewed : list[Future[Found]]
-        Segments of scans that were given before, with other evidence.
+        Segments of earlier scans with updated evidence.
     settled : list of Found
-        Segments that will not change any more, scan by scan.
+        Final segments, scan by scan.
     ahead : list[tuple[float, Detections]]
-        What is known today of the segments of the scans after those, with their times.
+        Preliminary segments of the scans after those, with their stamps.
     due : list of SegmentedScan
-        The scans whose lag is over.
+        The scans whose lag has passed.
     """
 
     renewed: list[Future[Found]]
@@ -71,7 +71,7 @@ class Segmented:
 
 @dataclass(eq=False)
 class _Held:
-    """A scan that was not given yet, or whose evidence is not complete."""
+    """A scan that was not returned yet, or whose evidence is not complete."""
 
     number: int
     stamp: float
@@ -79,7 +79,7 @@ class _Held:
     seen: Seen | None = None
     about: Arrays | None = None
     segments: Arrays | None = None
-    n_asked: int = 0
+    n_compared: int = 0
     is_settled: bool = False
 
     @property
@@ -98,7 +98,7 @@ class Segmenting:
         is_compensated: bool | None,
         T_world_first: Pose | None,
     ):
-        """Take the arguments of `Labeler`, threads, and the end of an earlier stream that this one continues."""
+        """Take the arguments of `Labeler`, a thread pool, and the last pose of the stream that this one continues."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
         self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
@@ -112,30 +112,30 @@ class Segmenting:
 
     @property
     def T_world_sensor(self) -> Pose:
-        """(4, 4) the latest scan's pose."""
+        """(4, 4) pose of the latest scan."""
         return self._sightings.T_level_sensor
 
     def step(self, number: int, scan: Scan) -> Segmented:
-        """Return the results that `scan` completes, which has points and a stamp and is `number`."""
-        renewed = self._grow(scan.stamp)
+        """Return the results that `scan`, number `number`, completes; it has points and a stamp."""
+        renewed = self._update_grown(scan.stamp)
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)
         self._renew(sighted)
-        renewed += self._doubt()
+        renewed += self._update_doubted()
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
             self._window.add(held.stamp, held.seen)
         self._find_segments(held)
-        return self._give(held.stamp, renewed)
+        return self._release(held.stamp, renewed)
 
     def finish(self) -> Segmented:
-        """Return the rest."""
-        return self._give(np.inf, []) if self._held else Segmented([], [], [], [])
+        """Return the remaining results."""
+        return self._release(np.inf, []) if self._held else Segmented([], [], [], [])
 
     def _renew(self, sighted: Sighting) -> None:
-        """Compute the evidence of earlier scans again while another path catches up; use it once it has."""
+        """Recompute the observations of earlier scans while a new path catches up; use them once it has."""
         for frame in sighted.again:
             is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
             self._renewal.add(frame, self._lidars, is_held)
@@ -147,50 +147,50 @@ class Segmenting:
                 held.frame, held.seen = frames[held.stamp]
         self._doubted = deque(self._growing)
 
-    def _grow(self, now: float | None) -> list[Future[Found]]:
+    def _update_grown(self, now: float | None) -> list[Future[Found]]:
         """Update the evidence of earlier scans in the background."""
-        asked = []
+        renewed = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
-            asked += self._ask_again(held, Asked(len(self._window), is_far=True, is_past=False))
-        return asked
+            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True, is_past=False))
+        return renewed
 
-    def _doubt(self) -> list[Future[Found]]:
-        """Update the evidence of the last scans, if it was based on few scans or on other poses."""
-        n, asked = len(self._window), []
-        few = [held for held in self._growing if held.n_asked < FEW <= n]
+    def _update_doubted(self) -> list[Future[Found]]:
+        """Update the evidence of the last scans if it was based on few scans or on outdated poses."""
+        n, renewed = len(self._window), []
+        few = [held for held in self._growing if held.n_compared < FEW <= n]
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
         for held in few or doubted:
-            held.n_asked = n
-            asked += self._ask_again(held, Asked(n, self._is_far(held), is_past=True))
-        return asked
+            held.n_compared = n
+            renewed += self._start_update(held, Comparisons(n, self._is_far(held), is_past=True))
+        return renewed
 
-    def _ask_again(self, held: _Held, asked: Asked) -> list[Future[Found]]:
+    def _start_update(self, held: _Held, compared: Comparisons) -> list[Future[Found]]:
         if held.seen is None or held.segments is None:
             return []
-        question = self._window.question(held.stamp, held.seen)
+        compare = self._window.comparison(held.stamp, held.seen)
 
         def recounted(segments: Arrays = held.segments) -> Found:
             ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
-            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, question(None), about), asked
+            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, compare(None), about), compared
 
         return [self._pool.submit(recounted)]
 
     def _is_far(self, held: _Held) -> bool:
-        """Whether others from a second or more are asked about a scan."""
+        """Whether a scan is compared with scans a second or more away."""
         return self._settle > 0.0 or held.stamp - self._start >= GROWN
 
     def _find_segments(self, held: _Held) -> None:
         """Compute the scan's evidence and segments from all scans in the window."""
         if held.seen is None:
             return
-        held.n_asked = len(self._window) - 1
-        net, seen = self._window.question(held.stamp, held.seen)(self._pool), held.seen
+        held.n_compared = len(self._window) - 1
+        net, seen = self._window.comparison(held.stamp, held.seen)(self._pool), held.seen
         held.about = candidates_of(net, seen.kind, seen.height, seen.solidity, ray_steps(self._lidars))
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
 
-    def _give(self, now: float, renewed: list[Future[Found]]) -> Segmented:
-        """Return what is settled and due at `now`, seconds, and drop what is no longer needed."""
+    def _release(self, now: float, renewed: list[Future[Found]]) -> Segmented:
+        """Return the results that are final or due at `now`, seconds, and drop data no longer needed."""
         settled = [found for held in self._held if not held.is_settled for found in self._settled(held, now)]
         ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
         due = []
@@ -201,7 +201,7 @@ class Segmenting:
         return Segmented(renewed, settled, ahead, due)
 
     def _settled(self, held: _Held, now: float) -> list[Found]:
-        """Return the segments of a scan if they will not change any more, made again if later scans have come."""
+        """Return the segments of a scan once they are final, recomputed with later scans if there is a lag."""
         if held.stamp > now - self._settle + 1e-6:
             return []
         held.is_settled = True
@@ -211,5 +211,5 @@ class Segmenting:
             return []
         if self._settle < GROWN:
             self._growing.append(held)
-        asked = Asked(held.n_asked, self._is_far(held), is_past=self._settle == 0.0)
-        return [(held.stamp, held.detections, asked)]
+        compared = Comparisons(held.n_compared, self._is_far(held), is_past=self._settle == 0.0)
+        return [(held.stamp, held.detections, compared)]

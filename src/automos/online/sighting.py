@@ -1,4 +1,4 @@
-"""The pose of each scan and what it saw: all that is known of it without other scans."""
+"""The pose and the observations of each scan: everything that needs no comparison with other scans."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from automos.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What a scan shows on its own.
+    """The observations of one scan.
 
     Attributes
     ----------
@@ -30,14 +30,14 @@ class Sighting:
     frame : Frame
         Its points, compensated, level frame.
     seen : Seen, optional
-        What it saw; None while nothing is known of the sensor's beams.
+        Its observations; None until the sensor's beams are known.
     lidars : list of Lidar
-        The sensors as they are known with this scan.
+        Current models of the sensors.
     again : tuple of Frame
-        Earlier scans on another path that will be taken over, in the level frame as it was before.
+        Earlier scans on the path that will replace the current one, in the level frame before the replacement.
     T_after_before : (4, 4) float64, optional
-        From the level frame before to that of the path which was taken over, in which the last scan stays where it was;
-        None if no other path was.
+        From the previous level frame to that of the new path, such that the last scan keeps its pose; None if the path
+        was not replaced.
     """
 
     stamp: float
@@ -49,12 +49,12 @@ class Sighting:
 
 
 class Sightings:
-    """The sightings of a stream, one after the other."""
+    """The sightings of a stream, scan by scan."""
 
     def __init__(
         self, settings: Settings, pool: ThreadPoolExecutor, is_compensated: bool | None, T_world_first: Pose | None
     ):
-        """Take threads, and the end of an earlier stream that this one continues."""
+        """Take a thread pool, and the last pose of the stream that this one continues."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
         self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
@@ -65,7 +65,7 @@ class Sightings:
     def step(self, scan: Scan) -> Sighting:
         """Return the sighting of the next scan."""
         moved = self._odometry.step(scan)
-        again = tuple(self._frame(came.scan, posed, came.stamp) for came, posed in moved.again)
+        again = tuple(self._frame(timed.scan, posed, timed.stamp) for timed, posed in moved.again)
         T_after_before = None
         if moved.T_before_now is not None:
             T_before, self._T_level_world = self._T_level_world, self._T_level_world @ moved.T_before_now
@@ -86,7 +86,7 @@ class Sightings:
         return frame_of(scan, posed.timing, posed.sweep_motion, T_level_sensor, stamp)
 
     def _find_level(self, scan: Scan, posed: Posed) -> None:
-        """Turn the world upright at the first scan that shows the ground."""
+        """Level the world frame at the first scan with ground."""
         points, _ = usable_points(scan, posed.timing, posed.sweep_motion, self._settings.odometry)
         T, found = level_frame([points], np.eye(4)[None], self._settings.odometry)
         if found:

@@ -1,4 +1,4 @@
-"""The stages of the method on a stream of scans: the same functions, on a window instead of a recording."""
+"""The stages of the method on a stream of scans: the same functions as for a recording, on a sliding window."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from automos.stages.tracking import TrackedObjects
 
 
 class Stream:
-    """Scans of one sensor without longer interruptions."""
+    """Scans of one sensor without long interruptions."""
 
     def __init__(
         self,
@@ -33,30 +33,30 @@ class Stream:
         T_world_first: Pose | None = None,
         first_track: int = 0,
     ):
-        """Take the arguments of `Labeler`, threads, and the end of an earlier stream that this one continues."""
+        """Take the arguments of `Labeler`, a thread pool, and the last state of the stream that this one continues."""
         self._settings = settings
         self._segmenting = Segmenting(settings, lag, pool, is_compensated, T_world_first)
         self._following = Following(settings.tracking, first_track)
 
     @property
     def next_track(self) -> int:
-        """The number that the next new object gets."""
+        """Number of the next new object."""
         return self._following.next_track
 
     @property
     def T_world_sensor(self) -> Pose:
-        """(4, 4) the latest scan's pose."""
+        """(4, 4) pose of the latest scan."""
         return self._segmenting.T_world_sensor
 
     def segment(self, number: int, scan: Scan) -> Segmented:
-        """Return the results that `scan` completes, which has points and a stamp and is `number`.
+        """Return the results that `scan`, number `number`, completes; it has points and a stamp.
 
         May be called ahead in another thread, in the order of the scans.
         """
         return self._segmenting.step(number, scan)
 
     def follow(self, segmented: Segmented) -> Iterator[LabelledScan]:
-        """Yield the scans whose lag has passed; `segmented` come in order."""
+        """Yield the scans whose lag has passed; call with `segmented` in order."""
         for done in segmented.renewed:
             self._following.renew(*done.result())
         for found in segmented.settled:
@@ -65,7 +65,7 @@ class Stream:
             yield self._paint(scan, segmented.ahead)
 
     def finish(self) -> Iterator[LabelledScan]:
-        """Yield the rest."""
+        """Yield the remaining scans."""
         yield from self.follow(self._segmenting.finish())
 
     def _paint(self, scan: SegmentedScan, ahead: list[tuple[float, Detections]]) -> LabelledScan:
@@ -93,7 +93,7 @@ def _objects(followed: Followed, moving: npt.NDArray[np.int64]) -> npt.NDArray:
 
 
 def require_online_methods(settings: Settings) -> None:
-    """Raise InputError if `settings` choose a method that needs the whole recording."""
+    """Raise InputError if `settings` select a method that needs the whole recording."""
     chosen = {"candidates": settings.candidates.method, "tracking": settings.tracking.method}
     able = {"candidates": "free_space", "tracking": "evidence"}
     for stage, method in chosen.items():

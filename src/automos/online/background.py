@@ -1,4 +1,4 @@
-"""Determines something in the background of a stream: how sweeps are timed, or the initial speed of the sensor."""
+"""Background tasks of a stream: estimating the timing of sweeps, or the initial speed of the sensor."""
 
 from __future__ import annotations
 
@@ -19,55 +19,55 @@ from automos.scan import Scan
 from automos.settings import OdometrySettings
 
 _NICE = 10
-Answer = TypeVar("Answer")
+Result = TypeVar("Result")
 
 
-class Inquiry(Generic[Answer]):
-    """Something to be found out once, beside the stream, and answered some time later."""
+class BackgroundTask(Generic[Result]):
+    """A function evaluated once, beside the stream, with its result available after a fixed delay."""
 
-    def __init__(self, patience: float):
-        """Take the seconds of the stream after which an answer is given; never sooner, or it mattered who is fast."""
-        self._patience = patience
-        self._asked: Future[Answer] | None = None
+    def __init__(self, delay: float):
+        """Take the delay of the result in seconds of the stream; fixed, so that results do not depend on CPU speed."""
+        self._delay = delay
+        self._future: Future[Result] | None = None
         self._due = math.inf
 
     @property
-    def is_asked(self) -> bool:
-        """Whether it is being found out, or was."""
-        return self._asked is not None
+    def is_started(self) -> bool:
+        """Whether the task is running or finished."""
+        return self._future is not None
 
-    def ask(self, find: Callable[[], Answer], now: float) -> None:
-        """Begin at `now` seconds to find out what `find` returns, unless something was asked before."""
-        if self._asked is None:
-            worker = ThreadPoolExecutor(1, "inquiry")
-            self._asked, self._due = worker.submit(_patiently, find), now + self._patience
+    def start(self, find: Callable[[], Result], now: float) -> None:
+        """Start evaluating `find` at `now` seconds, unless the task was started before."""
+        if self._future is None:
+            worker = ThreadPoolExecutor(1, "background_task")
+            self._future, self._due = worker.submit(_at_low_priority, find), now + self._delay
             worker.shutdown(wait=False)
 
-    def answer(self, now: float) -> Answer | None:
-        """Return what was found, once its time has come at `now` seconds; None before."""
-        return self._asked.result() if self._asked is not None and now >= self._due else None
+    def result(self, now: float) -> Result | None:
+        """Return the result if it is due at `now` seconds; None before."""
+        return self._future.result() if self._future is not None and now >= self._due else None
 
 
-def _patiently(find: Callable[[], Answer]) -> Answer:
-    with suppress(OSError, AttributeError):  # Linux knows priorities of threads; elsewhere all are alike
+def _at_low_priority(find: Callable[[], Result]) -> Result:
+    with suppress(OSError, AttributeError):  # priorities of threads exist on Linux only
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
     return find()
 
 
 def find_timing(scans: list[Scan], settings: OdometrySettings, is_compensated: bool | None) -> SweepTiming:
-    """Return how sweeps are timed, from `scans`, which have stamps and in which the sensor moves."""
+    """Return the timing of sweeps, from `scans` with stamps in which the sensor moves."""
     sequence = ArraySequence(scans, is_compensated=is_compensated)
     return choose_timing(sequence, settings, None, read_clock(sequence)).timing
 
 
-def told_by(scan: Scan) -> SweepTiming | None:
+def timing_from_times(scan: Scan) -> SweepTiming | None:
     """Return the timing from a scan's own times; None without them."""
     duration = recorded_duration(scan)
     return None if duration is None else SweepTiming("file", duration=duration, share=1.0)
 
 
 def usual_timing(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:
-    """Return how sweeps are likely timed, from two scans without times; None for a sensor that does not turn."""
+    """Return the likely timing of sweeps, from two scans without times; None for a sensor that does not rotate."""
     sequence = ArraySequence(scans)
     order = learn_order(sequence) if settings.time in ("auto", "order") else None
     if order is not None:
