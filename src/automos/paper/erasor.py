@@ -35,7 +35,7 @@ class Published(NamedTuple):
     min_removed_span : float, metres, version 3: a removed bin must span more than this.
     plane : tuple, arguments of R-GPF, see `fit_region_ground`.
     ego_radius : float, metres; nearer points are the ego body.
-    submap_scans, submap_length : int, float, scans and metres driven; ours: they bound memory; a car is in sight for less.
+    submap_scans, submap_length : int, float, scans, metres driven; ours: they bound memory; a car is visible for less.
     """
 
     rings: int = 20
