@@ -76,7 +76,7 @@ def label(
     Raises
     ------
     InputError
-        The recording or the poses cannot be used. The message says why, and what to do.
+        The recording or the poses cannot be used. The message gives the reason and the remedy.
 
     Examples
     --------
@@ -103,10 +103,10 @@ def label(
 
 
 class Steps:
-    """The stages of one recording, each making whatever it needs of the ones before that is not there yet.
+    """The stages of one recording; each first runs the earlier stages whose results are missing.
 
-    Candidates, instances and labels need nothing of other scans but poses and points: they can be made for a part of
-    the scans, by a process of its own, and are the same. Poses and tracks belong to the recording as a whole.
+    Candidates, instances and labels need only the poses and points of other scans, so separate processes can compute
+    them for parts of the scans with the same result. Poses and tracks need the recording as a whole.
     """
 
     def __init__(

@@ -1,13 +1,13 @@
-"""The ego body: what keeps its place in the sensor's frame while the sensor moves.
+"""The ego body: points that keep their place in the sensor's frame while the sensor moves.
 
 A ray that meets the body returns the same range in every scan. So may a ray that meets an even road, a vehicle that
 keeps its distance, or the long side of one that drives alongside. But other scans, before and after, hit the road at
-its place and not the body, so they vote (`ego_body_votes`): what is fixed both in the sensor's frame and in the world
-is world. Motion of a few decimetres, or the rolling of a boat at its quay, suffices.
+its place and not the body, so they vote (`ego_body_votes`): points fixed both in the sensor's frame and in the world
+are world. Motion of a few decimetres, or the rolling of a boat at its quay, suffices.
 No vehicle keeps its distance to within the sensor's noise: the edges and ranges of the body must be the same in the
-last third of the recording as in the first. What returns repeatedly from within arm's reach (legs, an operator) is ego
-body, however it moves. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the
-sensor stands still none of this is observable, which does no harm: what never moves is static.
+last third of the recording as in the first. Repeated returns from within arm's reach (legs, an operator) are ego body,
+however they move. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the sensor
+stands still none of this is observable, which does no harm: objects that never move are static.
 """
 
 from __future__ import annotations

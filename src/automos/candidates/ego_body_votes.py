@@ -1,7 +1,7 @@
-"""Body or world: votes of other scans on what keeps its place in the sensor's frame.
+"""Body or world: votes of other scans on points that keep their place in the sensor's frame.
 
-If it were world, other scans would hit it where the poses place it; if it were body, they would observe that place
-free, or hit another part of the body there. So a ray of another scan that passes through the place is a vote for the
+Other scans hit a point of the world where the poses place it. If it is body, they observe that place free, or hit
+another part of the body there. So a ray of another scan that passes through the place is a vote for the
 body, a ray that ends there is one for the world, and a ray that meets a possible body counts for neither.
 No displacement is needed: the edges of a hull suffice when a boat rolls at its quay. There are no votes inside a wide
 deck, nor where rays past the body meet water and do not return; there the votes on the rest of a part decide.

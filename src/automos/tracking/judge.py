@@ -11,7 +11,7 @@ distribution under either hypothesis, which limits the weight of one scan with m
 while, so a single scan can hardly speak against it. Scans of the same place are correlated, too, so their mean counts,
 as two observations. Where poses are off, all evidence is wrong, so its weight is limited by the odds of that.
 
-*Displacement*: a moving object takes both of its faces along, while a static one of which more comes into sight extends
+*Displacement*: both faces of a moving object are displaced. A static object of which more comes into sight only extends
 at one face. So on each axis the smaller displacement of the two faces counts, if their signs agree. The noise is the
 scatter of the steadier face about its own path. Segments jump, so the noise has heavy tails (Cauchy): a displacement
 that is large for its scatter counts by its logarithm.

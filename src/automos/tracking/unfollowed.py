@@ -27,6 +27,6 @@ def can_follow(stamps: npt.NDArray[np.float64]) -> bool:
 
 
 def find_moved(ids: npt.NDArray[np.int32], found: Detections) -> Mask:
-    """Return (M,) bool: points of one scan in a segment, `ids` (M,) of `found`, of which most points have moved."""
+    """Return (M,) bool: points of one scan in segments, `ids` (M,) of `found`, that consist mostly of moved points."""
     moves = (found.n_moving >= np.maximum(_MIN_SHARE * found.n_points, _MIN_MOVED)) & (found.lift <= _MAX_LIFT)
     return np.append(moves & ~found.has_stayed, False)[ids]  # the last entry is for id -1
