@@ -1,4 +1,4 @@
-"""The segments of one scan as the tracker sees them: boxes, and what the evidence says of each."""
+"""The segments of one scan as input of the tracker: boxes, and the evidence on each."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ class Detections:
     Attributes
     ----------
     boxes : Boxes
-        Their boxes, level frame.
+        The boxes, level frame.
     n_points : (M,) float64
-        How many points each has.
+        Number of points of each segment.
     n_moving, n_static : (M,) float64
-        How many of them the evidence calls moving and static; the others are unknown.
+        Numbers of its points that have moved and that have stayed; the others are unknown.
     has_stayed : (M,) bool
-        Whether the evidence alone would call it static; tracks that move may still end in it.
+        Whether the evidence alone makes it static; a moving track may still contain it.
     part_of : (M,) int32
-        The segment that has stayed which it was cut out of, -1 for none.
+        The stayed segment that it was cut out of, -1 for none.
     lift : (M,) float64
-        Metres from the ground up to its lowest point.
+        Metres from the ground to its lowest point.
     solidity : (M,) float64
-        In [0, 1], mean over its points of the share of rays beside each that ended beside it.
+        In [0, 1], mean over its points of the share of adjacent rays that ended beside the point.
     """
 
     boxes: Boxes
@@ -50,7 +50,7 @@ class Detections:
 
     @property
     def moving_share(self) -> npt.NDArray[np.float64]:
-        """(M,) in [0, 1]: moving among the points the evidence speaks of, shrunk to 0.5 where it says little."""
+        """(M,) in [0, 1]: share of moved points among the known ones, shrunk to 0.5 if few are known."""
         return (self.n_moving + 1.0) / (self.n_moving + self.n_static + 2.0)
 
     @staticmethod
@@ -62,7 +62,7 @@ class Detections:
         lift: npt.NDArray[np.float64] | None = None,
         solidity: npt.NDArray[np.float64] | None = None,
     ) -> Detections:
-        """Return segments all of which may be objects, none a part of another; solid, on the ground if not given."""
+        """Return segments that may all be objects, none a part of another; by default solid and on the ground."""
         n = len(boxes)
         lift = np.zeros(n) if lift is None else lift
         solidity = np.ones(n) if solidity is None else solidity
@@ -76,7 +76,7 @@ class Detections:
 
     @staticmethod
     def columns() -> tuple[str, ...]:
-        """Return the names of the arrays that `to_arrays` gives."""
+        """Return the names of the arrays that `to_arrays` returns."""
         return (*(f.name for f in fields(Boxes)), *_COLUMNS)
 
     @staticmethod
@@ -91,7 +91,7 @@ class Detections:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Detections:
-        """Return the detections that `to_arrays` took apart."""
+        """Return the detections saved by `to_arrays`."""
         return Detections(Boxes.from_arrays(arrays), *(arrays[name] for name in _COLUMNS))
 
 

@@ -1,14 +1,14 @@
-"""The method, stage by stage: raw scans in, a label for every point out.
+"""The pipeline: from raw scans to a label for every point.
 
     recording -> poses -> candidates -> instances -> objects -> labels
                  III-A    III-B         III-C        III-D      III-D
 
-A point becomes moving in `stages/labels.py`: where its segment belongs to a track that moves. That a track moves is
-decided in `tracking/judge.py`, in the preset `paper` in `paper/verdict.py`.
+A point becomes moving in `stages/labels.py`, if its segment belongs to a moving track. Whether a track moves is
+decided in `tracking/judge.py`, or in `paper/verdict.py` for the preset `paper`.
 
-This file alone knows the order; `stages/` has a file for each. A stage takes what those before it found and keeps its
-own results in the workspace, scan by scan where it can; a stage whose results are there already, made from the same
-recording with the same settings, is not run again.
+Only this file defines the order of the stages; `stages/` has a file for each. A stage takes the results of the earlier
+stages and stores its own in the workspace, scan by scan if possible. A stage whose results exist already, for the same
+recording and settings, is not run again.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def label(
     Raises
     ------
     InputError
-        The recording or the poses cannot be used. The message says why, and what to do.
+        The recording or the poses cannot be used. The message gives the reason and the remedy.
 
     Examples
     --------
@@ -103,10 +103,10 @@ def label(
 
 
 class Steps:
-    """The stages of one recording, each making whatever it needs of the ones before that is not there yet.
+    """The stages of one recording; each first runs the earlier stages whose results are missing.
 
-    Candidates, instances and labels need nothing of other scans but poses and points: they can be made for a part of
-    the scans, by a process of its own, and are the same. Poses and tracks belong to the recording as a whole.
+    Candidates, instances and labels need only the poses and points of other scans, so separate processes can compute
+    them for parts of the scans with the same result. Poses and tracks need the recording as a whole.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Steps:
         workers: int = 0,
         progress: Progress | None = None,
     ):
-        """Take what `label` takes."""
+        """Take the arguments of `label`."""
         self.sequence, self.settings, self.poses = sequence, settings, poses
         self.workers = checked_workers(workers)
         workspace = workspace or Workspace()
@@ -127,7 +127,7 @@ class Steps:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """Where the sensor was (III-A)."""
+        """The poses of the sensor (III-A)."""
 
         def estimate(tick: Tick) -> Arrays:
             about = self.settings.odometry
@@ -140,11 +140,11 @@ class Steps:
 
     @cached_property
     def frames(self) -> SequenceFrames:
-        """The scans with their poses, made when asked for."""
+        """The scans with their poses, made on demand."""
         return SequenceFrames(self.sequence, self.trajectory)
 
     def candidates(self, scans: range | None = None) -> Stage:
-        """Return which points may have moved (III-B), at least for `scans`."""
+        """Return the evidence of motion of each point (III-B), at least for `scans`."""
         find = partial(find_candidates, self.frames, self.trajectory.stamps, self.settings, self.workers)
         add = partial(add_network_cue, find, self.frames, self.run.names, self.settings.self_training)
         return self.run.each("candidates", add, scans)
@@ -157,24 +157,24 @@ class Steps:
 
     @cached_property
     def objects(self) -> TrackedObjects:
-        """All objects over time, and the verdict on each (III-D)."""
+        """All tracks and their verdicts (III-D)."""
         scans = Scans(self.frames, self.run.names, self.candidates(), self.instances())
         follow = partial(follow_and_judge, scans, self.settings, self.workers)
         return TrackedObjects.from_arrays(self.run.once("tracking", lambda tick: follow().to_arrays()))
 
     def labels(self, scans: range | None = None) -> Stage:
-        """Return every point's label, at least for `scans` (III-D): where a point becomes moving."""
+        """Return every point's label (III-D), at least for `scans`."""
         objects = self.objects
         about = Scans(self.frames, self.run.names, self.candidates(scans), self.instances(scans))
         return self.run.each("labels", partial(label_scans, about, objects, self.settings, self.workers), scans)
 
 
 def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None) -> dict[str, str]:
-    """Return each stage's fingerprint: it changes with all that shapes the stage's results."""
+    """Return each stage's fingerprint, which changes with everything that affects the stage's results."""
     try:
         given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     except (TypeError, ValueError) as error:
-        raise InputError(f"poses are (N, 4, 4) numbers, T_world_sensor of each scan: {error}") from None
+        raise InputError(f"poses must be (N, 4, 4) numbers, T_world_sensor of each scan: {error}") from None
     key = fingerprint(__version__, sequence.fingerprint(), given)
     keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):

@@ -1,4 +1,4 @@
-"""Upright boxes, rotated about the vertical: corners, overlap, and the points inside."""
+"""Upright boxes, rotated about the vertical: corners, overlap, and points inside."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Boxes:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Boxes:
-        """Return the boxes that `to_arrays` took apart."""
+        """Return the boxes saved by `to_arrays`."""
         return Boxes(*(np.asarray(arrays[f.name]) for f in fields(Boxes)))
 
     @staticmethod
@@ -149,9 +149,9 @@ def _clip_area(subject, clip):  # type: ignore[no-untyped-def]
 
 
 def points_in_boxes(points: npt.NDArray, boxes: Boxes, margin: float = 0.0) -> npt.NDArray[np.int32]:
-    """Return (N,) int32: for each of `points` (N, 3) the row of the first box that holds it, -1 for none.
+    """Return (N,) int32: the row of the first box that contains each of `points` (N, 3), -1 for none.
 
-    `margin` in metres grows every box on all sides (negative shrinks it). Box and points are in the same frame.
+    `margin`, metres, is added to every side of a box; negative values shrink it. Boxes and points share a frame.
     """
     owner = np.full(len(points), -1, np.int32)
     half = 0.5 * boxes.size + margin

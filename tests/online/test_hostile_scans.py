@@ -81,5 +81,5 @@ def test_a_stamp_that_is_no_number_is_told(stamp):
 
 @pytest.mark.parametrize("poses", ["x", [["a"]], object()])
 def test_poses_that_are_no_numbers_are_told(poses):
-    with pytest.raises(InputError, match="poses are "):
+    with pytest.raises(InputError, match="poses must be "):
         automos.label([np.ones((10, 3), np.float32)], poses=poses)

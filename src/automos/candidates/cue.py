@@ -1,6 +1,6 @@
-"""A further cue of motion beside the evidence: what a network that saw the recording before says of each point.
+"""A second cue of motion: the probabilities of a network that has labelled the recording before.
 
-Log-odds add up. The network's are bounded, so that what was clearly seen to stay, or to have moved, stands.
+Its log-odds are added to those of the evidence. They are bounded, so that clear evidence is not outvoted.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from automos.reading import read_array
 from automos.settings import SelfTrainingSettings
 
 _MOST = 0.98
-"""Probability that a network is trusted with at most: a few in a hundred labels that it has learnt from are wrong."""
+"""Upper bound of the network's probabilities: a few in a hundred of the labels it was trained on are wrong."""
 
 
 def add_cue(
     log_odds: npt.NDArray[np.floating], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
 ) -> npt.NDArray[np.float16]:
-    """Return (M,) `log_odds` (has moved, against has stayed) with the network's word added.
+    """Return (M,) `log_odds` (has moved, against has stayed) plus the weighted log-odds of the network.
 
     `probability` (M,) is that of moving, in [0, 1].
     """
-    heard = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
-    return (log_odds + settings.weight * np.log(heard / (1.0 - heard))).astype(np.float16)
+    bounded = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
+    return (log_odds + settings.weight * np.log(bounded / (1.0 - bounded))).astype(np.float16)
 
 
 def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.NDArray[np.floating]:
@@ -35,7 +35,7 @@ def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.ND
 
     Raises
     ------
-    InputError : no file of that name, or one of another scan.
+    InputError : the file is missing, or belongs to another scan.
     """
     path = Path(settings.folder) / f"{name}.npy"
     try:
@@ -46,14 +46,14 @@ def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.ND
             "writes for this recording"
         ) from None
     if probability.dtype.kind != "f" or not ((probability >= 0.0) & (probability <= 1.0)).all():
-        raise InputError(f"{path} holds something else than probabilities, from 0 to 1: segment it again")
+        raise InputError(f"{path} does not hold probabilities from 0 to 1: segment it again")
     if probability.shape != (n_points,):
         raise InputError(f"{path} has shape {probability.shape}, but the scan has {n_points} points: segment it again")
     return probability
 
 
 def cue_fingerprint(settings: SelfTrainingSettings) -> str:
-    """Return a text that changes when any file of the cue does."""
+    """Return a text that changes whenever a file of the cue changes."""
     digest = hashlib.sha256()
     for path in sorted(Path(settings.folder).glob("*.npy")):
         status = path.stat()

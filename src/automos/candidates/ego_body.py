@@ -1,13 +1,13 @@
-"""The vehicle's own body: what stays in the sensor's frame while the world goes by.
+"""The ego body: points that keep their place in the sensor's frame while the sensor moves.
 
-A ray that meets the body meets it in every scan at the same range. So may a ray that meets an even road, a vehicle that
-keeps its distance, or the long side of one that drives along. But the road is also there when it is looked at from
-elsewhere, before and after, and a body is not: other scans vote (`ego_body_votes`), so that what stays in the sensor's
-frame and in the world is the world. A few decimetres, or a boat's rolling at its quay, are enough for that.
-And nobody drives beside another to the sensor's noise: a thing's edges and ranges must be in the last third of the
-recording where they were in the first. What returns from within arm's reach (legs, an operator) again and again
-rides along, however it moves. What hangs together with the body in a scan (a trailer in a bend) belongs to it. Where
-the sensor stands still nothing shows that, and nothing goes wrong: what never moves is static.
+A ray that meets the body returns the same range in every scan. So may a ray that meets an even road, a vehicle that
+keeps its distance, or the long side of one that drives alongside. But other scans, before and after, hit the road at
+its place and not the body, so they vote (`ego_body_votes`): points fixed both in the sensor's frame and in the world
+are world. Motion of a few decimetres, or the rolling of a boat at its quay, suffices.
+No vehicle keeps its distance to within the sensor's noise: the edges and ranges of the body must be the same in the
+last third of the recording as in the first. Repeated returns from within arm's reach (legs, an operator) are ego body,
+however they move. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the sensor
+stands still none of this is observable, which does no harm: objects that never move are static.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from automos.scan import Frames, Mask, Points
 from automos.settings import EgoBodySettings
 
 _LOOKS = 16
-"""Scans that are asked whether the world is where a body may be."""
+"""Number of scans that vote on whether a possible body is world."""
 STEADIEST = 25
-"""Percentile of a part's drift that counts: what hangs on a hinge is steady beside it, traffic is so nowhere."""
+"""Percentile of a part's drift that counts: a hinged part is steady beside its hinge, traffic is steady nowhere."""
 MAX_SCANS = 40
-"""Scans looked at, spread over the recording."""
+"""Number of scans evaluated, spread over the recording."""
 MIN_SCANS = 9
-"""With fewer scans apart from each other nothing is called body."""
+"""With fewer scans at different poses, no body is detected."""
 MIN_STEP, ARM = 0.25, 5.0
-"""Metres: how far what is `ARM` from the sensor must have moved about it between scans looked at."""
+"""Metres: least displacement, between evaluated scans, of a point `ARM` from the sensor and fixed to it."""
 MIN_UNEVENNESS = 0.15
-"""Metres by which the sensor must have left even motion. Others do not brake, turn and roll along with it to
-centimetres, but keep its distance for seconds where it moves evenly; there a body is nearer than half the way gone."""
+"""Metres, least RMS deviation from even motion: others do not brake, turn and roll along to centimetres. In even motion
+they keep their distance for seconds, so a body must then be nearer than half the distance travelled."""
 MIN_OVERLAP = 0.8
-"""Share of a part at the ends of the recording that must be there at both."""
+"""Least share of a part's cells that must be present in both the first and the last third of the recording."""
 MAX_DRIFT = 0.025
-"""Metres: of a part's range from the first third of the recording to the last."""
+"""Metres: greatest change of a part's range from the first third of the recording to the last."""
 MIN_CELLS = 4
-"""Neighbouring rays that a part of the body must be met by."""
+"""Least number of neighbouring rays that meet a part of the body."""
 GOES_ON = 1.4
-"""Times the reach of what was seen to keep its place, within which what hangs together with it belongs to it."""
+"""Factor on the farthest range of the body, within which points connected to it belong to it."""
 ATTACHED_SHARE = 0.15
-"""Of what hangs together there, the share that must be on it for all to be."""
+"""Least share of a connected part that must lie on the body for the whole part to belong to it."""
 
 
 def is_on_body(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPattern) -> Mask:
-    """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or hang on it.
+    """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or are connected to it.
 
-    Ground, (M,) bool, is what nothing hangs together by.   `reach` (H, W) is that of `find_ego_body`.
+    Ground points, `is_ground` (M,) bool, connect nothing.   `reach` (H, W) is that of `find_ego_body`.
     """
     is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(reach.max())
     if farthest == 0.0:
@@ -69,7 +69,7 @@ def is_on_body(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPatt
 
 
 def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> Ranges:
-    """Return (H, W) how far the body that some of `frames` show reaches along each ray, metres; 0 where it does not."""
+    """Return (H, W) the range up to which the body reaches along each ray, metres; 0 where there is no body."""
     nothing = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
     sample = _scans_apart(frames)
     if len(sample) < MIN_SCANS:
@@ -91,12 +91,12 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     is_world = (may_be > 0.0) & ~is_body
-    # Edges are hit and missed by turns: a cell to each side belongs to it.
+    # Rays hit and miss an edge alternately, so one cell to each side belongs to the body.
     return np.where(is_world, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
 
 
 def _scans_apart(frames: Frames) -> list[int]:
-    """Return up to `MAX_SCANS` of `frames`, evenly spread, each some way or turn from the one before."""
+    """Return up to `MAX_SCANS` indices of `frames`, evenly spread, each after a displacement or a turn."""
     T, sample = frames.T_level_sensor, [0]
     for i in np.unique(np.linspace(0, len(frames) - 1, 2 * MAX_SCANS).astype(int)):
         motion = se3_log(inverse(T[sample[-1]]) @ T[i])
@@ -106,9 +106,9 @@ def _scans_apart(frames: Frames) -> list[int]:
 
 
 def _unevenness(T: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64]) -> float:
-    """Return how far a place `ARM` from the sensor is, metres (RMS), from where the mean motion would have it.
+    """Return the RMS distance (metres) of a point `ARM` from the sensor from where the mean motion would take it.
 
-    Of poses `T` (K, 4, 4) at `stamps` (K,), seconds.
+    The poses `T` are (K, 4, 4), their `stamps` (K,) seconds.
     """
     steps = se3_log(inverse(T[:-1]) @ T[1:])
     mean = steps.sum(axis=0) / (stamps[-1] - stamps[0])
@@ -118,14 +118,14 @@ def _unevenness(T: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64]) -> 
 
 
 def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
-    """Return (H, W) bool: connected parts that are in the same place in both `ends` (2, H, W; 0 where not there).
+    """Return (H, W) bool: connected parts at the same place in both `ends` (2, H, W), which are 0 where there is none.
 
-    How far the parts have drifted is measured by `slack` (H, W), metres, the exactness of each ray's range.
+    The drift of a ray's range is scaled by its tolerance `slack` (H, W), metres.
     """
     is_part = np.logical_or(*(ends > 0.0))
     v, u = np.nonzero(is_part)
     part, n_parts = parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
-    # A cell to each side is allowed for.
+    # Allow an offset of one cell to each side.
     in_both = np.all([over_neighbours(end, np.maximum) > 0.0 for end in ends], axis=0)[v, u]
     size = np.bincount(part, minlength=n_parts)
     overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)

@@ -1,4 +1,4 @@
-"""Where a sensor's rays end near it, scan after scan: at the same range, or always from within arm's reach."""
+"""Ranges near the sensor over many scans: constant, or repeatedly within arm's reach."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from automos.settings import EgoBodySettings
 
 Ranges = npt.NDArray[np.float32]
 GRAZING = 0.15
-"""Of a range, by which the next ray's may differ on the same face, met at a grazing angle; more is an edge."""
+"""Share of a range by which that of the next ray may differ on a face met at a grazing angle; more is an edge."""
 NEAR_SHARE = 0.15
-"""Of the scans, that return from within arm's reach where an arm swings; the world, and others, pass there once."""
+"""Least share of scans that return from within arm's reach where an arm swings; other objects pass there once."""
 NEAR_MARGIN = np.float32(0.1)
-"""Metres beyond what returned from within arm's reach, as far as the body may reach there."""
+"""Metres by which the body may reach beyond the farthest return from within arm's reach."""
 
 
 def nearest_ranges(frame: Frame, pattern: BeamPattern, max_range: float) -> Ranges:
@@ -28,10 +28,10 @@ def nearest_ranges(frame: Frame, pattern: BeamPattern, max_range: float) -> Rang
 
 
 def find_constant(ranges: Ranges, settings: EgoBodySettings) -> Ranges:
-    """Return (2, H, W): how far a body reaches where most of `ranges` (K, H, W) are the same, and how exactly.
+    """Return (2, H, W): the range up to which a body reaches where most of `ranges` (K, H, W) agree, and its tolerance.
 
-    A face that is met at a grazing angle (a trailer's long side) changes its range by much when it swings by little:
-    ranges are the same where they differ by less than half of what lies between neighbouring rays, too.
+    A face met at a grazing angle (a trailer's long side) changes its range by much when it swings by little, so
+    ranges also agree if they differ by less than half the difference between neighbouring rays.
     """
     n = (~np.isnan(ranges)).sum(axis=0)
     ordered = np.sort(ranges, axis=0)  # NaN last
@@ -46,16 +46,16 @@ def find_constant(ranges: Ranges, settings: EgoBodySettings) -> Ranges:
 
 
 def find_near(ranges: Ranges, near_reach: float) -> Ranges:
-    """Return (H, W) how far a body reaches where scans return from within `near_reach`, whatever the range."""
+    """Return (H, W) the range up to which a body reaches where scans repeatedly return from within `near_reach`."""
     is_near = ranges < near_reach
     farthest = np.where(is_near, ranges, np.float32(0.0)).max(axis=0)
     return np.where(is_near.mean(axis=0) >= NEAR_SHARE, farthest + NEAR_MARGIN, np.float32(0.0))
 
 
 def cells_within(points: Points, reach: Ranges, pattern: BeamPattern) -> npt.NDArray[np.int32]:
-    """Return (M,) the cell, row times columns plus column, of each of `points` (M, 3) nearer than its cell's `reach`.
+    """Return (M,) the cell, row * columns + column, of each of `points` (M, 3) nearer than its cell's `reach`.
 
-    Points are those of a raw sweep; -1 for those that are not.
+    The points are those of a raw sweep; those that are not nearer have -1.
     """
     cell, ranges = locate(points, pattern)
     return np.where(ranges < np.append(reach, np.float32(0.0))[cell], cell, np.int32(-1))

@@ -1,10 +1,10 @@
-"""Body or world? What other scans say of what keeps its place in the sensor's frame.
+"""Body or world: votes of other scans on points that keep their place in the sensor's frame.
 
-Were it of the world, another scan would see it where the poses say, or its end where it ends; were it of the body,
-that place would be free, or taken by another part of the body. So a ray of another scan that goes on through the
-place speaks for the body, one that ends there for the world, and one that meets what may be body itself says nothing.
-No distance need be gone for that: the edges of a hull show it, when a boat rolls at its quay. Inside a wide deck
-nothing does, nor where rays past the body meet water and do not return; there the rest of a part speaks for all of it.
+Other scans hit a point of the world where the poses place it. If it is body, they observe that place free, or hit
+another part of the body there. So a ray of another scan that passes through the place is a vote for the
+body, a ray that ends there is one for the world, and a ray that meets a possible body counts for neither.
+No displacement is needed: the edges of a hull suffice when a boat rolls at its quay. There are no votes inside a wide
+deck, nor where rays past the body meet water and do not return; there the votes on the rest of a part decide.
 """
 
 from __future__ import annotations
@@ -22,24 +22,23 @@ from automos.geometry import inverse, transform
 from automos.scan import Frame, Mask
 
 _ASKED = 20_000
-"""Points of a scan, at most, about which others are asked."""
+"""Greatest number of points of a scan that others vote on."""
 _TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))
-"""Of `look_through`."""
+"""The tolerances of `look_through`."""
 _BEFORE = 0.35
-"""Metres before what may be body from which a ray that ends at a point may have met it: the tolerance of a hit and a
-little more."""
+"""Metres, how far beyond a possible body a ray may end that has met it: a little more than the tolerance of a hit."""
 _VOXEL = 0.3
-"""Metres: points in neighbouring voxels hang together."""
+"""Metres: points in neighbouring voxels are connected."""
 _WORLD_SHARE = 0.05
-"""Share of hits among the reports from which a cell is the world's."""
+"""Share of hits among the reports above which a cell is world."""
 _LEAST_SHARE = 0.02
-"""Share of free-space observations among the reports below which they may be noise of the poses."""
+"""Share of free-space observations among the reports; fewer may be due to errors of the poses."""
 
 
 def ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> npt.NDArray[np.float64]:
-    """Return (3, H, W) how often each cell was reported on, hit, and observed free.
+    """Return (3, H, W) the numbers of reports, hits and free-space observations of each cell.
 
-    Each of `frames` reports on what all others saw nearer than `reach` (H, W), metres.
+    Each of `frames` reports on the points of all others that are nearer than `reach` (H, W), metres.
     """
     raws = [raw_points(frame) for frame in frames]
     projections = [project(raw, pattern) for raw in raws]
@@ -64,7 +63,7 @@ def ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> npt.
 
 
 def decide(votes: npt.NDArray[np.float64], pattern: BeamPattern, reach: Ranges) -> Mask:
-    """Return (H, W) bool: at which cells' `reach` (H, W; 0 for none) the body is, by the `votes` (3, H, W) on them."""
+    """Return (H, W) bool: cells whose `reach` (H, W; 0 for none) is body, according to their `votes` (3, H, W)."""
     reported, hits, through = votes
     is_body = (reach > 0.0) & ~((hits > _WORLD_SHARE * reported) & (hits >= through))
     v, u = np.nonzero(is_body)
@@ -75,7 +74,7 @@ def decide(votes: npt.NDArray[np.float64], pattern: BeamPattern, reach: Ranges) 
 
 
 def parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
-    """Return (M,) which part each of `points` (M, 3) belongs to, and one more than the last of them."""
+    """Return (M,) the connected part that each of `points` (M, 3) belongs to, and one more than the last part."""
     if len(points) == 0:
         return np.zeros(0, np.int32), 0
     voxels = np.floor(points / _VOXEL).astype(np.int64)

@@ -1,12 +1,12 @@
-"""Evidence of motion: was a point's place observed to be free, before or after?
+"""Evidence of motion: was a point's place observed free, before or after?
 
-For every point that is neither ground nor ego body, scans from 0.2 to 8 s before and after are asked what they saw
-there: through (the place was free, so the point came or went), a hit (the place was still taken), or nothing. Short
-spans reveal fast things, long ones slow walkers and cars that wait. No single observation counts for much; what
-all spans say together does. Memory holds the scans that may still be asked, whatever the recording's length.
+For every point that is neither ground nor ego body, scans from 0.2 to 8 s before and after report on its place:
+observed free (so the point came or went), hit (so the place was still occupied), or nothing. Short spans reveal fast
+objects, long ones slow walkers and cars that wait. No single observation decides; the sum over all spans does. Memory
+holds only the scans that may still be asked, whatever the length of the recording.
 
-Rays start where their LiDAR sits. Of merged clouds each LiDAR has a pattern, a view of every scan and a say of its own;
-one scan has one say: a hit by any of its LiDARs stands.
+Rays start at their LiDAR. In merged clouds each LiDAR has its own pattern, view and report on every point. These are
+combined into one report per scan, in which a hit by any LiDAR prevails.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ Net = npt.NDArray[np.float32]
 
 
 class FreeSpace:
-    """Evidence of a whole recording: the sensor's pattern and the ego body are learnt at the start."""
+    """Evidence for a whole recording; the sensor's pattern and the ego body are learnt at the start."""
 
     def __init__(self, frames: Frames, stamps: npt.NDArray[np.float64], settings: CandidatesSettings, threads: int = 2):
-        """Learn from a few of `frames` how the sensor's rays lie and what of the vehicle they meet.
+        """Learn the beam pattern from a few of `frames`, and the ego body from `frames`.
 
         `stamps` (N,) are the frames' times in seconds, increasing. The result does not depend on `threads`.
         """
@@ -47,9 +47,9 @@ class FreeSpace:
         return partners_of(self.stamps[index], self.stamps, self._is_far_partner, self.settings.free_space)
 
     def collect(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Seen, Net]]:
-        """Yield of every frame from `start` to before `stop`, in order, its index, what it saw and `ask` of its points.
+        """Yield index, observations and evidence (`ask`) of each frame from `start` to before `stop`, in order.
 
-        Each frame is read once. The result does not depend on where one starts and stops.
+        Each frame is read once. The result does not depend on `start` and `stop`.
         """
         todo = range(start, len(self.frames) if stop is None else stop)
         partners = {i: self.partners(i) for i in todo}
@@ -74,5 +74,5 @@ class FreeSpace:
                     del seen[j]
 
     def _look(self, index: int) -> Seen:
-        """Return what frame `index` saw."""
+        """Return the observations of frame `index`."""
         return look(self.frames[index], self.lidars, self.settings.ground)

@@ -1,4 +1,4 @@
-"""Asking other scans about one: which of them, and what they say of its points all together."""
+"""Reports of other scans on the points of one scan: which scans report, and the sum of their reports."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from automos.settings import FreeSpaceSettings
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 _PARTS, _PART = 4, 6000
-"""Into how many parts a scan's points are cut at most where threads share the work, and how many points one has at
-least: below that, asking takes less time than being asked."""
+"""Greatest number of parts that a scan's points are split into for threads, and least number of points in a part:
+smaller parts do not pay for their overhead."""
 SPAN_TOLERANCE = 0.25
-"""Of a span, how far off the asked scan may be."""
+"""Share of a span by which the time of the asked scan may be off."""
 FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)
-"""Seconds: asked first; what they agree to have hit has stayed."""
+"""Seconds: spans asked first; points that these scans agree to have hit have stayed."""
 SURE_HITS = 2
-"""Hits without a free-space observation after which no more scans are asked."""
+"""Number of hits, without any free-space observation, after which no more scans are asked."""
 
 
 def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSettings) -> Rows:
-    """Return which of the scans at `stamps` (N,) are asked about one at `stamp`: the nearest to each span, in order.
+    """Return which scans at `stamps` (N,) report on the one at `stamp`: the nearest to each span, in order.
 
-    The scan itself is not among them. Over the longer spans only those that are `is_far` (N,) are asked, which are
-    `far_step` apart, so that only their images need be kept for long.
+    The scan itself is not among them. Over longer spans only the scans `is_far` (N,) report. They are `far_step` apart,
+    so that few images must be kept for long.
     """
     spans = np.asarray(settings.spans)
     is_long = spans > settings.far_from
@@ -43,7 +43,7 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
 
 
 def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
-    """Return those of scans `ids` that are nearest to `spans` before and after `stamp`, if near enough."""
+    """Return the scans of `ids` nearest to `spans` before and after `stamp`, if near enough."""
     if len(ids) == 0:
         return ids
     wanted = stamp + np.concatenate([-spans[::-1], spans])
@@ -56,14 +56,14 @@ def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
 def ask(
     mine: Seen, others: list[Seen], offsets: Array, settings: FreeSpaceSettings, pool: ThreadPoolExecutor | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return (M,) how surely each point of the scan that saw `mine` has moved, by what `others` say of its place.
+    """Return (M,) the evidence that each point of scan `mine` has moved, from the reports of `others` on its place.
 
-    Above 0 it has moved, below it has stayed; 0 is unknown, and what is no object.
+    Positive: has moved; negative: has stayed; 0: unknown, or not an object point.
 
     Parameters
     ----------
-    offsets : (P,) seconds from it to each of the others, increasing.
-    pool : threads to share the work; the result does not depend on them.
+    offsets : (P,) float64, seconds from `mine` to each of the others, increasing.
+    pool : ThreadPoolExecutor, optional, shares the work; the result does not depend on it.
     """
     net = np.zeros(len(mine.kind), np.float32)
     for view in mine.views:
@@ -86,7 +86,7 @@ def _ask_part(
     settings: FreeSpaceSettings,
     part: slice,
 ) -> npt.NDArray[np.float32]:
-    """Return (K,) the same of a `part` of a view's objects, all of which are `heights` above the ground."""
+    """Return (K,) the evidence for a `part` of a view's object points; `heights` are those of all object points."""
     points = np.ascontiguousarray(mine.objects[:, part])
     trusts = np.where(mine.is_supported[part], 1.0, settings.lone_weight)
     about = [np.linalg.norm(points, axis=0), heights[part], trusts]
@@ -94,7 +94,7 @@ def _ask_part(
     votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:
         votes[k] = _vote(mine, points, about, others[k], settings)
-    # Most points are hit by all who see them: the others need not be asked about those.
+    # Most points are hit by every scan that sees them, so the remaining scans need not report on those.
     ids = np.flatnonzero((votes.max(axis=0, initial=0) > 0) | (count_hits(votes) < SURE_HITS))
     points, about = np.take(points, ids, axis=1), [np.take(column, ids) for column in about]
     for k in set(range(len(others))) - first:
@@ -105,9 +105,9 @@ def _ask_part(
 def _vote(
     mine: View, points: npt.NDArray[np.float32], about: list[npt.NDArray], other: Seen, settings: FreeSpaceSettings
 ) -> Votes:
-    """Return (K,) the vote of another scan on `points` (3, K) of a view; `about` them, see `weigh_looks`.
+    """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`.
 
-    Of several LiDARs of that scan any hit stands, else the surest free-space observation.
+    If that scan has several LiDARs, any hit prevails, otherwise the strongest free-space observation.
     """
     s = settings
     tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))

@@ -8,20 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 N_DIRECTIONS = 360
-"""Directions all around for which it is known when in the sweep the sensor looked there."""
+"""Number of azimuth directions for which the time in the sweep is known."""
 _SINE_BINS = 4096
 _N_LEVELS = 5
 
 
 class Pyramid(NamedTuple):
-    """How ever coarser levels of the grid lie in memory.
+    """Memory layout of the levels of the grid, from fine to coarse.
 
     Attributes
     ----------
-    shifts : (L, 2) int64, binary logarithms of a cell's rows and columns.
+    shifts : (L, 2) int64, binary logarithms of the numbers of rows and columns in a cell.
     shapes : (L, 2) int64, rows and columns of each level.
-    offsets : (L + 1,) int64, where each level begins.
-    widths : (L,) float32, radians, the longer side of a cell.
+    offsets : (L + 1,) int64, start of each level.
+    widths : (L,) float32, longer side of a cell, radians.
     """
 
     shifts: npt.NDArray[np.int64]
@@ -35,12 +35,12 @@ class BeamPattern(NamedTuple):
 
     Attributes
     ----------
-    n_rows, n_columns : size of the grid; columns go round the full circle, column 0 begins at azimuth -pi.
-    row_height, column_width : radians between neighbouring rows (the median) and columns.
-    row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the k-th row's centre is k + 0.5.
-    sweep_time : (360,) float32, when in the sweep [-0.5, 0.5] the sensor looks along directions evenly spaced in
-        `cells.rough_turn_of`; zeros where directions have no fixed time.
-    pyramid : coarser levels of the grid.
+    n_rows, n_columns : int, size of the grid; columns cover the full circle, column 0 begins at azimuth -pi.
+    row_height, column_width : float, radians between neighbouring rows (the median) and columns.
+    row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the centre of row k is k + 0.5.
+    sweep_time : (360,) float32, time in the sweep, in [-0.5, 0.5], of directions evenly spaced in
+        `cells.rough_turn_of`; zeros if directions have no fixed time.
+    pyramid : Pyramid, coarser levels of the grid.
     """
 
     n_rows: int
@@ -68,7 +68,7 @@ def make_pattern(
 
 
 def _pyramid(shape: tuple[int, int], cell: tuple[float, float]) -> Pyramid:
-    """Return the levels of a grid; columns are merged before rows until cells are about square."""
+    """Return the levels of a grid; columns are merged first, until cells are about square."""
     lead = max(round(float(np.log2(cell[0] / cell[1]))), 0)
     shifts = np.array([[max(level - lead, 0), level] for level in range(_N_LEVELS)])
     shapes = -(-np.array([shape]) // (1 << shifts))
@@ -77,7 +77,7 @@ def _pyramid(shape: tuple[int, int], cell: tuple[float, float]) -> Pyramid:
 
 
 def directions(pattern: BeamPattern, rows: npt.NDArray, columns: npt.NDArray) -> npt.NDArray[np.float64]:
-    """Return the (M, 3) unit vectors through the middles of cells (`rows`, `columns`), sensor frame."""
+    """Return the (M, 3) unit vectors through the centres of cells (`rows`, `columns`), sensor frame."""
     known = (pattern.row_of_sine > -1.0) & (pattern.row_of_sine < pattern.n_rows + 1.0)
     sines = np.linspace(-1.0, 1.0, len(known))[known]
     sine = np.interp(rows + 0.5, pattern.row_of_sine[known], sines)

@@ -1,8 +1,8 @@
-"""What one scan saw, as images that answer in a few reads how far the rays around a direction went.
+"""Range images of one scan, from which a few reads give the ranges of the rays around a direction.
 
-Two windows are kept per cell. The near window (3 x 3 cells, about one ray to each side) holds the shortest and longest
-range there: a surface's slope and the edges of things are in their difference. The clear pyramid holds the shortest
-range of anything but ground in windows of ever coarser cells: whether a place the size of a fist or a head was empty.
+Two windows are kept per cell. The near window (3 x 3 cells, about one ray to each side) holds the shortest and the
+longest range; their difference shows the slope of a surface and the edges of objects. The clear pyramid holds the
+shortest range of anything but ground in windows of increasingly coarse cells: was a place of a given width free?
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from automos.scan import Mask, Points
 UNIT = 0.01
 """Metres per step of the stored ranges."""
 NO_RAY = 65535
-"""Shortest range stored where no ray went."""
+"""Shortest range stored in cells without a ray."""
 SUPPORT, SUPPORT_PER_METRE = 0.3, 0.02
-"""Metres, and metres per metre of range: neighbouring rays that differ by less have met the same thing."""
+"""Metres, and metres per metre of range: neighbouring rays that differ by less have met the same object."""
 
 _Image = npt.NDArray[np.uint16]
 
@@ -32,9 +32,9 @@ class RangeImage(NamedTuple):
 
     Attributes
     ----------
-    rays : (H, W, 2) uint16, nearest and farthest of the rays in each cell; 65535 and 0 where there is none.
+    rays : (H, W, 2) uint16, nearest and farthest range in each cell; 65535 and 0 where there is no ray.
     around : (H, W, 2) uint16, the same over the 3 x 3 cells around each cell.
-    clear : (K,) uint16, shortest range of objects in 3 x 3 cells, level by level of the grid's pyramid.
+    clear : (K,) uint16, shortest range of object points in 3 x 3 cells, for each level of the grid's pyramid.
     """
 
     rays: _Image
@@ -43,11 +43,11 @@ class RangeImage(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """Where the points of one scan fall on its sensor's grid of rays.
+    """The points of one scan on its sensor's grid of rays.
 
     Attributes
     ----------
-    cell : (M,) int32, row times columns plus column of each point; -1 for what is not seen.
+    cell : (M,) int32, row * columns + column of each point; -1 if outside of the grid or left out.
     steps : (M,) uint16, range in units of `UNIT`.
     rays : (H, W, 2) uint16, nearest and farthest range in each cell; 65535 and 0 where there is none.
     """
@@ -58,9 +58,9 @@ class Projection(NamedTuple):
 
 
 def locate(points: Points, pattern: BeamPattern) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """Return the cell of the grid, row times columns plus column, that each point falls into, and its range, metres.
+    """Return the grid cell (row * columns + column) and the range (metres) of each point.
 
-    points : (M, 3) float32, sensor frame of the raw sweep. The cell is -1 for what is outside of the grid.
+    points : (M, 3) float32, sensor frame of the raw sweep. The cell is -1 for points outside of the grid.
     """
     cell, ranges = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
     _locate(points, pattern.row_of_sine, pattern.n_rows, pattern.n_columns, cell, ranges)
@@ -68,7 +68,7 @@ def locate(points: Points, pattern: BeamPattern) -> tuple[npt.NDArray[np.int32],
 
 
 def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -> Projection:
-    """Return where `points` (M, 3), sensor frame of the raw sweep, fall on the grid; all or those `is_seen` (M,)."""
+    """Return the projection of `points` (M, 3), sensor frame of the raw sweep; all of them, or those `is_seen` (M,)."""
     cell, ranges = locate(points, pattern)
     steps = np.minimum(ranges * np.float32(1.0 / UNIT), np.float32(NO_RAY - 1)).astype(np.uint16)
     if is_seen is not None:
@@ -80,15 +80,15 @@ def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -
 
 
 def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return for each object (M,) in how many directions it goes on, and how solid it is.
+    """Return for each object point (M,) in how many directions it has neighbours, and its solidity.
 
     Returns
     -------
-    n_directions : (M,) uint8, up or down and sideways. A drop of rain, dust or an insect is met by one ray only: 0. A
-        twig, a wire or the edge of a slab fits between the rays of other scans: 1. What other rays of the same scan
-        have met both above or below and beside is a thing that those would meet: 2.
-    solidity : (M,) uint8, 255 where the rays right beside it that returned all ended beside it, 0 where none did: faces
-        of solid things return the rays that meet them, dust and leaves let most of them through.
+    n_directions : (M,) uint8, vertical and horizontal. 0: only one ray met it, such as a drop of rain, dust or an
+        insect. 1: a twig, a wire or the edge of a slab, which fits between the rays of other scans. 2: it has
+        neighbours above or below and beside it, so rays of other scans would meet it, too.
+    solidity : (M,) uint8, share of the directly adjacent returned rays that ended beside it, from 0 for none to 255
+        for all. Solid faces return the rays that meet them; dust and leaves let most of them through.
     """
     n_directions, solidity = np.zeros((2, len(is_object)), np.uint8)
     _count_neighbours(*projection, is_object, n_directions, solidity)
@@ -96,7 +96,7 @@ def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArra
 
 
 def make_image(projection: Projection, pyramid: Pyramid, is_object: Mask) -> RangeImage:
-    """Return the range image of projected points (M,): what is no object is transparent to `clear`."""
+    """Return the range image of projected points (M,); `clear` ignores all but object points."""
     nearest = np.full(projection.rays.shape[:2], NO_RAY, np.uint16)
     seen = np.flatnonzero(is_object & (projection.cell >= 0))
     np.minimum.at(nearest.reshape(-1), projection.cell[seen], projection.steps[seen])
@@ -110,7 +110,7 @@ def make_image(projection: Projection, pyramid: Pyramid, is_object: Mask) -> Ran
 
 
 def _merged(image: _Image, axis: int) -> _Image:
-    """Return the nearer of every two cells along `axis` of `image` (H, W), the last alone where their number is odd."""
+    """Return the minimum of every two cells along `axis` of `image` (H, W); the last of an odd number is copied."""
     image = np.moveaxis(image, axis, 0)
     nearer = image[::2].copy()
     np.minimum(nearer[: len(image) // 2], image[1::2], out=nearer[: len(image) // 2])
@@ -118,9 +118,9 @@ def _merged(image: _Image, axis: int) -> _Image:
 
 
 def over_neighbours(image: npt.NDArray, extreme: np.ufunc) -> npt.NDArray:
-    """Return the `extreme`, np.minimum or np.maximum, of the 3 x 3 cells around each of `image` (H, W).
+    """Return the `extreme` (np.minimum or np.maximum) of the 3 x 3 cells around each cell of `image` (H, W).
 
-    Columns go round.
+    Columns wrap around.
     """
     rows = image.copy()
     extreme(rows[1:], image[:-1], out=rows[1:])
@@ -155,10 +155,10 @@ def _count_neighbours(cell, steps, rays, is_object, n_directions, solidity):  # 
         near = np.float32(SUPPORT / UNIT) + np.float32(SUPPORT_PER_METRE) * q
         has_neighbour, goes_up, goes_sideways, n_near, n_beside = False, False, False, 0, 0
         for reach in range(1, 3):
-            if goes_up and goes_sideways:  # right beside it, as most do: who is further tells nothing new
+            if goes_up and goes_sideways:  # both found directly beside it, as for most points
                 break
             for b in range(max(v - reach, 0), min(v + reach + 1, h)):
-                # Of the outer ring rows at its ends are whole, of those between there are the two ends.
+                # The outer ring: all of its first and last row, and the two ends of the rows between.
                 step = 1 if reach == 1 or abs(b - v) == reach else 2 * reach
                 for a in range(u - reach, u + reach + 1, step):
                     first, last = rays[b, a - w if a >= w else a]

@@ -1,9 +1,9 @@
-"""Where a sensor's beams point, learnt from its own scans.
+"""The beam pattern of a sensor, learnt from its own scans.
 
-Every sensor leaves its pattern in the angles of its returns: how far apart neighbouring firings of one beam are, and
-how many beams there are per degree at each elevation. With both, (elevation, azimuth) maps to a grid of rows and
-columns in which about one ray falls into each cell, whether the beams are evenly spaced, in blocks, few, or never
-repeat. Angles are those of the raw sweep, before the sensor's motion is taken out.
+The angles of the returns show the spacing of neighbouring firings of one beam, and the number of beams per degree at
+each elevation. With both, (elevation, azimuth) maps to a grid of rows and columns with about one ray in each cell,
+whether the beams are evenly spaced, in blocks, few, or never repeat. Angles are those of the raw sweep, before motion
+compensation.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from automos.scan import Frame
 
 Array = npt.NDArray[np.float64]
 _MICRO_ROW, _ROUGH_ROW = np.radians(0.05), np.radians(0.1)
-"""Height of rows far thinner than the gap between beams; where coordinates were rounded, twice that."""
+"""Radians, height of rows far thinner than the gap between beams, and the same for rounded coordinates."""
 _ELEVATION_BIN = np.radians(0.25)
 _LONGEST_GAP = np.radians(2.5)
 _SECTORS = 90
 _UNKNOWN = np.radians(0.5)
-"""Between rows and columns where no scan shows a pattern."""
+"""Radians between rows and columns if no scan shows a pattern."""
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
-    """Return the beam pattern that the raw angles of `frames` show (a handful of frames is enough).
+    """Return the beam pattern in the raw angles of `frames` (a handful of frames is enough).
 
-    Frames of hardly a point show none; where all are like that, rows and columns are half a degree apart.
+    Frames with too few points are skipped; if all are, rows and columns are half a degree apart.
     """
     frames = [frame for frame in frames if len(frame.points) >= MIN_POINTS]
     raw = [raw_points(frame) for frame in frames]
@@ -39,12 +39,12 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     if not angles:
         return _unknown_pattern()
     step, kept = _azimuth_step(angles, _MICRO_ROW)
-    if step is None:  # where coordinates were rounded, angles are exact only far away
+    if step is None:  # if coordinates were rounded, angles are exact only far away
         step, kept = _azimuth_step([scan[:, scan[2] > np.median(scan[2])] for scan in angles], _ROUGH_ROW)
     density, edges = _row_density(angles, step, kept)
-    if not (np.isfinite(density).all() and density.sum() > 0.0):  # all points on a line or at one place
+    if not (np.isfinite(density).all() and density.sum() > 0.0):  # all points are on a line or at one place
         return _unknown_pattern()
-    if step is None:  # no beam repeats: square cells, one ray in each
+    if step is None:  # no beam repeats: use square cells with one ray in each
         step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
         density = density * step
     rows = np.concatenate([[0.0], np.cumsum(density)])
@@ -64,13 +64,13 @@ def _angles(points: Array) -> Array:
 
 
 def _azimuth_step(angles: list[Array], row: float) -> tuple[float | None, float]:
-    """Return the radians between firings of one beam and the share of rays that were kept in a thinned-out scan.
+    """Return the radians between firings of one beam, and the share of rays that were kept in a thinned-out scan.
 
-    None and 1 where neighbours in a row keep no common distance. `row`, radians, is the height of rows.
+    None and 1 if neighbours in a row have no common spacing. `row`, radians, is the height of rows.
     """
     edges = np.geomspace(np.radians(0.02), np.radians(3.0), 101)  # 5 % wide
     best_share, step, kept = 0.4, None, 1.0
-    for shift in (0.0, 0.5):  # a beam on the border of two rows would be cut in two
+    for shift in (0.0, 0.5):  # a beam on the border of two rows would be split
         at, gaps = np.concatenate([_neighbour_gaps(scan[0], scan[1], row, shift) for scan in angles], axis=1)
         is_usual = (gaps > edges[0]) & (gaps < edges[-1])
         at, gaps = at[is_usual], gaps[is_usual]
@@ -82,7 +82,7 @@ def _azimuth_step(angles: list[Array], row: float) -> tuple[float | None, float]
         if share > best_share:
             near_mode = (gaps > edges[max(k - 2, 0)]) & (gaps < edges[min(k + 3, 100)])
             best_share, step = share, float(np.median(gaps[near_mode]))
-            # Where a whole sector returns, every second ray is missing only if they were taken out.
+            # Where a whole sector returns, every second ray is missing only if the scan was thinned out.
             single, near = (np.bincount(_sector(at), gaps < limit * step, _SECTORS) for limit in (1.5, 6.5))
             kept = float(np.percentile(single[near > 0] / near[near > 0], 90))
     return step, kept
@@ -93,7 +93,7 @@ def _sector(azimuth: Array) -> npt.NDArray[np.int64]:
 
 
 def _neighbour_gaps(azimuth: Array, elevation: Array, row: float, shift: float) -> Array:
-    """Return (2, K) azimuths and how far on the next ray is, in rows of height `row`, radians."""
+    """Return (2, K) azimuths and the gaps to the next ray, in rows of height `row`, all in radians."""
     micro_row = np.floor(elevation / row + shift).astype(np.int64)
     order = np.lexsort((azimuth, micro_row))
     same_row = np.diff(micro_row[order]) == 0
@@ -101,7 +101,7 @@ def _neighbour_gaps(azimuth: Array, elevation: Array, row: float, shift: float) 
 
 
 def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[Array, Array]:
-    """Return rows per elevation bin and the bins' edges; rays per radian of azimuth and bin where `step` is None."""
+    """Return rows per elevation bin and the bins' edges; rays per radian of azimuth and bin if `step` is None."""
     low, high = min(scan[1].min() for scan in angles), max(scan[1].max() for scan in angles)
     n_bins = int((high - low) / _ELEVATION_BIN) + 1
     counts = []
@@ -110,18 +110,18 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
         counts.append(np.bincount(v * _SECTORS + _sector(azimuth), minlength=n_bins * _SECTORS))
     per_bin = np.hstack([scan.reshape(n_bins, _SECTORS) for scan in counts]).astype(np.float64)
     full = kept * 2.0 * np.pi / _SECTORS / (step or 1.0)  # rays of one row in a full sector
-    # Sky and open roads return nothing: only sectors that return anything show how dense the beams are.
+    # Sky and open roads return nothing, so only sectors with returns show the density of the beams.
     density = np.array([np.percentile(c[c > 0], 75) if (c > 0).any() else 0.0 for c in per_bin])
-    with np.errstate(invalid="ignore", divide="ignore"):  # who asks sees that this is no pattern
+    with np.errstate(invalid="ignore", divide="ignore"):  # the caller checks that it is finite
         density /= full
-        # Angles smeared by a motion that cannot be taken back fill gaps between beams; a sector's total stays.
+        # Motion that cannot be undone smears angles into the gaps between beams; a sector's total is unchanged.
         density *= min(1.0, np.percentile(per_bin.sum(axis=0), 95) / full / density.sum())
     _fill_silent_bins(density)
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
 
 
 def _fill_silent_bins(density: Array) -> None:
-    """Give long runs of empty bins (beams into the sky) the mean density: rows must not close up where nothing was."""
+    """Give long runs of empty bins (beams into the sky) the mean density, so that rows keep their spacing there."""
     is_empty = np.concatenate([[False], density == 0.0, [False]])
     starts, ends = np.flatnonzero(np.diff(is_empty.astype(np.int8))).reshape(-1, 2).T
     mean = density[density > 0.0].mean() * (density > 0.0).mean() if (density > 0.0).any() else 0.0

@@ -1,7 +1,7 @@
-"""One sweep: its points as the moving sensor saw them, and when it last looked along each direction.
+"""One sweep: its raw points, before motion compensation, and the time at which each direction was last observed.
 
-Where every scan begins at the same azimuth, a direction is looked at at the same time in all. A driver that cuts
-its stream by time begins each scan elsewhere, and one of more than a turn looks twice into a sector.
+If every scan begins at the same azimuth, a direction has the same time in all of them. A driver that cuts its stream
+by time begins each scan at another azimuth, and a scan of more than a turn observes a sector twice.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from automos.kernels import kernel
 from automos.scan import Frame, Mask, Points
 
 MIN_POINTS = 100
-"""Points of a scan, below which nothing is learnt from it."""
+"""Least number of points of a scan that anything is learnt from."""
 _STEPS = 64
-"""Parts of a sweep with a pose each: sweeps turn by a few degrees, which is under a centimetre at 50 m."""
+"""Parts of a sweep, each with its own pose: sweeps turn by a few degrees, so the error is under 1 cm at 50 m."""
 _SAME_LOOK = 0.5
-"""Of a sweep: a direction that was looked at longer ago than this was looked at twice."""
+"""Share of a sweep: points of a direction that are older than its last by more than this are from an earlier turn."""
 _FIXED = 0.1
-"""Of a sweep: deviation of a direction's times beyond which the pattern does not turn with time."""
+"""Share of a sweep: with a greater standard deviation of a direction's times, directions have no fixed time."""
 
 
 def raw_points(frame: Frame) -> Points:
-    """Return (M, 3) float32: the frame's points as the moving sensor saw them, motion compensation taken back."""
+    """Return (M, 3) float32: the frame's points in the frame of the moving sensor, with motion compensation undone."""
     if frame.sweep_time is None or frame.sweep_motion is None:
         return frame.points
     steps = (np.arange(_STEPS) + 0.5) / _STEPS - 0.5
@@ -37,15 +37,15 @@ def raw_points(frame: Frame) -> Points:
 
 
 def motion_of(frame: Frame) -> npt.NDArray[np.float32]:
-    """Return (6,) float32, twist of the sensor over the sweep; zeros where that or the points' times are unknown."""
+    """Return (6,) float32, twist of the sensor over the sweep; zeros if that or the points' times are unknown."""
     is_known = frame.sweep_motion is not None and frame.sweep_time is not None
     return np.asarray(frame.sweep_motion if is_known else np.zeros(6), np.float32)
 
 
 def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.NDArray[np.float32], Mask]:
-    """Return when a scan last looked along each direction, and which of its points it saw then.
+    """Return the time at which a scan last observed each direction, and which of its points are from then.
 
-    A scan of more than a turn looks twice into a sector, from two places. One range image can show only one of them.
+    A scan of more than a turn observes a sector twice, from two places. One range image can hold only one of them.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
 
     Returns
     -------
-    sweep_time : (360,) float32, mean time of each direction's last look; zeros where that is not fixed.
-    is_last : (M,) bool, all true where it is not, or where no sector was seen twice.
+    sweep_time : (360,) float32, mean time of each direction's last observation; zeros if times are not fixed.
+    is_last : (M,) bool, all true if times are not fixed, or if no sector was observed twice.
     """
     unknown = np.zeros(N_DIRECTIONS, np.float32), np.ones(len(raw), np.bool_)
     if times is None or len(raw) < MIN_POINTS:

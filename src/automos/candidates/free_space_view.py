@@ -1,7 +1,7 @@
-"""What each LiDAR saw in one scan: how far its rays went, and the points that may be objects, as seen from where it is.
+"""The observations of each LiDAR in one scan: the ranges of its rays, and its object points in its own frame.
 
-A scan of one LiDAR has one view. Merged clouds have one for each LiDAR that a scan names, with rays that start there
-and a pattern of their own; the ground is that of all points together.
+A scan of one LiDAR has one view. Merged clouds have one for each LiDAR that a scan names, with its own origin and
+pattern; the ground is that of all points together.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from automos.settings import EgoBodySettings, GroundSettings
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """What is learnt of one LiDAR: where it sits in a scan's frame, how its rays lie, what of the vehicle they meet.
+    """What is learnt of one LiDAR: its pose in a scan's frame, its beam pattern, and the ego body that its rays meet.
 
-    `body_reach` (H, W) float32, metres, is how far the vehicle's own body reaches along each ray, 0 where it does not.
+    `body_reach` (H, W) float32, metres, is the range up to which the ego body reaches along each ray, 0 for none.
     """
 
     T_scan_sensor: Pose
@@ -36,14 +36,14 @@ class Lidar:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one LiDAR saw in a scan.
+    """The observations of one LiDAR in a scan.
 
     Attributes
     ----------
-    rows : which of the frame's points it measured.   is_object : (R,) which of these may be objects.
-    objects : (3, K) float32, metres, these points in the LiDAR's frame at mid-sweep.
-    is_supported : (K,) which of these other rays of the scan have met as well, above or below and beside.
-    rays : of all its points, with the times of this scan.
+    rows : (R,) int64 or slice, the frame's points it measured.   is_object : (R,) bool, those that may be objects.
+    objects : (3, K) float32, metres, the object points in the LiDAR's frame at mid-sweep.
+    is_supported : (K,) bool, object points with neighbours in the same scan above or below, and beside.
+    rays : Rays, of all its points, with the times of this scan.
     """
 
     rows: npt.NDArray[np.int64] | slice
@@ -56,13 +56,13 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is kept of a frame of M points while others may ask about it.
+    """The observations of a frame of M points, kept while others may use them.
 
     Attributes
     ----------
     kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.   height : (M,) float32, metres above the ground.
-    solidity : (M,) uint8, share of the rays beside an object that ended beside it, 255 for all.
-    views : one for each LiDAR.
+    solidity : (M,) uint8, share of the rays beside an object point that ended beside it, 255 for all.
+    views : list of View, one for each LiDAR.
     """
 
     kind: npt.NDArray[np.uint8]
@@ -71,16 +71,16 @@ class Seen:
     views: list[View]
 
     def moved(self, T_after_before: Pose) -> Seen:
-        """Return the same, seen from elsewhere: all poses moved by (4, 4) in the level frame."""
+        """Return the same with all poses moved by `T_after_before` (4, 4) in the level frame."""
         views = [replace(view, T_level_sensor=T_after_before @ view.T_level_sensor) for view in self.views]
         return replace(self, views=views)
 
 
 class FramesOfLidar:
-    """The frames of one of several LiDARs, each made when asked for."""
+    """The frames of one of several LiDARs, each made on demand."""
 
     def __init__(self, frames: Frames, lidar: int, T_level_sensor: Pose):
-        """Take all frames, which LiDAR, and the poses (N, 4, 4) of that one."""
+        """Take all frames, the number of the LiDAR, and its poses (N, 4, 4)."""
         self._frames, self._lidar, self.T_level_sensor = frames, lidar, T_level_sensor
         self.stamps = frames.stamps
 
@@ -92,7 +92,7 @@ class FramesOfLidar:
 
 
 def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
-    """Return what `sample`, a few of `frames`, shows of each LiDAR, in the order of their numbers."""
+    """Return the LiDARs in the order of their numbers; patterns are learnt from `sample`, a few of `frames`."""
     lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
     for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
         pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
@@ -101,7 +101,7 @@ def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings,
 
 
 def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
-    """Return `lidars` with what `frames` show each of them to meet of its own vehicle."""
+    """Return `lidars` with the ego body that `frames` show for each of them."""
     found = []
     for k, lidar in enumerate(lidars):
         own = FramesOfLidar(frames, k, frames.T_level_sensor @ lidar.T_scan_sensor)
@@ -110,12 +110,12 @@ def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, th
 
 
 def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
-    """Return (2,) radians between neighbouring rows and columns of rays, of the sparsest of `lidars`."""
+    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`."""
     return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
 
 
 def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
-    """Return what `frame` saw."""
+    """Return the observations of `frame`."""
     is_ground, height = find_ground(frame.points_level, frame.origin_level, ground)
     kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
     solidity = np.zeros(len(kind), np.uint8)
@@ -130,9 +130,9 @@ def _view(
     solidity: npt.NDArray[np.uint8],
     lidar: Lidar,
 ) -> View:
-    """Return what one LiDAR saw: the points `rows` of a frame of M, which `part` holds.
+    """Return the view of one LiDAR, whose points are `rows` of a frame of M points, and are in `part`.
 
-    The body and the specks that it finds are written into `kind` (M,), how solid things are into `solidity` (M,).
+    Ego body and specks are written into `kind` (M,), solidity into `solidity` (M,).
     """
     raw, of_here = raw_points(part), kind[rows].copy()
     of_here[is_on_body(raw, of_here == GROUND, lidar.body_reach, lidar.pattern)] = EGO_BODY

@@ -1,8 +1,8 @@
-"""What one scan says about the places of another's points: observed free, hit, or nothing.
+"""The report of one scan on the places of another's points: observed free, hit, or nothing.
 
-A place was *observed free* when the rays beside it went on behind it and nothing but ground came nearer within a palm's
-width; *weakly* so when only the rays right beside it did. It was *hit* when one of these rays ended at its range. Rays
-that ended before it say nothing, and neither do places without rays: a missing return has too many reasons.
+A place was *observed free* if the rays around it went on behind it and nothing but ground was nearer within a given
+width, *weakly* if only the rays directly beside it did. It was *hit* if one of these rays ended at its range. Rays that
+ended in front of it (occluded) report nothing; neither do missing returns, which have too many causes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 
 _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
-"""All liberties of fast arithmetic but those that take every number for finite."""
+"""All flags of fast arithmetic except those that assume finite numbers."""
 
 
 class Rays(NamedTuple):
-    """The rays of one sweep of a LiDAR: how they lie, how it moved meanwhile (6,) float32, and how far they went."""
+    """The rays of one sweep of a LiDAR: beam pattern, motion during the sweep (6,) float32, and range image."""
 
     pattern: BeamPattern
     motion: npt.NDArray[np.float32]
@@ -38,7 +38,7 @@ def _is_hit(rays, v, u, q, tolerance):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
     for b in range(max(v - 1, 0), min(v + 2, h)):
         for a in range(u - 1, u + 2):
-            a = a - w if a >= w else a  # negative columns count from the end by themselves
+            a = a - w if a >= w else a  # negative columns wrap around in NumPy
             if abs(np.float32(rays[b, a, 0]) - q) < tolerance or abs(np.float32(rays[b, a, 1]) - q) < tolerance:
                 return True
     return False
@@ -48,7 +48,7 @@ def _is_hit(rays, v, u, q, tolerance):  # type: ignore[no-untyped-def]
 def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
     """Whether rays on all four sides (or in the middle) of (v, u) went on beyond range `q`.
 
-    Where paint or glass returned nothing, a ray over the roof would else speak for the whole car.
+    Otherwise, where paint or glass returned nothing, a ray over the roof would decide for the whole car.
     """
     h, w, _ = rays.shape
     above = below = left = right = False
@@ -66,9 +66,9 @@ def _is_surrounded(rays, v, u, q):  # type: ignore[no-untyped-def]
 
 @kernel(fastmath=_FAST)
 def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type: ignore[no-untyped-def]
-    """Write row, column and range on the other scan's grid of `n` points from `start` on.
+    """Write row, column and range on the other scan's grid for `n` points from `start` on.
 
-    Loops of plain arithmetic apart from loops of table look-ups, so that the compiler makes vector code of the former.
+    Loops of arithmetic are separate from loops of table look-ups, so that the compiler can vectorise the former.
     """
     T00, T01, T02, T03 = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
     T10, T11, T12, T13 = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
@@ -87,7 +87,7 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
         bins[i] = np.int32(rough_turn_of(x, y) * n_times)
     for i in range(n):
         ranges[i] = pattern.sweep_time[np.uint32(bins[i])]
-    for i in range(n):  # back to where the sensor was when it looked that way
+    for i in range(n):  # relative to the sensor's pose when it observed this direction
         s, x, y, z = ranges[i], xs[i], ys[i], zs[i]
         nx = x - s * (vx + wy * z - wz * y)
         ny = y - s * (vy + wz * x - wx * z)
@@ -103,19 +103,19 @@ def _aim(points, start, n, T, motion, pattern, buffers, bins, columns):  # type:
 
 @kernel
 def look_through(points, T, rays, tolerances):  # type: ignore[no-untyped-def]
-    """Return for each point what another scan says of its place, and how its rays passed.
+    """Return another scan's report on the place of each point, and the range and miss of its rays.
 
     Parameters
     ----------
     points : (3, K) float32, contiguous.
     T : (3, 4) float32, from their frame to the other sensor's at mid-sweep.
-    rays : `Rays` of the other scan.
-    tolerances : float32: margin behind a point, hit, both with their growth per metre, and width that must be clear.
+    rays : Rays of the other scan.
+    tolerances : (5,) float32, margin behind a point, its growth per metre, hit, its growth per metre, clear width.
 
     Returns
     -------
     codes : (K,) uint8.   ranges : (K,) float32, metres from the other sensor.
-    misses : (K,) float32, metres between the point and the nearest row of rays, where the code is not `UNSEEN`.
+    misses : (K,) float32, metres from the point to the nearest row of rays; undefined where the code is `UNSEEN`.
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
     pattern, image = rays.pattern, rays.image

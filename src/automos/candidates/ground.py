@@ -1,9 +1,9 @@
-"""The ground under one scan, as a height map, and the points that lie on it.
+"""The ground of one scan as a height map, and the points that lie on it.
 
-Ground is what can be walked along: from the sensor outwards, sector by sector, a cell whose lowest point continues the
-ground walked so far is ground. What rises faster is an object; what lies under a sight line over nearer ground is a
-mirror image; what was hidden is bridged, a long even run at another height is taken up again. The cells found become
-a height map whose gaps are filled from coarser and coarser averages. No sensor height, tilt or plane is assumed.
+Each sector is followed from the sensor outwards: a cell whose lowest point continues the ground found so far is ground.
+What rises faster is an object. What lies below a sight line over nearer ground is a mirror image. Occluded cells are
+bridged, and a long even run at another height is accepted as ground again. The ground cells become a height map whose
+gaps are filled from increasingly coarse averages. No sensor height, tilt or plane is assumed.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from automos.scan import Mask
 from automos.settings import GroundSettings
 
 SECTORS = 360
-"""Sectors around the sensor."""
+"""Number of sectors around the sensor."""
 START_RANGE = 10.0
-"""Metres: the ground's height is first taken from within this."""
+"""Metres: range within which the initial height of the ground is taken."""
 STEP = 0.12
-"""Metres: ground may rise or fall by this at once (a kerb)."""
+"""Metres: step by which ground may rise or fall (a kerb)."""
 MAX_BEND = 0.06
-"""Metres per metre: how fast the ground's slope may change."""
+"""Metres per metre: greatest change of the ground's slope."""
 MAX_STEP = 0.3
-"""Metres: most that ground may differ from what is expected, however far on."""
+"""Metres: greatest difference from the expected height, at any distance."""
 MAX_SLOPE = 0.35
 """Steepest ground, rise over run."""
 SLOPING = 0.05
-"""Rise over run of the ground around the sensor, below which the walk begins level."""
+"""Rise over run of the ground around the sensor, below which sectors start level."""
 PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
-"""Metres off the plane around the sensor beyond which cells count little, and rounds of fitting it."""
+"""Metres from the plane around the sensor beyond which cells count little, and iterations of its fit."""
 PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
-"""Of these cells, how many must lie on it, and how many times as many as are level: in traffic there is none."""
+"""Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15
-"""Metres: a sight this far under nearer ground is a mirror image."""
+"""Metres: a point this far below the sight line over nearer ground is a mirror image."""
 MAX_DEPTH = 0.3
 """Metres: points further below the surface than this are not ground."""
 
@@ -44,15 +44,15 @@ MAX_DEPTH = 0.3
 def find_ground(
     points_level: npt.NDArray, origin_level: npt.NDArray, settings: GroundSettings
 ) -> tuple[Mask, npt.NDArray[np.float32]]:
-    """Return which of a scan's points are on the ground, and how high above it all are.
+    """Return which of a scan's points are ground, and the height of all above it.
 
-    What lies far below it is not called ground: beyond a crest the surface is a guess. Nor is what lies beyond
-    `settings.max_range`.
+    Points far below the surface, which is uncertain beyond a crest, and points beyond `settings.max_range` are not
+    ground.
 
     Parameters
     ----------
     points_level : (M, 3) float32, metres, level frame (z up).
-    origin_level : (3,) metres, where the sensor was.
+    origin_level : (3,) float64, metres, position of the sensor.
 
     Returns
     -------
@@ -69,12 +69,12 @@ def find_ground(
 def fit_ground(
     points_level: npt.NDArray, origin: npt.NDArray[np.float64], settings: GroundSettings
 ) -> tuple[npt.NDArray[np.float64], HeightMap]:
-    """Return the ground around the sensor as a height map; parameters as of `find_ground`.
+    """Return the ground around the sensor as a height map; for the parameters see `find_ground`.
 
     Returns
     -------
     corner : (2,) float64, metres, level frame: x, y of the map's lower corner.
-    surface : (H, W) float32, metres, level frame, at the middles of cells (rows along y); known everywhere.
+    surface : (H, W) float32, metres, level frame, at the centres of cells (rows along y); known everywhere.
     """
     cell, n_rings = settings.cell, int(np.ceil(settings.max_range / settings.cell))
     lowest = np.full((SECTORS, n_rings), np.float32(np.inf))
@@ -82,7 +82,7 @@ def fit_ground(
     _fill_sectors(points_level, origin, cell, lowest, highest)
     is_ground = np.zeros(lowest.shape, np.bool_)
     _walk_outwards(lowest, highest, *_start(lowest, cell), cell, is_ground)
-    # A whole number of cells, so that the map does not shift under the world from scan to scan.
+    # A whole number of cells, so that the map has the same cells in every scan.
     corner = (np.floor(origin[:2] / cell) - n_rings) * cell
     sums, counts = np.zeros((2, 2 * n_rings, 2 * n_rings), np.float32)
     _add_ground_points(points_level, origin, lowest, is_ground, corner, cell, sums, counts)
@@ -90,9 +90,9 @@ def fit_ground(
 
 
 def _start(lowest: npt.NDArray, cell: float) -> tuple[float, npt.NDArray[np.float64]]:
-    """Return the height from which the walk begins, low among what each sector has near the sensor, and its slopes.
+    """Return the start height, a low percentile of the lowest points of all sectors near the sensor, and the slopes.
 
-    The slope in each sector (S,) is that of the plane around the sensor: a vehicle on a hill stands on such a plane.
+    The slope in each sector (S,) is that of the plane around the sensor, as for a vehicle on a hill.
     """
     near = lowest[:, : max(int(START_RANGE / cell), 1)]
     sectors, rings = np.nonzero(np.isfinite(near))
@@ -125,9 +125,9 @@ def _directions(n_sectors: int) -> npt.NDArray[np.float64]:
 
 @kernel
 def _sector_and_ring(x, y, n_sectors, n_rings, ring):  # type: ignore[no-untyped-def]
-    """Sector and ring of an offset; the ring is `n_rings` for all that is further out, and for what is no number."""
+    """Sector and ring of an offset; the ring is `n_rings` for everything farther out, and for NaN."""
     far = np.sqrt(x * x + y * y) / ring
-    if not far < n_rings:  # compared before it is made a whole number: huge ones have none
+    if not far < n_rings:  # compared as float, because huge numbers overflow integers
         return 0, n_rings
     return int(rough_turn_of(x, y) * n_sectors), int(far)
 
@@ -146,12 +146,12 @@ def _fill_sectors(points, origin, ring, lowest, highest):  # type: ignore[no-unt
 
 @kernel
 def _walk_outwards(lowest, highest, start, slopes, ring, is_ground):  # type: ignore[no-untyped-def]
-    """Mark the cells that continue the ground walked so far."""
+    """Mark the cells that continue the ground found so far."""
     n_sectors, n_rings = lowest.shape
     for j in range(n_sectors):
         z, slope, r_last = start, slopes[j], 0.0
-        sight = -np.inf  # steepest sight line over ground walked so far: what lies under it is a mirror image
-        run = 0  # cells in a row that follow each other but not the ground: a hidden rise, a step, a ramp
+        sight = -np.inf  # steepest sight line over the ground so far; what lies below is a mirror image
+        run = 0  # successive cells that continue each other but not the ground: a hidden rise, a step, a ramp
         z_run, r_run = 0.0, 0.0
         for k in range(n_rings):
             if not np.isfinite(lowest[j, k]):
@@ -163,7 +163,7 @@ def _walk_outwards(lowest, highest, start, slopes, ring, is_ground):  # type: ig
             ahead = r - r_last
             expected = z + slope * ahead
             rise = min(STEP + MAX_BEND * ahead, MAX_STEP)
-            fall = STEP + MAX_SLOPE * ahead  # nothing but ground lies lower than the ground, so less is asked of it
+            fall = STEP + MAX_SLOPE * ahead  # only ground lies below the ground, so this limit is wider
             if not expected - fall <= low <= expected + rise:
                 is_flat = highest[j, k] - low < 2.0 * STEP
                 follows = run > 0 and abs(low - z_run) <= STEP + MAX_SLOPE * (r - r_run) and r - r_run < 10.0 * ring
@@ -197,7 +197,7 @@ def _add_ground_points(points, origin, lowest, is_ground, corner, cell, sums, co
 
 @kernel
 def _measure(points, origin, corner, per_cell, surface, tolerance, tolerance_per_metre, is_ground, height):  # type: ignore[no-untyped-def]
-    """Write which points are on the `surface`, and how high above it they are."""
+    """Write which points are on the `surface`, and their heights above it."""
     h, w = surface.shape
     for i in range(len(points)):
         u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell

@@ -1,4 +1,4 @@
-"""A map of heights whose gaps are filled: where nothing was seen, with ever coarser averages around (pull-push)."""
+"""A height map whose gaps are filled with increasingly coarse averages of their surroundings (pull-push)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HeightMap = npt.NDArray[np.floating]
 
 
 def fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
-    """Return `values` (H, W), blended where their weight is below 1 with ever coarser averages."""
+    """Return `values` (H, W), blended with increasingly coarse averages where their weight is below 1."""
     if max(values.shape) == 1:
         return values
     total, weight = _halved(weights * values), _halved(weights)
@@ -22,7 +22,7 @@ def fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
 
 
 def _halved(values: HeightMap) -> HeightMap:
-    """Return the sums of blocks of 2 x 2 cells of `values`, of fewer at its ends."""
+    """Return the sums of blocks of 2 x 2 cells of `values`; blocks at the border may be smaller."""
     even = np.pad(values, [(0, n % 2) for n in values.shape])
     return even[::2, ::2] + even[::2, 1::2] + even[1::2, ::2] + even[1::2, 1::2]
 
@@ -36,9 +36,9 @@ def _double(coarse, fine):  # type: ignore[no-untyped-def]
 
 @kernel
 def sample(grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value of `grid` at column x, row y (whole numbers are the cells' centres), clamped to its border."""
+    """Bilinear value of `grid` at column x, row y (integers are the cells' centres), clamped to its border."""
     h, w = grid.shape
-    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for what is no number
+    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for NaN
     y = min(y, h - 1.0) if y > 0.0 else 0.0
     u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
     fx, fy = x - u, y - v

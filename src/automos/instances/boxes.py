@@ -2,7 +2,7 @@
 
 The heading is the angle at which the visible points lie closest to two sides of their rectangle (the closeness
 criterion of Zhang, Xu, Dong and Dolan, "Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners",
-IV 2017): a LiDAR sees one or two faces of an object, and a principal axis of an L is neither of its arms.
+IV 2017): a LiDAR sees one or two faces of an object, and the principal axes of an L are not along its sides.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy.typing as npt
 from automos.kernels import kernel
 from automos.upright_boxes import Boxes
 
-_MAX_POINTS = 400  # an evenly spaced subset of a large segment has the same heading
-_MIN_DISTANCE = 0.05  # m: closeness must not grow without bound on the side itself
+_MAX_POINTS = 400  # large segments are subsampled evenly, which does not change the heading
+_MIN_DISTANCE = 0.05  # m: lower bound of the distance to a side, so that closeness is bounded
 
 
 def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArray) -> Boxes:
-    """Return the boxes of segments 0..S-1; their length is the longer ground side.
+    """Return the boxes of segments 0..S-1; the length is the longer ground side.
 
-    points : (N, 3) metres, a frame with z up.   ids : (N,) segment of each point, -1 for none, each of 0..S-1 present.
+    points : (N, 3) metres, a frame with z up.   ids : (N,) segment of each point, -1 for none; all 0..S-1 occur.
     scores : (S,) in [0, 1].
     """
     count = len(scores)
@@ -34,7 +34,7 @@ def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArr
 
 @kernel
 def _by_segment(ids, count):  # type: ignore[no-untyped-def]
-    """Return the points of segment 0, of segment 1, ..., each in their order, and where those of each begin."""
+    """Return the indices of points sorted by segment (stable), and the start of each segment among them."""
     start = np.zeros(count + 1, np.int64)
     for i in range(len(ids)):
         if ids[i] >= 0:
@@ -65,7 +65,7 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
             low[2], high[2] = min(low[2], member[i, 2]), max(high[2], member[i, 2])
         x, y, z = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
         center[s, 0], center[s, 1], center[s, 2] = c * x - d * y, d * x + c * y, z
-        for k in range(3):  # an assignment of whole arrays takes two seconds to compile
+        for k in range(3):  # assigning whole arrays takes two seconds to compile
             size[s, k] = high[k] - low[k]
         yaw[s] = angle
         if size[s, 1] > size[s, 0]:
@@ -77,7 +77,7 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
 
 @kernel
 def _best_angle(points):  # type: ignore[no-untyped-def]
-    """Return the angle in [0, pi/2) of greatest closeness: 3 degrees apart first, then 0.5 around the best."""
+    """Return the angle in [0, pi/2) of greatest closeness, in steps of 3 degrees, then of 0.5 around the best."""
     best_angle, best = 0.0, -1.0
     for k in range(41):
         if k == 30:

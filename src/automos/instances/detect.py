@@ -1,10 +1,9 @@
-"""Segments of one scan as the evidence of motion cuts them (the `default` preset's instances).
+"""Segments of one scan, cut by the evidence of motion (the `default` preset's instances).
 
-The whole non-ground scan is segmented, so that the parts of an object no ray looked through (a roof, the middle of a
-long side) belong to it all the same. A segment of which the evidence speaks with one voice is an object as it is. One
-that holds both what moved and what stayed (a pedestrian beside a wall) is cut: what stayed is taken out and the rest
-is segmented again. What has stayed is kept apart, whole as it is: a car that drives away has stayed for as long as it
-was parked, and only its track can reveal that.
+The whole non-ground scan is segmented, so that parts of an object that were not observed free (a roof, the middle of a
+long side) belong to it. A segment with consistent evidence is one object. A segment with both moved and stayed points
+(a pedestrian beside a wall) is cut: stayed points are removed and the rest is segmented again. The stayed segment is
+also kept as a whole: a car that drives away has stayed for as long as it was parked, which only its track can reveal.
 """
 
 from __future__ import annotations
@@ -24,23 +23,23 @@ from automos.settings import DetectSettings
 
 Ids = npt.NDArray[np.int32]
 MIXED_SHARE = 0.1
-"""Of its evidence: a segment with more than this both moved and stayed is mixed."""
+"""Share of the known points: a segment in which at least this share moved, and at least this share stayed, is mixed."""
 MIXED_POINTS = 20
-"""Points, and at least as many as this."""
+"""Least number of moved and of stayed points of a mixed segment."""
 MIXED_GAP = 0.3
-"""Metres: at which it is split, if its parts are not mixed then."""
+"""Metres: gap at which a mixed segment is split, if its parts are then not mixed."""
 SILENCE = 0.2
-"""Stayed, of all points: up to this a segment is unknown, not static."""
+"""Share of stayed points up to which a segment is unknown instead of static."""
 
 
 class ScanPoints(NamedTuple):
-    """What is known of the points of one scan that are neither ground nor ego body.
+    """The points of one scan that are neither ground nor ego body.
 
     Attributes
     ----------
-    points : (M, 3) float32 metres, level frame.   heights : (M,) metres above the ground.
+    points : (M, 3) float32, metres, level frame.   heights : (M,) float32, metres above the ground.
     solidity : (M,) uint8, share of the rays beside a point that ended beside it, 255 for all.
-    has_moved, has_stayed : (M,) bool, neither where that is unknown.
+    has_moved, has_stayed : (M,) bool, both False where unknown.
     """
 
     points: npt.NDArray
@@ -50,7 +49,7 @@ class ScanPoints(NamedTuple):
     has_stayed: Mask
 
     def at(self, rows: npt.NDArray[np.int64]) -> ScanPoints:
-        """Return the same of some points."""
+        """Return the points of `rows`."""
         return ScanPoints._make(column[rows] for column in self)
 
 
@@ -63,30 +62,30 @@ def detect_objects(
     ray_steps: tuple[float, float],
     settings: DetectSettings,
 ) -> tuple[Ids, Ids, Detections]:
-    """Return the segments of one scan's points and what the evidence says of every segment.
+    """Return the segments of one scan's points and the evidence on every segment.
 
     Parameters
     ----------
-    points, heights, solidity : (M,) as `ScanPoints` has them.
-    origin : (3,) metres, the sensor's position.
-    log_odds : (M,) has moved, against has stayed.
-    ray_steps : radians between neighbouring rays, up and sideways.
+    points, heights, solidity : (M, 3), (M,), (M,), see `ScanPoints`.
+    origin : (3,) float64, metres, position of the sensor.
+    log_odds : (M,) float, has moved, against has stayed.
+    ray_steps : (2,) float, radians between neighbouring rays, vertically and horizontally.
 
     Returns
     -------
-    objects : (M,) int32, segment of each point, -1 for none; these do not overlap.
-    stayed : (M,) int32, segment that has stayed as a whole, -1 for none; numbered after the objects. Where such a
+    objects : (M,) int32, segment of each point, -1 for none; objects do not overlap.
+    stayed : (M,) int32, segment that has stayed as a whole, -1 for none; numbered after the objects. If such a
         segment was cut, its pieces are among the objects.
-    found : all segments, objects first.
+    found : Detections, all segments, objects first.
     """
     limit = settings.min_log_odds
     seen = ScanPoints(points, heights, solidity, log_odds > limit, log_odds < -limit)
     seen_from, about = points - origin.astype(np.float32), (ray_steps, settings.segments)
     ids = _split_mixed(segment_points(seen_from, heights, *about), seen_from, seen, ray_steps, settings)
     count, moved, stayed, extent, _ = _summarise(ids, *seen)
-    speaks_once = _speaks_once(count, moved, stayed, settings)
+    is_consistent = _is_consistent(count, moved, stayed, settings)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
-    objects, n_whole = _renumbered(ids, is_compact & speaks_once, 0)
+    objects, n_whole = _renumbered(ids, is_compact & is_consistent, 0)
 
     rest = np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed)
     pieces = segment_points(seen_from[rest], heights[rest], *about)
@@ -94,42 +93,42 @@ def detect_objects(
     is_piece = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
     objects[rest], n_objects = _renumbered(pieces, is_piece, n_whole)
 
-    silent, _ = _renumbered(ids, is_compact & ~speaks_once, n_objects)
-    whole = _describe(np.maximum(silent - n_objects, -1), seen)
+    static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
+    whole = _describe(np.maximum(static - n_objects, -1), seen)
     whole.has_stayed[:] = True
-    found, is_cut = Detections.concatenate([_describe(objects, seen), whole]), (objects >= 0) & (silent >= 0)
-    found.part_of[objects[is_cut]] = silent[is_cut]
-    return objects, silent, found
+    found, is_cut = Detections.concatenate([_describe(objects, seen), whole]), (objects >= 0) & (static >= 0)
+    found.part_of[objects[is_cut]] = static[is_cut]
+    return objects, static, found
 
 
 def recount(
     found: Detections, ids: Ids, stayed: Ids, log_odds: npt.NDArray[np.floating], settings: DetectSettings
 ) -> Detections:
-    """Return the same segments with what is known of their points now.
+    """Return the same segments with the counts that follow from new `log_odds` of their points.
 
-    ids, stayed : (M,) as `detect_objects` gives them.   log_odds : (M,) has moved, against has stayed.
+    ids, stayed : (M,) as `detect_objects` returns them.   log_odds : (M,) has moved, against has stayed.
     """
     n_moving, n_static = np.zeros((2, len(found)))
     for part in (ids, stayed):
         n_moving += np.bincount(part[(part >= 0) & (log_odds > settings.min_log_odds)], minlength=len(found))
         n_static += np.bincount(part[(part >= 0) & (log_odds < -settings.min_log_odds)], minlength=len(found))
-    speaks_once = _speaks_once(found.n_points, n_moving, n_static, settings)
-    has_stayed = np.where(found.part_of >= 0, found.has_stayed, ~speaks_once)
+    is_consistent = _is_consistent(found.n_points, n_moving, n_static, settings)
+    has_stayed = np.where(found.part_of >= 0, found.has_stayed, ~is_consistent)
     return replace(found, n_moving=n_moving, n_static=n_static, has_stayed=has_stayed)
 
 
-def _speaks_once(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings) -> Mask:
-    """Return which segments moved as far as the evidence says anything, or of which it says next to nothing."""
+def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings) -> Mask:
+    """Return which segments moved according to most of their known points, or have too few stayed points."""
     return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
 
 
 def _split_mixed(
     ids: Ids, seen_from: npt.NDArray, seen: ScanPoints, ray_steps: tuple[float, float], settings: DetectSettings
 ) -> Ids:
-    """Return `ids` with segments of two voices split at a finer gap, where each part then speaks with one.
+    """Return `ids` with mixed segments split at a finer gap, if the evidence on each part is then consistent.
 
-    Two trams that pass each other an arm's length apart are one segment, half of it moving; a lorry of which only the
-    ends have left their place is one, too, but no finer gap parts its ends from its middle.
+    Two trams that pass each other closely are one segment, half of which has moved, and are split. A lorry whose ends
+    alone have left their place is mixed, too, but no finer gap separates its ends from its middle.
     """
     inside, n = ids >= 0, int(ids.max(initial=-1)) + 1
     moved, stayed = (np.bincount(ids[inside & kind], minlength=n) for kind in (seen.has_moved, seen.has_stayed))
@@ -140,21 +139,21 @@ def _split_mixed(
         return ids
     finer = settings.segments.model_copy(update={"gap": MIXED_GAP})
     parts = segment_points(seen_from[rows], seen.heights[rows], ray_steps, finer)
-    n_parts = int(parts.max()) + 2  # one of them is what lies beyond the range looked at, -1
+    n_parts = int(parts.max()) + 2  # including -1, points beyond the range
     part = _gapless(ids[rows].astype(np.int64) * n_parts + parts + 1, n * n_parts)
     whole = np.zeros(part.max() + 1, np.int64)
     whole[part] = ids[rows]
-    voices = np.stack([np.bincount(part, kind[rows]) for kind in (seen.has_moved, seen.has_stayed)])
-    unanimous = np.bincount(whole, voices.max(axis=0), n) >= (1.0 - MIXED_SHARE) * known
-    is_split = unanimous[ids[rows]]
+    n_by_kind = np.stack([np.bincount(part, kind[rows]) for kind in (seen.has_moved, seen.has_stayed)])
+    is_resolved = np.bincount(whole, n_by_kind.max(axis=0), n) >= (1.0 - MIXED_SHARE) * known
+    is_split = is_resolved[ids[rows]]
     split = ids.copy()
     split[rows[is_split]] = n + part[is_split]
-    split[inside] = _gapless(split[inside], n + len(voices[0]))
+    split[inside] = _gapless(split[inside], n + len(n_by_kind[0]))
     return split
 
 
 def _describe(ids: Ids, seen: ScanPoints) -> Detections:
-    """Return the boxes, counts, lifts and solidity of segments 0, 1, ... of `ids`."""
+    """Return the boxes, counts, lift and solidity of segments 0, 1, ... of `ids`."""
     count, moved, stayed, _, lift = _summarise(ids, *seen)
     inside = np.flatnonzero(ids >= 0)
     solid = np.bincount(ids[inside], seen.solidity[inside], len(count)) / 255.0 / np.maximum(count, 1.0)
@@ -162,14 +161,14 @@ def _describe(ids: Ids, seen: ScanPoints) -> Detections:
 
 
 def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:
-    """Return `values`, each in 0..n - 1, numbered 0, 1, 2, ... in their order."""
+    """Return the rank of each of `values`, in 0..n - 1, among the distinct values."""
     is_there = np.zeros(n, np.bool_)
     is_there[values] = True
     return (np.cumsum(is_there) - 1)[values]
 
 
 def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:
-    """Return `ids` with the kept segments numbered first, first + 1, ..., -1 for the others, and the next number."""
+    """Return `ids` with kept segments numbered from `first` on and -1 for the others, and the next free number."""
     number = np.full(len(is_kept) + 1, -1, np.int32)  # the last entry is for id -1
     number[:-1][is_kept] = first + np.arange(is_kept.sum())
     return number[ids], first + int(is_kept.sum())
@@ -177,7 +176,7 @@ def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:
 
 @kernel
 def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: ignore[no-untyped-def]
-    """Return count, moved, stayed, ground extent and height of the lowest point (metres) of each segment."""
+    """Return count, moved count, stayed count, ground extent and lowest height (metres) of each segment."""
     n = 0
     for i in range(len(ids)):
         n = max(n, ids[i] + 1)

@@ -1,9 +1,9 @@
-"""Class-agnostic segments of a whole scan: what stands apart from everything else is one thing.
+"""Class-agnostic segments of a whole scan: connected components of its non-ground points.
 
-Seen from above, points fall into small cells; in a cell, points that follow each other without a gap in height form a
-*stack*, so that a tree's crown and the car beneath it are two. Stacks of neighbouring cells join where their heights
-meet. Both gaps grow with the distance between rays. Union-find over a few thousand stacks: milliseconds. What lies
-deep under the ground is a mirror image and joins nothing.
+Points are sorted into small cells in the ground plane. In a cell, points without a gap in height between them form a
+*stack*, so that a tree's crown and the car beneath it are separate. Stacks of neighbouring cells are connected if their
+heights meet. Both gaps grow with the spacing of the rays. Union-find over a few thousand stacks takes milliseconds.
+Points deep under the ground are mirror images and are left out.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from automos.settings import SegmentSettings
 
 _BINS = 64
 HEIGHT_BIN = np.float32(0.1)
-"""Metres: resolution in height; 64 bins from the ground up."""
+"""Metres: resolution in height; there are 64 bins above the ground."""
 DEPTH = 1.5
-"""Metres under the ground from which on a point is a mirror image, in a window or on a wet road, of nothing there."""
+"""Metres below the ground: deeper points are mirror images in a window or on a wet road."""
 
 
 def segment_points(
@@ -26,13 +26,13 @@ def segment_points(
 ) -> npt.NDArray[np.int32]:
     """Return (M,) int32 segment ids, 0, 1, 2 ... in the order of their first point.
 
-    -1 is what is beyond the range looked at, and mirror images under the ground.
+    Points beyond `max_range` and mirror images below the ground have -1.
 
     Parameters
     ----------
-    points : (M, 3) float32 metres, z up, relative to the sensor.
-    heights : (M,) metres above the ground.
-    ray_steps : radians between neighbouring rays, up and sideways.
+    points : (M, 3) float32, metres, z up, relative to the sensor.
+    heights : (M,) float32, metres above the ground.
+    ray_steps : (2,) float, radians between neighbouring rays, vertically and horizontally.
     """
     s, (row_height, column_width) = settings, (np.float32(step) for step in ray_steps)
     cell, height_gap, n = np.float32(s.cell), np.float32(s.height_gap), 2 * int(np.ceil(s.max_range / s.cell))
@@ -46,7 +46,7 @@ def segment_points(
     root = _join(n, cells, slot_of_cell, radius, allowed, first, low, high)
     inside = np.flatnonzero(stack_of >= 0)
     first_point = np.full(len(low), len(points))
-    first_point[root[stack_of[inside[::-1]]]] = inside[::-1]  # of several the last that is written stays
+    first_point[root[stack_of[inside[::-1]]]] = inside[::-1]  # duplicates: the last write remains
     number = np.empty(len(low), np.int32)
     number[np.argsort(first_point, kind="stable")] = np.arange(len(low))
     ids = np.full(len(points), -1, np.int32)
@@ -64,18 +64,18 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_cells(points, heights, ranges, cell, n, slot_of_cell):  # type: ignore[no-untyped-def]
-    """Return the slot and height bin of each point (-1 outside), and of each slot its cell, bins taken and reach.
+    """Return the slot and height bin of each point (-1 outside), and the cell, occupied bins and range of each slot.
 
     Slots are the cells that hold points, in the order in which they were found; `slot_of_cell` (n * n,) is filled.
     """
     m, n_cells = len(points), 0
     slot_of, bin_of = np.full(m, -1, np.int32), np.empty(m, np.int64)
     cells, masks = np.empty(m, np.int32), np.zeros(m, np.uint64)
-    # From corner to corner and more: what is further off is so by its height.
+    # Longer than the diagonal of the area, so the range is exact unless a point is far above the sensor.
     reach = np.full(m, cell * np.float32(n))
     for i in range(m):
         x, y = points[i, 0] / cell, points[i, 1] / cell
-        if not (abs(x) < n and abs(y) < n):  # compared before they are made whole numbers: huge ones have none
+        if not (abs(x) < n and abs(y) < n):  # compared as floats, because huge numbers overflow integers
             continue
         if heights[i] < -DEPTH:
             continue
@@ -99,7 +99,7 @@ def _fill_cells(points, heights, ranges, cell, n, slot_of_cell):  # type: ignore
 
 @kernel
 def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
-    """Return the stacks, runs of bins without too large a gap: where each cell's begin, lowest and highest bins."""
+    """Return the stacks (runs of bins without a large gap): the start of each cell's, their lowest and highest bins."""
     n_cells = len(masks)
     first = np.empty(n_cells + 1, np.int32)
     low, high = np.empty(most, np.int64), np.empty(most, np.int64)
@@ -132,11 +132,11 @@ def _find_stacks(slot_of, bin_of, first, high):  # type: ignore[no-untyped-def]
 
 @kernel
 def _join(n, cells, slot_of_cell, radius, allowed, first, low, high):  # type: ignore[no-untyped-def]
-    """Return the root of each stack: those of neighbouring cells join where their heights meet."""
+    """Return the root of each stack; stacks of neighbouring cells are connected if their heights meet."""
     parent = np.arange(len(low))
     for slot in range(len(cells)):
         u, v = cells[slot] % n, cells[slot] // n
-        k = int(min(radius[slot], np.float32(n)))  # no further than the last cell
+        k = int(min(radius[slot], np.float32(n)))  # limited to the grid
         for dv in range(0, min(k, n - 1 - v) + 1):
             for du in range(max(-k, -u) if dv > 0 else 1, min(k, n - 1 - u) + 1):
                 other = slot_of_cell[(v + dv) * n + u + du]

@@ -1,1 +1,1 @@
-"""What only the preset `paper` runs, stage by stage, as published; baselines share some of it."""
+"""The methods that only the preset `paper` runs, as published; baselines share some of them."""

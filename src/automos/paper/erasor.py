@@ -1,10 +1,10 @@
-"""ERASOR: a bin of the map that reaches much higher than the same bin of a scan held something that left.
+"""ERASOR: a bin that reaches much higher in the map than in a scan contained an object that left.
 
 Our reading of Lim, Hwang and Myung, "ERASOR: Egocentric Ratio of Pseudo Occupancy-Based Dynamic Object Removal for
 Static 3D Point Cloud Map Building" (RA-L 2021), paper III-B of Chen et al. The scans of one submap are aggregated into
-voxels; around each scan, map and scan are cut into polar bins; where the ratio of their height spans ("pseudo
-occupancy") is small, the bin's voxels above a plane fitted to its lowest part (R-GPF) leave the map. A scan's point is
-a candidate if its voxel left the map. The map is edited in place: later scans meet an already cleaner map.
+voxels. Around each scan, map and scan are divided into polar bins. Where the ratio of their height spans ("pseudo
+occupancy") is small, the bin's voxels above a plane fitted to its lowest part (R-GPF) are removed from the map. A point
+is a candidate if its voxel was removed. The map is edited in place: later scans are compared with a cleaner map.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from automos.voxels import VoxelMap
 
 
 class Published(NamedTuple):
-    """What no setting changes: as in the authors' large_scale_05.yaml, their preset for whole sequences.
+    """Constants, as in the authors' large_scale_05.yaml, their preset for whole sequences.
 
     Attributes
     ----------
-    rings, sectors : bins of the volume of interest.
-    min_points : voxels of a scan that a bin needs to be compared.
-    bin_max_height : metres, version 2: a removed bin must reach higher than this.
-    min_removed_span : metres, version 3: a removed bin must span more than this.
-    plane : R-GPF's arguments, see `fit_region_ground`.
-    ego_radius : metres; nearer points are the vehicle itself.
-    submap_scans, submap_length : scans, metres driven; ours: they bound memory, and are longer than a car is in sight.
+    rings, sectors : int, numbers of bins of the volume of interest.
+    min_points : int, least number of scan voxels in a bin that is compared.
+    bin_max_height : float, metres, version 2: a removed bin must reach higher than this.
+    min_removed_span : float, metres, version 3: a removed bin must span more than this.
+    plane : tuple, arguments of R-GPF, see `fit_region_ground`.
+    ego_radius : float, metres; nearer points are the ego body.
+    submap_scans, submap_length : int, float, scans, metres driven; ours: they bound memory; a car is visible for less.
     """
 
     rings: int = 20
@@ -59,8 +59,8 @@ def find_candidates(
 
     Parameters
     ----------
-    frames : the frames of a recording.
-    start : first index wanted (earlier ones were already made).
+    frames : Frames, of a recording.
+    start : int, index of the first frame to return.
 
     Yields
     ------
@@ -76,11 +76,11 @@ def find_candidates(
 def clean_submap(
     frames: Frames, submap: range, own: range, settings: ErasorSettings, published: Published = PUBLISHED
 ) -> Iterator[npt.NDArray[np.float32]]:
-    """Yield for each frame in `own` the (M,) float32 score of its points: 1 where the cleaned map lost their voxel.
+    """Yield for each frame in `own` the (M,) float32 score of its points: 1 where their voxel was removed.
 
-    submap : the frames that make the map and are compared with it.
+    submap : range, the frames that make the map and are compared with it.
     """
-    # z up at the sensor's mount, ground under the vehicle at z = 0: heights are measured above what it stands on.
+    # z up at the sensor's mount, ground under the vehicle at z = 0, so heights are above that ground.
     T_body_sensor = frames.T_level_sensor[0].copy()
     T_body_sensor[:2, 3] = 0.0
     voxels = VoxelMap(settings.voxel, frames.T_level_sensor[submap[0], :3, 3])

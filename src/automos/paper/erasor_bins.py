@@ -1,4 +1,4 @@
-"""ERASOR's step: one scan against the map, polar bin by polar bin."""
+"""One step of ERASOR: the comparison of a scan with the map, by polar bins."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
 
 
 class Volume(NamedTuple):
-    """The bins around the sensor: metres, numbers, metres above the ground under it."""
+    """The bins around the sensor: range in metres, numbers of bins, heights in metres above the ground under it."""
 
     max_range: float
     rings: int
@@ -40,7 +40,7 @@ def polar_bins(points, volume):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y)
-        # what is no number is outside
+        # NaN is outside
         if not (volume.min_height < z < volume.max_height and r <= volume.max_range):
             continue
         ring = min(int(r / volume.max_range * volume.rings), volume.rings - 1)
@@ -54,7 +54,7 @@ def polar_bins(points, volume):  # type: ignore[no-untyped-def]
 
 @kernel
 def compare_bins(near, map_points, is_alive, was_scanned, stamp, scan_points, scan_ids, volume, rules):  # type: ignore[no-untyped-def]
-    """Compare one scan with the map, bin by bin; edit `is_alive` (V,) in place, return (M,) the scan's own dynamics."""
+    """Compare one scan with the map by bins; edit `is_alive` (V,) in place, return (M,) the scan's dynamic points."""
     n_bins = volume.rings * volume.sectors
     map_bins, scan_bins = polar_bins(map_points, volume), polar_bins(scan_points, volume)
     of_map = _heights_of_map(near, map_points, map_bins, is_alive, n_bins)
@@ -76,7 +76,7 @@ def compare_bins(near, map_points, is_alive, was_scanned, stamp, scan_points, sc
 
 @kernel
 def _heights_of_map(near, points, bins, is_alive, n_bins):  # type: ignore[no-untyped-def]
-    """Return lowest and highest point (B,) of what is left of the map in each bin, and how many voxels that is."""
+    """Return the lowest and highest point (B,) of the remaining map in each bin, and its number of voxels."""
     low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
     for i in range(len(near)):
         b = bins[i]
@@ -89,7 +89,7 @@ def _heights_of_map(near, points, bins, is_alive, n_bins):  # type: ignore[no-un
 
 @kernel
 def _heights_of_scan(points, bins, ids, was_scanned, stamp, n_bins):  # type: ignore[no-untyped-def]
-    """Return the same of a scan, counted in voxels as the map is; mark these as scanned at `stamp`."""
+    """Return the same for a scan, counted in voxels like the map; mark these as scanned at `stamp`."""
     low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
     for i in range(len(points)):
         b = bins[i]
@@ -104,7 +104,7 @@ def _heights_of_scan(points, bins, ids, was_scanned, stamp, n_bins):  # type: ig
 
 @kernel
 def _decide(of_map, of_scan, rules):  # type: ignore[no-untyped-def]
-    """Return (B,) int8, what became of each bin: by the ratio of the shorter span of heights to the longer."""
+    """Return (B,) int8, the decision on each bin, from the ratio of the shorter height span to the longer."""
     map_low, map_high, map_count = of_map
     scan_low, scan_high, scan_count = of_scan
     decision = np.full(len(map_low), _KEEP, np.int8)
@@ -129,9 +129,9 @@ def _decide(of_map, of_scan, rules):  # type: ignore[no-untyped-def]
 
 @kernel
 def _remove_above_ground(near, map_points, map_bins, decision, is_alive, was_scanned, stamp, plane):  # type: ignore[no-untyped-def]
-    """Take the voxels above the ground plane of every bin decided _MAP_HIGHER out of the map.
+    """Remove the voxels above the ground plane of every bin decided _MAP_HIGHER from the map.
 
-    The bin becomes the scan's points and the ground part of the map's: voxels that the scan hits stay.
+    Voxels that the scan hits, and the ground part of the map, remain.
     """
     start = np.zeros(len(decision) + 1, np.int64)
     for i in range(len(near)):

@@ -1,4 +1,4 @@
-"""HDBSCAN at several densities, and which of its nested segments to believe.
+"""HDBSCAN at several densities, and the choice among its nested segments.
 
 Paper III-C with III-F: one HDBSCAN fit gives the single-linkage tree of the mutual reachability distance; cutting it at
 eps = 2.0, 1.0, 0.5, 0.25 m gives nested segments. The paper does not say how they are combined. Its first author does
@@ -18,16 +18,16 @@ from automos.kernels import kernel
 
 
 def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: int) -> npt.NDArray[np.int32]:
-    """Return (len(epsilons), N) int32 segment ids, one row an eps, nested when eps decrease.
+    """Return (len(epsilons), N) int32 segment ids, one row per eps, nested for decreasing eps.
 
     Points nearer than eps in mutual reachability distance (transitively) share a segment. Ids are 0.. within a row.
 
-    points : (N, 3) metres.   epsilons : metres, decreasing.   min_samples : neighbours that make a point dense.
+    points : (N, 3) metres.   epsilons : metres, decreasing.   min_samples : number of neighbours of a dense point.
     """
     n = len(points)
     if n < 2:
         linkage = np.zeros((0, 4))
-    elif n <= min_samples:  # hdbscan refuses fewer points than neighbours
+    elif n <= min_samples:  # hdbscan needs more points than neighbours
         linkage = single_linkage(points)
     else:
         linkage = _mutual_reachability_linkage(np.asarray(points, np.float64), min_samples)
@@ -37,7 +37,7 @@ def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: 
 def _mutual_reachability_linkage(points: npt.NDArray[np.float64], min_samples: int) -> npt.NDArray[np.float64]:
     """Return (n - 1, 4) the single linkage of the mutual reachability distance, in SciPy's format.
 
-    Of the fit only its tree is used: what HDBSCAN chooses among clusters, a fifth of its time, is not asked for.
+    Only the tree of the fit is used. HDBSCAN's own choice of clusters, a fifth of its time, is avoided.
     """
     from hdbscan import HDBSCAN  # takes a second to import
 
@@ -57,7 +57,7 @@ def _cut(n, linkage, epsilons):  # type: ignore[no-untyped-def]
     labels = np.empty((len(epsilons), n), np.int32)
     root = np.empty(2 * n, np.int64)
     for level in range(len(epsilons)):
-        # From the last merge to the first, so that a node's root is known before its children ask for it.
+        # From the last merge to the first, so that a node's root is known before it is needed by its children.
         for i in range(len(linkage) - 1, -1, -1):
             node = n + i
             if i == len(linkage) - 1 or linkage[i, 2] > epsilons[level] or root[node] == -1:
@@ -84,17 +84,17 @@ def choose_segments(
     max_extent: float,
     points: npt.NDArray,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
-    """Return the segments of the eps tree to believe: a parent is kept unless its children score strictly higher.
+    """Return the chosen segments of the eps tree: a parent is kept unless its children score strictly higher.
 
-    A segment's score is the weighted mean of its members' scores, the score of its children the weighted mean over
-    those with at least `min_points`. A segment longer than `max_extent` can only be split, one too small is nothing.
+    A segment's score is the weighted mean of its members' scores; the score of its children is the weighted mean over
+    those with at least `min_points`. Segments longer than `max_extent` can only be split; small ones are dropped.
 
     Parameters
     ----------
-    nested : (E, N) int32 from `cluster_nested`, coarse to fine.
-    weight : (N,) how many of the scan's points each row stands for.
-    score : (N,) in [0, 1], share of dynamic points among them.
-    points : (N, 3) metres, for the extent (diagonal of the ground rectangle along the axes, metres).
+    nested : (E, N) int32, from `cluster_nested`, coarse to fine.
+    weight : (N,) float, number of the scan's points that each row represents.
+    score : (N,) float in [0, 1], share of dynamic points among them.
+    points : (N, 3) float, metres, for the extent (longer side of the ground rectangle along the axes, metres).
 
     Returns
     -------
@@ -105,7 +105,7 @@ def choose_segments(
         return np.full(0, -1, np.int32), np.zeros(0)
     summaries = [_summarise(level, weight, score, points) for level in nested]
 
-    # From fine to coarse: the best that a segment's subtree reaches, -1 where nothing in it is usable.
+    # From fine to coarse: the best score in a segment's subtree, -1 if nothing in it is usable.
     best = [np.where((mass >= min_points) & (extent <= max_extent), value, -1.0) for mass, value, extent in summaries]
     keep = [b >= 0.0 for b in best]
     for level in range(n_levels - 2, -1, -1):

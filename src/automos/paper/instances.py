@@ -1,4 +1,4 @@
-"""The instances of one scan: what stands on the ground, clustered, scored, boxed (paper III-C)."""
+"""The instances of one scan: non-ground points, clustered, scored and boxed (paper III-C)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from automos.settings import HdbscanSettings
 from automos.upright_boxes import Boxes
 
 _MIN_SAMPLES = 5
-"""Neighbours that make a point dense: as many as the smallest segment has points (N_min, III-F)."""
+"""Number of neighbours of a dense point: that of the points of the smallest segment (N_min, III-F)."""
 
 _VOXEL = 0.1
-"""Metres: points are clustered as voxels. HDBSCAN's time goes with their number, and a wall nearby has hundreds."""
+"""Metres: voxels are clustered, not points, as HDBSCAN's time grows with their number; a near wall has hundreds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ def find_instances(
 
     Parameters
     ----------
-    points : (M, 3) metres, level frame.
-    is_candidate : (M,) score in [0, 1], how dynamic each point may be.
-    is_eligible : (M,) points that may belong to an instance: neither ground nor ego body nor out of range.
+    points : (M, 3) float, metres, level frame.
+    is_candidate : (M,) float in [0, 1], dynamic score of each point.
+    is_eligible : (M,) bool, points that may belong to an instance: neither ground nor ego body nor out of range.
     """
     eligible = np.flatnonzero(is_eligible)
     group, mean = group_by_voxel(points[eligible], _VOXEL)

@@ -12,17 +12,17 @@ from automos.upright_boxes import points_in_boxes
 def paint_points(points: npt.NDArray, ids: npt.NDArray[np.int32], moving: Tracks) -> npt.NDArray[np.int32]:
     """Return (M,) int32 the moving track that each of one scan's points belongs to, -1 for none.
 
-    A segment's own points go to its track even where another track's box holds them too.
+    The points of a segment are assigned to its track even if the box of another track contains them.
 
     Parameters
     ----------
-    points : (M, 3) metres, level frame.
-    ids : (M,) segment of each point, -1 for none.
-    moving : the rows of moving tracks in this scan, observed or predicted.
+    points : (M, 3) float, metres, level frame.
+    ids : (M,) int32, segment of each point, -1 for none.
+    moving : Tracks, the rows of moving tracks in this scan, observed or predicted.
     """
     owner = points_in_boxes(points, moving.boxes)
     track_of = np.append(moving.track, -1)[owner].astype(np.int32)  # owner -1 reads the -1 at the end
-    # The segments of `default` that have stayed as a whole are numbered after those in `ids`.
+    # In `default`, segments that have stayed as a whole are numbered after those in `ids`.
     n = max(int(ids.max(initial=-1)), int(moving.segment.max(initial=-1))) + 1
     track_of_segment = np.full(n + 1, -1, np.int32)  # the last entry is for id -1
     seen = moving.is_observed

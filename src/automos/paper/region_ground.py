@@ -1,6 +1,6 @@
 """The ground of one bin of a map: ERASOR's region-wise plane fit (R-GPF).
 
-A bin is a few metres wide, so a plane will do for its ground where one for the whole scene would not.
+A bin is a few metres wide, so a plane fits its ground, unlike that of the whole scene.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from automos.kernels import kernel
 def fit_region_ground(points, seed_height, n_skipped, n_lowest, n_iterations, distance):  # type: ignore[no-untyped-def]
     """Return (N,) bool: which of one bin's `points` (N, 3, z up) are ground, by region-wise plane fit (R-GPF).
 
-    The mean height of the `n_lowest` lowest points after the `n_skipped` very lowest starts it: seeds are the points
-    less than `seed_height` above it; then a plane is fitted `n_iterations` times, points nearer than `distance` to it
-    or below it being the next seeds. The normal is turned upwards, which the released code leaves to chance.
+    The first seeds are the points less than `seed_height` above the mean height of the `n_lowest` lowest points after
+    the `n_skipped` very lowest. Then a plane is fitted `n_iterations` times; the next seeds are the points nearer than
+    `distance` to it or below it. The normal is oriented upwards; its sign is arbitrary in the released code.
     """
     n = len(points)
     is_ground = np.zeros(n, np.bool_)

@@ -1,4 +1,4 @@
-"""Has a tracked object moved? By the length of its trajectory (paper III-D, last paragraph)."""
+"""The verdict on a track by the length of its trajectory (paper III-D, last paragraph)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from automos.tracking.verdict import Verdict, Verdicts
 
 
 def judge_by_trajectory(tracks: Tracks, settings: VerdictSettings) -> Verdicts:
-    """Return moving for every track whose trajectory is longer than its box's longest side.
+    """Return moving for every track whose trajectory is longer than the longest side of its box.
 
     The trajectory is, by setting, `net` (from the first observation to the last) or `accumulated` (the sum of all
-    steps, as the paper's words have it, to which the jitter of a parked car adds as well). The longest side is that of
-    the largest box of the track, so that something whose visible part grows has not moved. A track of fewer than
-    `min_observations` is static.
-    The confidence says how far the trajectory is from the threshold: 0.5 at it, 1 at twice it or at none.
+    steps, the paper's wording, which adds up the jitter of a parked car). The longest side is that of the largest box
+    of the track, so that an object whose visible part grows has not moved. A track of fewer than `min_observations`
+    is static.
+    The confidence is the distance of the trajectory from the threshold: 0.5 at it, 1 at twice it or at 0.
     """
     n = len(tracks)
     verdict, confidence = np.full(n, Verdict.STATIC, np.int8), np.ones(n)

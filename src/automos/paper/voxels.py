@@ -1,4 +1,4 @@
-"""Points thinned to one per voxel, and the way back."""
+"""Points thinned to one per voxel, and the voxel of each point."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 
 def group_by_voxel(points: npt.NDArray, voxel: float) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-    """Return for each of `points` (N, 3) its group (N,) and the mean of every group (G, 3) float32.
+    """Return the group (N,) of each of `points` (N, 3), and the mean of every group (G, 3) float32.
 
-    `voxel` in metres; at 0 every point is its own group.
+    `voxel` is in metres; if 0, every point is its own group.
     """
     if voxel == 0 or not len(points):
         return np.arange(len(points)), np.asarray(points, np.float32)

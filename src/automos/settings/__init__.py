@@ -1,7 +1,7 @@
-"""Every number that shapes a result, with its unit, range and, where it comes from the paper, its section.
+"""Every number that affects a result, with its unit, its range and, if it is from the paper, its section.
 
-One module for each stage, one group for each idea. Lengths are metres, angles degrees (radians where published
-parameters are), times seconds. Order of precedence: preset < settings file < command line.
+There is one module per stage and one group per idea. Lengths are in metres, angles in degrees (in radians where
+published parameters are), times in seconds. Order of precedence: preset < settings file < command line.
 """
 
 from automos.settings.candidates import (

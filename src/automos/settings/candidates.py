@@ -10,69 +10,69 @@ from automos.settings.group import Group
 
 
 class GroundSettings(Group):
-    """The ground of one scan: walked outwards from the sensor, then a height map."""
+    """The ground of one scan: followed outwards from the sensor, then a height map."""
 
-    cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map, and depth of a sector's cell")
-    max_range: float = Field(80.0, gt=0, description="m, how far ground is looked for")
-    tolerance: float = Field(0.08, gt=0, description="m, points at most this far above the surface are ground")
-    tolerance_per_metre: float = Field(0.0015, ge=0, description="m more for each metre of distance from the sensor")
+    cell: float = Field(0.5, gt=0, description="m, side of a cell of the height map; larger cells are coarser")
+    max_range: float = Field(80.0, gt=0, description="m, range of the ground; larger values find ground farther away")
+    tolerance: float = Field(0.08, gt=0, description="m, height below which points are ground; more adds low objects")
+    tolerance_per_metre: float = Field(0.0015, ge=0, description="m, increase of the tolerance per metre of range")
 
 
 class EgoBodySettings(Group):
     """The ego body: points that keep their range in the sensor's frame while the sensor moves."""
 
-    max_range: float = Field(10.0, gt=0, description="m, how far the body may reach from the sensor")
-    near_reach: float = Field(1.2, gt=0, description="m, points that return from nearer again and again are ego body")
-    min_share: float = Field(0.7, gt=0, le=1, description="share of those scans that must return the same range")
-    tolerance: float = Field(0.06, gt=0, description="m, ranges nearer to each other than this are the same")
+    max_range: float = Field(10.0, gt=0, description="m, greatest range of the body; larger values allow larger bodies")
+    near_reach: float = Field(1.2, gt=0, description="m, range of repeated returns from ego body; more finds more body")
+    min_share: float = Field(0.7, gt=0, le=1, description="share of scans with equal range; more finds less body")
+    tolerance: float = Field(0.06, gt=0, description="m, difference of equal ranges; more finds more body")
 
 
 class ErasorSettings(Group):
     """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale_05)."""
 
-    version: Literal[2, 3] = Field(3, description="2: the paper's decision; 3: the released one, which removes less")
+    version: Literal[2, 3] = Field(3, description="2: the paper's rule; 3: the released rule, which removes less")
     max_range: float = Field(
-        80.0, gt=0, description="m, radius of what is compared; a wider one finds what is further, in larger bins"
+        80.0, gt=0, description="m, radius of the compared area; larger values find farther movers in larger bins"
     )
     min_height: float = Field(
-        -1.3, description="m above the ground under the sensor; a higher one leaves out more of what lies low"
+        -1.3, description="m above the ground under the sensor; larger values leave out more low points"
     )
     max_height: float = Field(
         3.0,
-        description="m above the ground under the sensor; a higher one takes in tall lorries, and trees above cars",
+        description="m above the ground under the sensor; larger values include tall lorries, and trees above cars",
     )
     scan_ratio: float = Field(
-        0.2, gt=0, lt=1, description="of heights below which a bin has changed; a higher one removes more"
+        0.2, gt=0, lt=1, description="ratio of heights below which a bin has changed; larger values remove more"
     )
     voxel: float = Field(
         0.2,
         gt=0,
-        description="m, of map and scan; a larger one needs less memory and takes more with a mover",
+        description="m, side of a voxel; larger voxels need less memory and remove more around a mover",
     )
     every: int = Field(
-        4, ge=1, description="every how many scans the map is compared with; more takes less time and removes less"
+        4, ge=1, description="scans per comparison with the map; larger values take less time and remove less"
     )
 
 
 class FreeSpaceSettings(Group):
-    """Free-space evidence: which places were observed empty before or after."""
+    """Free-space evidence: which places were observed free before or after."""
 
     spans: tuple[float, ...] = Field(
         (0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0, 4.0, 5.5, 8.0),
         min_length=1,
-        description="s, how long before and after a scan others are asked",
+        description="s, times before and after a scan at which others are asked; more spans take longer",
     )
-    far_from: float = Field(2.5, gt=0, description="s, over longer spans only scans far_step apart are asked")
-    far_step: float = Field(0.4, gt=0, description="s, between the scans that are asked over long spans")
-    margin: float = Field(0.2, gt=0, description="m behind a point to which rays must go on to see free space")
-    margin_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
-    hit: float = Field(0.25, gt=0, description="m, how near to a point a ray must end to have hit it again")
-    hit_per_metre: float = Field(0.005, ge=0, description="added to it per metre of range")
-    clear_width: float = Field(0.2, gt=0, description="m, width of a place that must be free")
-    near_miss: float = Field(0.25, gt=0, description="m, free space counts in full if a row of rays came so near")
-    weak_weight: float = Field(0.5, ge=0, le=1, description="of free space seen by the nearest rays only")
-    lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at a point that no neighbouring ray met")
-    stay_weight: float = Field(0.25, ge=0, description="of a hit while the thing was there; 1 more while it was away")
+    far_from: float = Field(2.5, gt=0, description="s, longer spans use only scans far_step apart; more needs memory")
+    far_step: float = Field(0.4, gt=0, description="s, between scans for long spans; larger values use less memory")
+    margin: float = Field(0.2, gt=0, description="m that rays must go on behind a point; more finds less free space")
+    margin_per_metre: float = Field(0.005, ge=0, description="m, increase of the margin per metre of range")
+    hit: float = Field(0.25, gt=0, description="m from a point within which a ray hits it again; more finds more hits")
+    hit_per_metre: float = Field(0.005, ge=0, description="m, increase of that distance per metre of range")
+    clear_width: float = Field(0.2, gt=0, description="m, width that must be free; larger values find less free space")
+    near_miss: float = Field(0.25, gt=0, description="m to the next row of rays for full weight; more adds movers")
+    weak_weight: float = Field(0.5, ge=0, le=1, description="of weak free space (adjacent rays only); more adds movers")
+    lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at isolated points; more adds movers")
+    stay_weight: float = Field(0.25, ge=0, description="of a hit (plus 1 while the object was away); more drops movers")
 
 
 class CandidatesSettings(Group):
@@ -88,9 +88,9 @@ class CandidatesSettings(Group):
 
 
 class SelfTrainingSettings(Group):
-    """What a network says of each point, as a further cue for the labeler."""
+    """The probabilities of a network, as a second cue for the labeler."""
 
     folder: str = Field("", description="probabilities/ of automos segment --probabilities; empty: no cue")
     weight: float = Field(
-        0.5, ge=0, description="of the network's log-odds; a larger one lets it outvote what the rays have seen"
+        0.5, ge=0, description="weight of the network's log-odds; larger values let it outvote the evidence of the rays"
     )

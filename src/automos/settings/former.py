@@ -1,6 +1,6 @@
-"""Settings that had another name in earlier versions, or that are constants now.
+"""Settings that had another name in earlier versions, or that are now constants.
 
-Results store all their settings, so files of earlier versions must still be readable: renamed settings get their new
+Results store all their settings, so files of earlier versions must remain readable: renamed settings get their new
 name, and removed ones are left out with a warning.
 """
 
@@ -67,29 +67,29 @@ CONSTANTS = {
     "tracking.smoothing": "noise acceleration",
     "tracking.completion": "ring ground_clearance",
 }
-"""Names, by group, of settings that nobody can change any more."""
+"""Names, by group, of former settings that are now constants."""
 
 BECAME = {
-    "baselines": "other methods run with the parameters that their authors published, automos.baselines; take it out",
+    "baselines": "other methods use the published parameters, see automos.baselines; remove it",
     "network.online": "give automos segment its --engine, --device and --threads instead",
     "network.augmentation": "network.training.augment turns it on or off",
-    "network.cleanup": "RangeNet++'s values are used, automos.network.cleanup; take it out",
-    "network.scene_flow": "see automos.learning.rivals; take it out",
+    "network.cleanup": "RangeNet++'s values are used, see automos.network.cleanup; remove it",
+    "network.scene_flow": "see automos.learning.rivals; remove it",
     "network.training.optimizer": "set network.training.recipe",
     "network.training.schedule": "set network.training.recipe",
 }
-"""What became of groups and settings: constants beside the code, options of a command."""
+"""Replacements of former groups and settings: constants in the code, or options of a command."""
 
 
 def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Return the settings `tree` with present names only; what was left out is reported in one warning.
+    """Return the settings `tree` with current names only; one warning reports the settings that were left out.
 
     Parameters
     ----------
     tree : Mapping[str, Any]
-        Groups of settings, by name, as some version wrote them.
+        Groups of settings, by name, as written by any version.
     source : str
-        Where they come from, for the warning.
+        Their origin, for the warning.
     """
     left_out: list[str] = []
     renamed: dict[str, Any] = {}
@@ -107,7 +107,7 @@ def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 
 def refuse_former_name(key: str) -> None:
-    """Raise SettingsError if the setting `key` ("odometry.convergence") was asked for, and is none any more."""
+    """Raise SettingsError if `key` ("odometry.convergence") is a former setting."""
     for former, became in BECAME.items():
         if key == former or key.startswith(f"{former}."):
             raise SettingsError(f"'{key}' is not a setting any more: {became} (`automos settings` lists all)")
@@ -124,7 +124,7 @@ def _is_constant(key: str) -> bool:
 
 
 def _present(tree: Mapping[str, Any], prefix: str, left_out: list[str], renamed: dict[str, Any]) -> dict[str, Any]:
-    """Return what has its name still; the names of what is a constant, and the values of what is renamed, are added."""
+    """Return the settings that still exist; add constants' names to `left_out`, renamed settings to `renamed`."""
     kept = {}
     for name, value in tree.items():
         key = f"{prefix}{name}"

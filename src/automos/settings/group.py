@@ -1,4 +1,4 @@
-"""What every group of settings is: names with values, or further groups."""
+"""The base of all groups of settings: names with values, or further groups."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator, model_validator
 
 LEAST, MOST = 1e-6, 1e9
-"""Size of numbers with a fraction: beyond these, what is computed from them overflows. Lengths are metres, times
-seconds; the widest that anything of ours has is a variance of 1e6."""
+"""Limits of the magnitude of numbers, beyond which computations overflow. Lengths are in metres, times in seconds; the
+largest default is a variance of 1e6."""
 MOST_CELLS = 2000
-"""From the sensor to the end of a map seen from above: gigabytes of map show nothing more."""
+"""Greatest number of cells from the sensor to the border of a ground map, which bounds its memory."""
 
 
 class Group(BaseModel):
-    """Settings that belong together: checked when made, unchangeable then, and none beside those named."""
+    """A group of settings: validated when created, immutable, without unknown names."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
     @field_validator("*", mode="before")
     @classmethod
-    def _is_no_switch(cls, value: Any, info: ValidationInfo) -> Any:
+    def _is_not_boolean(cls, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, bool) and cls.model_fields[str(info.field_name)].annotation is not bool:
-            raise ValueError("it is no switch")  # true would be taken for 1
+            raise ValueError("it is not a boolean")  # true would be read as 1
         return value
 
     @field_validator("*")
@@ -37,5 +37,5 @@ class Group(BaseModel):
     def _fits_into_memory(self) -> Self:
         cell, max_range = getattr(self, "cell", None), getattr(self, "max_range", None)
         if cell is not None and max_range is not None and max_range > MOST_CELLS * cell:
-            raise ValueError(f"max_range is at most {MOST_CELLS} cells: a map of more does not fit into memory")
+            raise ValueError(f"max_range is at most {MOST_CELLS} cells: a larger map does not fit into memory")
         return self

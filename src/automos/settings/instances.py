@@ -1,4 +1,4 @@
-"""III-C: what belongs together in one scan."""
+"""III-C: the segments of one scan."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from automos.settings.group import Group
 class SegmentSettings(Group):
     """Segments of the whole non-ground scan."""
 
-    cell: float = Field(0.25, gt=0, description="m, side of a cell seen from above")
-    max_range: float = Field(120.0, gt=0, description="m, half the side of the area looked at")
-    gap: float = Field(0.5, gt=0, description="m, things nearer to each other than this are one, seen from above")
+    cell: float = Field(0.25, gt=0, description="m, side of a cell in the ground plane; larger cells are coarser")
+    max_range: float = Field(120.0, gt=0, description="m, half the side of the segmented area; more reaches farther")
+    gap: float = Field(0.5, gt=0, description="m, horizontal gap between segments; larger values join neighbours")
     gap_columns: float = Field(
-        2.5, ge=0, description="the same in distances between neighbouring rays, if that is more"
+        2.5, ge=0, description="the gap in spacings of neighbouring rays, if that is more; larger values join more"
     )
-    height_gap: float = Field(0.4, gt=0, description="m, likewise in height")
-    height_gap_rows: float = Field(1.6, ge=0, description="added to it: distances between neighbouring rows of rays")
+    height_gap: float = Field(0.4, gt=0, description="m, vertical gap between segments; larger values join neighbours")
+    height_gap_rows: float = Field(1.6, ge=0, description="spacings of neighbouring rows of rays, added to height_gap")
 
 
 class HdbscanSettings(Group):
@@ -29,20 +29,20 @@ class HdbscanSettings(Group):
     epsilons: tuple[float, ...] = Field(
         (2.0, 1.0, 0.5, 0.25),
         min_length=1,
-        description="m, gaps at which segments are split, decreasing (III-F); larger ones join neighbours",
+        description="m, gaps at which segments are split, decreasing (III-F); larger values join neighbours",
     )
-    min_points: int = Field(5, ge=1, description="N_min (III-F); a larger one drops more of what is far or small")
+    min_points: int = Field(5, ge=1, description="N_min (III-F); larger values drop more far or small objects")
     max_side: float = Field(
-        20.0, gt=0, description="m, T_size (III-F); a larger one keeps lorries, and walls with movers beside them"
+        20.0, gt=0, description="m, T_size (III-F); larger values keep lorries, and walls with movers beside them"
     )
     min_score: float = Field(
-        0.5, ge=0, le=1, description="share of candidates that makes an instance; a larger one finds fewer"
+        0.5, ge=0, le=1, description="share of candidates in an instance; larger values find fewer instances"
     )
 
     @field_validator("epsilons")
     @classmethod
     def _check_epsilons(cls, epsilons: tuple[float, ...]) -> tuple[float, ...]:
-        # Segments are nested, and their tree is one, only where each eps is smaller than the one before.
+        # Segments are nested and form a tree only if each eps is smaller than the one before.
         if not all(a > b for a, b in pairwise([*epsilons, 0.0])):
             raise ValueError("they must be greater than 0 and decrease")
         return epsilons
@@ -53,17 +53,17 @@ class DetectSettings(Group):
 
     segments: SegmentSettings = SegmentSettings()
     min_log_odds: float = Field(  # 0.62 to 0.38: less than half a vote, and half votes are frequent
-        0.49, ge=0, description="of a point that has moved; below minus this it has stayed, between them it is unknown"
+        0.49, ge=0, description="points above have moved, below minus this stayed; larger values leave more unknown"
     )
-    min_points: int = Field(3, ge=1, description="points of the smallest object")
-    max_side: float = Field(45.0, gt=0, description="m, longest object")
-    min_share: float = Field(0.5, ge=0, le=1, description="moved, of the points the evidence speaks of")
+    min_points: int = Field(3, ge=1, description="points of the smallest object; larger values drop small objects")
+    max_side: float = Field(45.0, gt=0, description="m, longest object; larger values keep walls")
+    min_share: float = Field(0.5, ge=0, le=1, description="share of moved among known points; more makes more static")
 
 
 class InstancesSettings(Group):
-    """III-C: what belongs together in one scan."""
+    """III-C: the segments of one scan."""
 
     method: Literal["components", "hdbscan"] = "components"
-    max_range: float = Field(80.0, gt=0, description="m, points further away are in no instance")
+    max_range: float = Field(80.0, gt=0, description="m, range of instances; larger values find farther objects")
     hdbscan: HdbscanSettings = HdbscanSettings()
     components: DetectSettings = DetectSettings()

@@ -1,6 +1,6 @@
-"""Settings of a run: a preset, changed by a settings file, then by the command line; and back to YAML.
+"""Settings of a run: a preset, changed by a settings file, then by the command line; and their YAML form.
 
-The preset "paper" follows the seed paper; "default" is whatever measures best.
+The preset "paper" follows the paper; "default" is the most accurate one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "instances": {"method": "hdbscan"},
         "tracking": {
             "method": "paper",
-            "filter": {  # AB3DMOT's, from 0.1 s frames to seconds
+            "filter": {  # AB3DMOT's, converted from 0.1 s frames to seconds
                 "initial_variance": 10.0,
                 "initial_velocity_variance": 1e6,
                 "process_variance": 10.0,
@@ -76,9 +76,9 @@ def load_settings(
     require_kind(preset, str, "preset", f"one of {', '.join(PRESETS)}")
     if preset not in PRESETS:
         raise SettingsError(f"there is no preset '{preset}': choose one of {', '.join(PRESETS)}")
-    tree = _merged(Settings().model_dump(), PRESETS[preset])  # groups of one kind differ in their defaults by place
+    tree = _merged(Settings().model_dump(), PRESETS[preset])  # defaults of one group may differ by parent
     of_file = {} if file is None else _read_yaml(given_path(file, "a settings file"))
-    said_later: dict[str, Any] = {}
+    of_overrides: dict[str, Any] = {}
     tree = _merged(tree, of_file)
     overrides = {} if overrides is None else overrides
     require_kind(overrides, Mapping, "overrides", 'names and values, {"tracking.max_misses": 3}')
@@ -87,17 +87,17 @@ def load_settings(
         branch: Any = value
         for key in reversed(dotted.split(".")):
             branch = {key: branch}
-        tree, said_later = _merged(tree, branch), _merged(said_later, branch)
+        tree, of_overrides = _merged(tree, branch), _merged(of_overrides, branch)
     try:
         return Settings.model_validate(tree)
     except ValidationError as error:
         path = [str(part) for part in error.errors()[0]["loc"]]
-        is_of_file = _holds(of_file, path) and not _holds(said_later, path)
+        is_of_file = _holds(of_file, path) and not _holds(of_overrides, path)
         raise SettingsError(f"settings file {file}: {_sentence(error)}" if is_of_file else _sentence(error)) from None
 
 
 def given_settings(settings: Settings | None) -> Settings:
-    """Return the settings that a caller gives, those of the default preset for None; InputError if they are none."""
+    """Return the given settings, or the default preset for None; InputError if they are not settings."""
     if settings is None:
         return load_settings("default")
     require_kind(settings, Settings, "settings", "what automos.load_settings returns")
@@ -105,11 +105,11 @@ def given_settings(settings: Settings | None) -> Settings:
 
 
 def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
-    """Return the settings written as "tracking.max_misses=3", by their names; values are YAML's.
+    """Return the values of settings written as "tracking.max_misses=3", by name; values are in YAML.
 
     Raises
     ------
-    SettingsError : one of them has no value, or none that YAML understands.
+    SettingsError : a value is missing or not valid YAML.
     """
     values = {}
     for item in items or []:
@@ -131,7 +131,7 @@ def dump_yaml(settings: Settings) -> str:
     Parameters
     ----------
     settings : Settings
-        What to write.
+        The settings to write.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any
 
 
 def _holds(tree: Any, path: list[str]) -> bool:
-    """Return whether `tree` says something at `path`, of the group there, or of the list that it is in."""
+    """Return whether `tree` has a value at `path`, or for the group or list that contains it."""
     for key in path:
         if not isinstance(tree, Mapping):
             return True
@@ -175,7 +175,7 @@ def _read_yaml(file: Path) -> dict[str, Any]:
         tree = parse_yaml(read_text(file))
     except OSError as error:
         raise SettingsError(f"settings file {file} could not be read ({error.strerror}): check the path") from None
-    except ValueError as error:  # no text, no date, no end of nesting
+    except ValueError as error:  # not text, invalid date, endless nesting
         raise SettingsError(f"settings file {file} is not YAML ({error}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):
         raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
@@ -183,7 +183,7 @@ def _read_yaml(file: Path) -> dict[str, Any]:
 
 
 def _sentence(error: ValidationError) -> str:
-    """Return the first problem of `error` as a sentence that names the key, the value and the nearest known key."""
+    """Return the first problem of `error` as a sentence with the key, the value and the nearest known key."""
     problem = error.errors()[0]
     path = [str(part) for part in problem["loc"]]
     key = ".".join(path)

@@ -10,14 +10,14 @@ from automos.settings.group import Group
 
 
 class ImageSettings(Group):
-    """III-E: the range image that the network sees."""
+    """III-E: the range image that is the input of the network."""
 
     height: int = Field(
-        64, ge=16, multiple_of=16, description="rows; a sensor's beams are shared out among them; more take longer"
+        64, ge=16, multiple_of=16, description="rows, to which a sensor's beams are assigned; more take longer"
     )
-    width: int = Field(2048, ge=16, multiple_of=16, description="columns; more show smaller things and take longer")
+    width: int = Field(2048, ge=16, multiple_of=16, description="columns; more resolve smaller objects and take longer")
     residuals: int = Field(
-        8, ge=0, description="residual images, one each for as many fifths of a second; more show slower motion"
+        8, ge=0, description="residual images, one per fifth of a second back in time; more show slower motion"
     )
 
 
@@ -29,10 +29,10 @@ class ModelSettings(Group):
         32,
         ge=4,
         multiple_of=4,
-        description="of the first layer; 32 is full size, 8 narrow; more learn more, and slower",
+        description="channels of the first layer; 32 is full size, 8 narrow; more learn more, but slower",
     )
     dropout: float = Field(
-        0.2, ge=0, lt=1, description="share of channels left out while training; more reduces overfitting"
+        0.2, ge=0, lt=1, description="share of channels dropped in training; larger values reduce overfitting"
     )
 
 
@@ -41,23 +41,23 @@ class TrainingSettings(Group):
 
     recipe: Literal["adamw", "paper"] = Field(
         "adamw",
-        description="AdamW with a cosine; paper: SGD that decays by a hundredth an epoch, which needs more epochs",
+        description="adamw: cosine schedule; paper: SGD, decays by a hundredth per epoch and needs more epochs",
     )
     learning_rate: float | None = Field(
-        None, gt=0, description="at its highest; none: the recipe's (0.002, paper 0.01); a higher one forgets more"
+        None, gt=0, description="highest rate; none: the recipe's (0.002, paper 0.01); larger values forget more"
     )
-    epochs: int = Field(150, ge=1, description="at most; more take longer and cost nothing else: the best is kept")
-    samples: int = Field(0, ge=0, description="scans per epoch, drawn again each time; 0: every scan once")
+    epochs: int = Field(150, ge=1, description="greatest number of epochs, of which the best is kept; more take longer")
+    samples: int = Field(0, ge=0, description="scans per epoch, drawn anew each time; 0: every scan once")
     sector: int = Field(
-        0, ge=0, multiple_of=16, description="columns of an image that are trained on; 0: all; fewer make cheaper steps"
+        0, ge=0, multiple_of=16, description="image columns per training step; 0: all; more make steps more expensive"
     )
-    batch: int = Field(8, ge=1, description="scans a step and device; more take more memory and make fewer steps")
-    augment: bool = Field(True, description="turn, mirror, shift and thin scans; without, few scans are overfitted")
-    use_confidence: bool = Field(False, description="weight every point's loss by the confidence of its label")
+    batch: int = Field(8, ge=1, description="scans per step and device; more need more memory and make fewer steps")
+    augment: bool = Field(True, description="rotate, mirror, shift and thin scans, against overfitting to few scans")
+    use_confidence: bool = Field(False, description="weight the loss of every point by the confidence of its label")
     validation_scans: int = Field(
-        100, ge=1, description="scans an epoch is judged by, evenly spread; more judge better and take longer"
+        100, ge=1, description="evenly spread scans to validate an epoch; more are more exact and take longer"
     )
-    keep: tuple[int, ...] = Field((), description="numbers of epochs after which the network is kept, in OUT/epochs")
+    keep: tuple[int, ...] = Field((), description="numbers of epochs after which the network is saved in OUT/epochs")
 
 
 class NetworkSettings(Group):

@@ -1,4 +1,4 @@
-"""Settings of the output: labels, what is written beside them, the map."""
+"""Settings of the output: labels, additional files, the map."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from automos.settings.group import Group
 class LabelsSettings(Group):
     """The meaning of the labels."""
 
-    moving: Literal["sequence", "now"] = Field("sequence", description="moved at some time, or moves in this scan")
-    now_speed: float = Field(0.5, ge=0, description="m/s from which on an object moves now")
-    unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled")
+    moving: Literal["sequence", "now"] = Field("sequence", description="moved at any time, or moves in this scan")
+    now_speed: float = Field(0.5, ge=0, description="m/s, least speed of an object that moves now; more labels less")
+    unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled; more labels less")
 
 
 class OutputSettings(Group):
@@ -30,6 +30,6 @@ class MapSettings(Group):
     voxel: float = Field(
         0.1,
         gt=0,
-        description="m, one point of the map per voxel, the mean of its own; a larger one is coarser",
+        description="m, side of a voxel, which becomes one mean point of the map; larger voxels are coarser",
     )
-    max_range: float = Field(60.0, gt=0, description="m, points used; a longer one reaches further and blurs more")
+    max_range: float = Field(60.0, gt=0, description="m, range of points used; more reaches farther and blurs more")

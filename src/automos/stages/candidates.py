@@ -1,4 +1,4 @@
-"""III-B: how each point of a scan may have moved, and what kind of point it is."""
+"""III-B: the evidence of motion of each point of a scan, and its kind."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from automos.settings import SelfTrainingSettings, Settings
 from automos.workspace import Arrays, PerScan
 
 _CERTAIN = 4.0
-"""Log-odds of a point that a method only calls moving, or not."""
+"""Log-odds of the points of a method that only decides between moving and static."""
 
 
 def find_candidates(
     frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, missing: list[int]
 ) -> PerScan:
-    """Yield for each missing scan how each of its points may have moved, and what kind of point it is."""
+    """Yield for each missing scan the evidence of motion of its points, and their kind."""
     find = _free_space if settings.candidates.method == "free_space" else _moving_points
     return find(frames, stamps, settings, workers, range(missing[0], missing[-1] + 1))
 
@@ -39,7 +39,7 @@ def add_network_cue(
     settings: SelfTrainingSettings,
     missing: list[int],
 ) -> PerScan:
-    """Yield what `find` finds; where a network's word on each point is at hand, it is added (self-training)."""
+    """Yield the results of `find`, plus a network's log-odds of each point if they are given (self-training)."""
     for i, arrays in find(missing):
         if not settings.folder:
             yield i, arrays
@@ -52,7 +52,7 @@ def add_network_cue(
 def candidates_of(
     log_odds: npt.NDArray, kind: npt.NDArray, height: npt.NDArray, solidity: npt.NDArray, ray_steps: npt.NDArray
 ) -> Arrays:
-    """Return what is known of a scan's points (M,), as it is kept."""
+    """Return the results on a scan's points (M,) as they are stored."""
     half = np.float16
     per_point = {"log_odds": log_odds.astype(half), "kind": kind, "height": height.astype(half), "solidity": solidity}
     return {**per_point, "ray_steps": ray_steps}
@@ -65,7 +65,7 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
 
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
-    """Yield what ERASOR or another published method calls moving."""
+    """Yield the moving points of ERASOR or another published method."""
     pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
     steps = np.array([pattern.row_height, pattern.column_width])
     find_moving = BASELINES[settings.candidates.method].find_moving

@@ -1,4 +1,4 @@
-"""III-C: what belongs together in a scan, the boxes around it, and how much of it has moved."""
+"""III-C: the segments of a scan, their boxes, and the numbers of their points that have moved."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from automos.workspace import Arrays, PerScan, Stage
 def find_segments(
     frames: Frames, candidates: Stage, names: list[str], settings: InstancesSettings, workers: int, missing: list[int]
 ) -> PerScan:
-    """Yield for each missing scan its segments, their boxes, and how many of their points have moved or stayed."""
+    """Yield for each missing scan its segments, their boxes, and the numbers of points that have moved or stayed."""
     todo = ((frames[i], candidates.load(names[i])) for i in missing)
-    threads = settings.method != "hdbscan"  # which holds the interpreter's lock
+    threads = settings.method != "hdbscan"  # hdbscan holds the interpreter's lock
     found = map_in_order(partial(segment_frame, settings), todo, workers, threads)
     return zip(missing, found, strict=True)
 
 
 def segment_frame(settings: InstancesSettings, task: tuple[Frame, Arrays]) -> Arrays:
-    """Return the segments of a frame, their boxes and counts; `task` is the frame and what was found of its points."""
+    """Return the segments of a frame, their boxes and counts; `task` is the frame and its candidates."""
     return (_hdbscan if settings.method == "hdbscan" else _components)(settings, task)
 
 

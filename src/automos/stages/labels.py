@@ -1,8 +1,8 @@
-"""III-D: from objects to points. Here a point becomes moving, and nowhere else.
+"""III-D: from objects to points. Only here does a point become moving.
 
-A point is MOVING where its segment was matched by a track that moves (`tracking.judge` says so; `paper.verdict` in the
-preset `paper`), or where it stands in the box of one. UNLABELED is what rides along with the sensor, and what is less
-sure than asked for. All else is STATIC.
+A point is MOVING if its segment is associated with a moving track (decided by `tracking.judge`, or `paper.verdict` in
+the preset `paper`), or if it stands in the box of one. Points of the ego body, and points of less confidence than
+required, are UNLABELED. All others are STATIC.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from automos.workspace import Arrays, PerScan
 
 
 def label_scans(scans: Scans, objects: TrackedObjects, settings: Settings, workers: int, missing: list[int]) -> PerScan:
-    """Yield for each missing scan every point's label, the moving track it belongs to, and how sure that is."""
+    """Yield for each missing scan every point's label, moving track and confidence."""
     is_followed = settings.tracking.method == "paper" or can_follow(scans.frames.stamps)
     rows_of_scan = objects.tracks.rows_by_scan(len(scans.names))
 
@@ -48,10 +48,10 @@ def label_points(
     settings: Settings,
     is_followed: bool,
 ) -> dict[str, npt.NDArray]:
-    """Return every point's label, the moving track it belongs to, and how sure that is.
+    """Return every point's label, moving track and confidence.
 
     about, found : the frame's candidates and instances.   here : the rows of all tracks in it.
-    is_followed : whether scans follow each other fast enough for tracks to be trusted.
+    is_followed : whether the scan rate is high enough for tracking.
     """
     track = _moving_tracks(frame, about, found, here, objects, settings)
     label = np.where(track >= 0, Label.MOVING, Label.STATIC).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""III-D: every object over time, whether it has moved, and what stands in the places that movers passed by."""
+"""III-D: tracks, whether each has moved, and the places of static objects beside movers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from automos.workspace import Stage
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """The scans of a recording with what the stages before found of them, under their names."""
+    """The scans of a recording, their names, and the results of the earlier stages."""
 
     frames: Frames
     names: list[str]
@@ -36,7 +36,7 @@ class Scans:
 
 @dataclass(frozen=True, eq=False)
 class TrackedObjects:
-    """Objects over time, the verdict on each, and the places of what stays beside them, where that is known."""
+    """Tracks, the verdict on each, and the places of static objects beside them, if known."""
 
     tracks: Tracks
     verdicts: Verdicts
@@ -49,13 +49,13 @@ class TrackedObjects:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
-        """Return the objects that `to_arrays` took apart."""
+        """Return the objects saved by `to_arrays`."""
         places = Places.from_arrays(arrays) if "places" in arrays else None
         return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places)
 
 
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
-    """Return all objects of a recording, followed through time and judged."""
+    """Return the tracks of all objects of a recording and their verdicts."""
     tracking, stamps = settings.tracking, scans.frames.stamps
     detections = [Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names]
     if tracking.method == "paper":
@@ -71,7 +71,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
 
 
 def find_places(scans: Scans, tracks: Tracks, verdicts: Verdicts, settings: Settings, workers: int) -> Places:
-    """Return the places of those that movers have held where other things have stayed in many more scans."""
+    """Return the places occupied by movers that static objects occupied in many more scans."""
     moving = tracks[np.flatnonzero(verdicts.is_moving[tracks.track] & tracks.is_observed)]
     columns, n = touched_columns(moving.boxes), len(scans.names)
     rows_of_scan = moving.rows_by_scan(n)

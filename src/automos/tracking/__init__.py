@@ -1,1 +1,1 @@
-"""III-D: objects over time, whether they move, and the points that are theirs."""
+"""III-D: tracks, whether they move, and their points."""

@@ -1,4 +1,4 @@
-"""Which detection is which tracked object: costs, gates and one optimal assignment (paper III-D)."""
+"""Data association of detections and tracks: costs, gates and one optimal assignment (paper III-D)."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from automos.upright_boxes import Boxes, iou_3d
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5
-"""Metres between predicted and seen height, at most."""
+"""Metres: greatest difference between predicted and measured height."""
 MAX_SIZE_CHANGE = 0.7
-"""Of a ground side, at most, as a share of the longer plus 1 m."""
+"""Greatest change of a ground side, as a share of the longer one plus 1 m."""
 MAX_COUNT_RATIO = 5.0
-"""Between the numbers of points, at most."""
+"""Greatest ratio of the numbers of points."""
 MIN_OVERLAP = 0.3
-"""Between predicted and seen box, seen from above, from which on they may be one wherever their middles are: no two
-solid things are in one place, and the middle of a lorry leaps by metres as its ends come into sight."""
+"""Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
+are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
 SIZE_WEIGHT = 4.0
 """Cost of a change of size, in squared standard deviations."""
 COUNT_WEIGHT = 1.0
-"""Cost of e times as many points."""
+"""Cost of a ratio of e between the numbers of points."""
 EVIDENCE_WEIGHT = 2.0
-"""Cost of going from all moving to all static."""
+"""Cost of a change from all points moving to all static."""
 OTHER_EVIDENCE = 0.75
-"""Of the evidence, by which what has stayed is no mover that went out of sight: others saw it there before."""
+"""Decrease of the moving share above which a segment is not a mover that was lost: other scans hit it there before."""
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
@@ -55,19 +55,19 @@ def motion_cost(
     settings: GateSettings,
     is_lost: Mask,
 ) -> Array:
-    """Return the (K, M) cost of taking detection j for object i, inf where a gate forbids it (`default`).
+    """Return the (K, M) cost of associating object i with detection j, inf where a gate forbids it (`default`).
 
-    The paper's gates are metres per scan: an object faster than 2 m a scan never gets a second observation, and one
-    that shows another side changes its volume. Here the gate is the filter's own uncertainty; size, height, number of
-    points and evidence choose among those that are near. While it is in sight, what moves may come to a halt, and in
-    time its evidence is that of what stays; but out of sight nothing becomes what has been standing there before.
+    The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
+    one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
+    height, number of points and evidence choose among the detections within it. A visible mover may stop, and its
+    evidence becomes that of a static object over time. But a lost mover does not become one that has stayed there.
 
     Parameters
     ----------
-    alive : (K) predicted objects.
-    share, count : (K,) what the evidence said of them so far, and how many points they last had.
-    noise : of measured boxes.
-    is_lost : (K,) which of them the scan before did not show.
+    alive : (K) Beliefs, the predicted objects.
+    share, count : (K,) float64, their moving share so far, and their last number of points.
+    noise : FilterSettings, of measured boxes.
+    is_lost : (K,) bool, objects that were missed in the previous scan.
     """
     cost = np.full((len(alive), len(seen)), np.inf)
     deviation = np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
@@ -82,7 +82,7 @@ def motion_cost(
     climb = np.abs(offset[:, 2])
     before, now = (np.sort(np.maximum(sides, 0.1), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
-    # A few points more or less say nothing of something that has a few points.
+    # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
     settling = share[k] - seen.moving_share[j]
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB) & (growth < MAX_SIZE_CHANGE)
@@ -93,9 +93,9 @@ def motion_cost(
 
 
 def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
-    """Return (P,) what two boxes share of their length times what they share of their width, as of the longer of both.
+    """Return (P,) common length times common width of two boxes, each as a share of the longer of both.
 
-    mean : (P, 10) of predicted objects.   offset : (P, 3) from them to the boxes of `yaw` (P,) and `size` (P, 3).
+    mean : (P, 10) of predicted objects.   offset : (P, 3) from these to the boxes of `yaw` (P,) and `size` (P, 3).
     """
     share = np.ones(len(offset))
     turn = yaw - mean[:, kalman.YAW]
@@ -111,7 +111,7 @@ def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
 
 
 def _mahalanobis(offset: Array, spread: Array) -> Array:
-    """Return the squared length (P,) of `offset` (P, 2) in standard deviations of `spread` (P, 2, 2)."""
+    """Return the squared Mahalanobis length (P,) of `offset` (P, 2) for the covariance `spread` (P, 2, 2)."""
     x, y, a, b, c = offset[:, 0], offset[:, 1], spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
     return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
 
@@ -119,7 +119,7 @@ def _mahalanobis(offset: Array, spread: Array) -> Array:
 def assign(cost: Array) -> tuple[Rows, Rows]:
     """Return rows and columns of the assignment with the most pairs and, among those, the least total cost.
 
-    cost : (K, M), inf where a pair is forbidden. SciPy refuses rows of inf, so these have a finite stand-in.
+    cost : (K, M), inf where a pair is forbidden. SciPy rejects rows of inf, so a large finite cost replaces inf.
     """
     is_allowed = np.isfinite(cost)
     forbidden = (cost.max(initial=0.0, where=is_allowed) + 1.0) * (min(cost.shape) + 1)

@@ -1,8 +1,8 @@
-"""The whole of every moving object: its segment, and what the segment lacks (the `default` preset's painting).
+"""All points of a moving object: its segment, and points that the segment lacks (the `default` preset).
 
-Ground segmentation takes the lowest part of wheels, bumpers and shoes for ground, because at a hand's height above it
-nothing else sets them apart. Around a moving object that is known better: the plane of the ground beside it says what
-stands above it. Where an object was out of sight for a moment, what its box holds is its own unless it has stayed.
+Ground segmentation takes the lowest part of wheels, bumpers and shoes for ground, because only height separates them
+from it. Beside a moving object there is a better reference: the plane of the ground there shows which points are above
+it. If an object was missed in a scan, the points in its predicted box are assigned to it unless they have stayed.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from automos.tracking.tracks import Tracks
 Ids = npt.NDArray[np.int32]
 Array = npt.NDArray[np.float64]
 RING = 1.5
-"""Metres around an object's box in which the ground beside it is looked for."""
+"""Metres around an object's box in which points are the ground beside it."""
 MIN_GROUND = 10
-"""Points of ground beside an object that show where the ground beneath it is."""
+"""Least number of ground points beside an object for a plane."""
 CLEARANCE = (0.03, 0.1)
-"""Metres above the ground beside it, from which on it is the object: at least, at most."""
+"""Metres: lower and upper limit of the height above the ground plane from which points belong to the object."""
 ROUGHNESS = 3.0
-"""Between them, in standard deviations of the ground beside it about its plane: a floor is set apart from a shoe on it
-at a few centimetres, cobbles and a verge are not."""
+"""That height between the limits, in standard deviations of the ground about its plane: on a floor a few centimetres
+separate a shoe, on cobbles or a verge they do not."""
 
 
 def paint_objects(
@@ -41,18 +41,18 @@ def paint_objects(
 
     Parameters
     ----------
-    points : (M, 3) metres, level frame.
-    ids : (M,) segment of each point, -1 for none.   stayed : (M,) segment that has stayed as a whole, -1 for none.
-    is_ground : (M,) points taken for ground.
-    may_move : (M,) points that belong to nothing known to have stayed (ego body excluded).
-    moving : the rows of moving tracks in this scan, observed or predicted.
+    points : (M, 3) float, metres, level frame.
+    ids, stayed : (M,) int32, segment of each point, and segment that has stayed as a whole; -1 for none.
+    is_ground : (M,) bool, points classified as ground.
+    may_move : (M,) bool, points that are not known to have stayed and are not ego body.
+    moving : Tracks, the rows of moving tracks in this scan, observed or predicted.
     """
     track_of, margin = tracks_of_points(ids, stayed, moving), settings.margin
     owned, near = np.flatnonzero(track_of >= 0), np.empty(len(points), np.int32)
     for k in range(len(moving.track)):
         segment, center, size = moving.segment[k], moving.center[k], moving.size[k]
         turn = np.cos(moving.yaw[k]), np.sin(moving.yaw[k])
-        # The own extent of a segment is surer than its filtered box; what was not seen has the box.
+        # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
         low, high = np.array([-0.5, 0.5])[:, None] * size
         if segment >= 0:
             own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
@@ -71,20 +71,20 @@ def paint_objects(
 
 
 def tracks_of_points(ids: Ids, stayed: Ids, tracks: Tracks) -> Ids:
-    """Return (M,) the track among those of one scan that each point's segment belongs to, or its whole; -1 for none."""
+    """Return (M,) the track of each point's segment, or else of its stayed segment, in one scan; -1 for none."""
     track_of_segment = np.full(max(ids.max(initial=-1), stayed.max(initial=-1)) + 2, -1, np.int32)
     track_of_segment[tracks.segment[tracks.is_observed]] = tracks.track[tracks.is_observed]
     return np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
 
 
 def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Array:
-    """Return (3, K) coordinates of `points` (K, 3) along and across a box with that heading (cosine, sine), and up."""
+    """Return (3, K) coordinates of `points` (K, 3) along, across and above a box; `turn` is cosine, sine of its yaw."""
     (x, y, z), (c, s) = (points - center).T, turn
     return np.stack([c * x + s * y, c * y - s * x, z])
 
 
 def _stands(points: Array, ground: Array) -> Mask:
-    """Return (K,) which of `points` (3, K) stand above the plane of the `ground` (3, G) beside them."""
+    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them."""
     n = ground.shape[1]
     if n < MIN_GROUND:
         return np.zeros(points.shape[1], np.bool_)
@@ -98,7 +98,7 @@ def _stands(points: Array, ground: Array) -> Mask:
 
 @kernel
 def _find_near(points, center, reach, rows):  # type: ignore[no-untyped-def]
-    """Write the `rows` of points whose x and y are within `reach` of those of `center`; return how many there are."""
+    """Write the `rows` of points whose x and y are within `reach` of those of `center`; return their number."""
     n = 0
     for i in range(len(points)):
         if abs(points[i, 0] - center[0]) <= reach and abs(points[i, 1] - center[1]) <= reach:

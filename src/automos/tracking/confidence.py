@@ -1,4 +1,4 @@
-"""How sure each point's label is."""
+"""The confidence of each point's label."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy.typing as npt
 from automos.scan import OBJECT, SPECK
 
 _PRIOR, _WEIGHT = -4.0, 2.0
-"""Log-odds of moving of a point that belongs to no object, and what the evidence's count there: of the points of
-simulated worlds that are of no object and nobody saw again, 2 of 100 move, of those hit again, 1 of 1000."""
+"""Prior log-odds of moving of a point without an object, and weight of the evidence: in simulated worlds, of the points
+without an object 2 in 100 move if no scan reports on them, and 1 in 1000 if they were hit again."""
 
 
 def point_confidence(
@@ -21,15 +21,15 @@ def point_confidence(
 ) -> npt.NDArray[np.uint8]:
     """Return (M,) uint8, 255 for certain: the probability that each point's label is right.
 
-    A point of an object is as sure as the verdict on it; ground is certain; of what else stands on it, the evidence
-    says.
+    The points of an object have the confidence of its verdict, ground has 1, and for all other points it follows from
+    the evidence.
 
     Parameters
     ----------
-    is_moving : (M,) whether each point is labelled moving.
-    owner : (M,) track that each point belongs to, whatever the verdict on it, -1 for none.
-    confidence : (T,) in [0, 1], of the verdicts on the tracks.
-    log_odds : (M,) has moved, against has stayed.   kind : (M,) OBJECT, GROUND, EGO_BODY or SPECK.
+    is_moving : (M,) bool, points labelled moving.
+    owner : (M,) int32, track that each point belongs to, moving or not, -1 for none.
+    confidence : (T,) float64 in [0, 1], of the verdicts on the tracks.
+    log_odds : (M,) float, has moved, against has stayed.   kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.
     """
     moves = 1.0 / (1.0 + np.exp(-(_PRIOR + _WEIGHT * log_odds.astype(np.float32))))
     stands = (kind == OBJECT) | (kind == SPECK)

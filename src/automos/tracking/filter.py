@@ -1,9 +1,9 @@
-"""Extended Kalman filters of many boxes at once, constant velocity (paper III-D).
+"""Extended Kalman filters for many boxes at once, with constant velocity (paper III-D).
 
 State (10): x, y, z, yaw, length, width, height, vx, vy, vz. Measurement (7): the box. Motion and measurement are
-linear but for the yaw, which lives on a circle: a box turned by half a turn is the same box, and one turned by a
-quarter is the same with length and width swapped, so a measurement is brought to the nearest of these before it is
-compared. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds rather than in frames.
+linear except for the yaw, which is wrapped: a box rotated by 180 degrees is the same box, and one rotated by 90 degrees
+is the same with length and width swapped. So a measurement is converted to the equivalent box with the nearest yaw
+before the innovation is computed. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds, not frames.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
 
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10); derived ones have more columns."""
+    """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10); subclasses add columns."""
 
     mean: Array
     covariance: Array
@@ -46,14 +46,14 @@ Some = TypeVar("Some", bound=Beliefs)
 
 
 def measurements(boxes: Boxes) -> Array:
-    """Return (K, 7) what is measured of each box: x, y, z, yaw, length, width, height."""
+    """Return (K, 7) the measurement of each box: x, y, z, yaw, length, width, height."""
     return np.column_stack([boxes.center, boxes.yaw, boxes.size])
 
 
 def start(boxes: Boxes, settings: FilterSettings, velocity_variance: npt.ArrayLike | None = None) -> Beliefs:
-    """Return beliefs for boxes seen for the first time: where they are seen, at an unknown velocity around zero.
+    """Return beliefs for new boxes: at their measured place, with an unknown velocity around zero.
 
-    velocity_variance : (K,) or one for all, (m/s)^2; the settings' where not given.
+    velocity_variance : (K,) or one for all, (m/s)^2; that of the settings if not given.
     """
     mean = np.zeros((len(boxes), N_STATE))
     mean[:, :N_MEASURED] = measurements(boxes)
@@ -70,13 +70,13 @@ def predict(beliefs: Some, dt: float, settings: FilterSettings) -> Some:
     F = np.eye(N_STATE)
     F[:3, VELOCITY] = dt * np.eye(3)
     noise = np.r_[np.full(N_MEASURED, settings.process_variance), np.full(3, settings.process_velocity_variance)]
-    # The noise rates are per second of travel, so two short steps are as uncertain as one long one.
+    # Noise rates are per second, so two short steps are as uncertain as one long step.
     Q = np.diag(noise * dt)
     return replace(beliefs, mean=beliefs.mean @ F.T, covariance=F @ beliefs.covariance @ F.T + Q)
 
 
 def update(beliefs: Some, boxes: Boxes, settings: FilterSettings) -> Some:
-    """Return `beliefs` (K) after measuring `boxes` (K), row by row."""
+    """Return `beliefs` (K) updated with the measured `boxes` (K), row by row."""
     P, R = beliefs.covariance, settings.measurement_variance * np.eye(N_MEASURED)
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
@@ -84,13 +84,13 @@ def update(beliefs: Some, boxes: Boxes, settings: FilterSettings) -> Some:
     mean = beliefs.mean + np.einsum("kij,kj->ki", gain, innovation)
     mean[:, YAW] = wrap_angle(mean[:, YAW])
     left = np.eye(N_STATE) - np.concatenate([gain, np.zeros((len(P), N_STATE, 3))], axis=2)
-    # Joseph's form stays symmetric and positive through thousands of updates.
+    # Joseph's form stays symmetric and positive definite over thousands of updates.
     covariance = left @ P @ np.swapaxes(left, -1, -2) + gain @ R @ np.swapaxes(gain, -1, -2)
     return replace(beliefs, mean=mean, covariance=covariance)
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:
-    """Return `measured` (K, 7), each written as the same box whose heading is nearest to `yaw` (K,).
+    """Return `measured` (K, 7), each as the equivalent box whose heading is nearest to `yaw` (K,).
 
     The result's heading is within 45 degrees of `yaw` and not wrapped, so that it can be subtracted.
     """

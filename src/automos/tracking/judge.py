@@ -1,29 +1,29 @@
-"""Has it moved? The log-odds of a track, from the evidence and from its motion (the `default` preset's verdict).
+"""The verdict on a track: log-odds of having moved, from the evidence and its motion (the `default` preset).
 
     log odds(moved) = prior + evidence + displacement - unsteadiness - pieces - porosity
 
-Each term is a log-likelihood ratio, "it moved" against "it stayed", times a weight; weights and distributions were
-fitted once, by maximum likelihood, on tracks of simulated worlds, so that the sum is calibrated.
+Each term is a weighted log-likelihood ratio, "it moved" against "it stayed"; weights and distributions were fitted
+once, by maximum likelihood, on tracks of simulated worlds, so that the sum is calibrated.
 
-*Evidence*: of a thing that stays, now and then some points are observed free (an edge, foliage), of one that moves
-more are; and the points of one scan agree with each other. So how many of them have moved, have stayed and are unknown
-is Dirichlet-multinomial under either hypothesis, which caps what one scan of many points can say; and since a mover may
-as well stand for a while, a scan can hardly speak against it. Scans that look at the same place agree, too: it is their
-mean that counts, as two looks; and where poses are off the evidence is wrong as a whole, so that all of it is worth no
-more than the odds of that.
+*Evidence*: of a static object, some points are sometimes observed free (an edge, foliage), of a mover more are; and the
+points of one scan are correlated. So the numbers of moved, stayed and unknown points follow a Dirichlet-multinomial
+distribution under either hypothesis, which limits the weight of one scan with many points. A mover may stand for a
+while, so a single scan can hardly speak against it. Scans of the same place are correlated, too, so their mean counts,
+as two observations. Where poses are off, all evidence is wrong, so its weight is limited by the odds of that.
 
-*Displacement*: a thing that goes takes both its faces along, one of which more comes into sight only one. So each axis
-counts the lesser of its two faces' paths, if they go the same way; the noise is the scatter of the steadier face about
-its own path. Segments jump, so the noise has heavy tails (Cauchy): what is far for its scatter counts by its logarithm.
+*Displacement*: both faces of a moving object are displaced. A static object of which more comes into sight only extends
+at one face. So on each axis the smaller displacement of the two faces counts, if their signs agree. The noise is the
+scatter of the steadier face about its own path. Segments jump, so the noise has heavy tails (Cauchy): a displacement
+that is large for its scatter counts by its logarithm.
 
-*Unsteadiness, pieces*: vehicles and people stand on the ground, and their foot or their roof keeps its height from scan
-to scan; segments of trees and walls do not. What is no whole segment, but what the evidence cut out of one, is seldom
-an object.
+*Unsteadiness, pieces*: vehicles and people stand on the ground, so the height of their bottom or top is constant from
+scan to scan; that of segments of trees and walls is not. Pieces that the evidence cut out of a segment are seldom
+objects.
 
-*Porosity*: the face of a vehicle or a person returns all rays that meet it; rain, dust, spray and leaves come and go as
-movers do, but let rays through. Of a square face of n rays, 1 - 1.5 / sqrt(n) + 0.5 / n of the neighbours of a ray lie
-on it too; what is missing of that share is the porosity. The rays it lets through for each that it returns count:
-some are lost at every edge, most in a cloud.
+*Porosity*: the face of a vehicle or a person returns all rays that meet it. Rain, dust, spray and leaves appear and
+disappear as movers do, but let rays through. On a square face of n rays, the share 1 - 1.5 / sqrt(n) + 0.5 / n of the
+neighbours of a ray are on the face, too; porosity is the missing part of that share. The term is the number of rays let
+through for each returned ray: some are lost at every edge, most in a cloud.
 """
 
 from __future__ import annotations
@@ -45,44 +45,44 @@ from automos.tracking.verdict import Verdict, Verdicts
 Array = npt.NDArray[np.float64]
 
 PRIOR = 1.60
-"""Log-odds of something of which nothing is known but that it was seen twice as one segment."""
+"""Log-odds of a track of which nothing is known except that a segment was observed twice."""
 WEIGHTS = {
     "evidence": 0.89,
-    "displacement": 0.41,  # of how far it went for its scatter
-    "unsteady": -0.92,  # of how its foot and its roof change their heights
-    "pieces": -3.82,  # of its being no whole segment but what the evidence cut out of one
-    "porous": -3.00,  # of the rays it lets through for each that it returns
+    "displacement": 0.41,  # displacement relative to its scatter
+    "unsteady": -0.92,  # change of the heights of bottom and top
+    "pieces": -3.82,  # share of observations that are pieces cut out of a segment
+    "porous": -3.00,  # rays let through for each returned ray
 }
-"""Of the terms, by name, as `benchmarks/fit_judge.py` finds them on simulated worlds, in rain and with specks, too. The
-last was fitted anew, beside the others: it is 2.4 without dust, 3.2 in nothing but dust, 3.0 on all worlds."""
+"""Weights of the terms, fitted by `benchmarks/fit_judge.py` on simulated worlds, including rain and specks. The last
+was fitted again beside the others: 2.4 without dust, 3.2 in dust only, 3.0 on all worlds."""
 MOVED = (1.02, 0.49, 0.455)
-"""Dirichlet distribution of the shares of moved, stayed and unknown points in a scan of a mover under way."""
+"""Dirichlet distribution of the shares of moved, stayed and unknown points in a scan of a mover in motion."""
 STAYED = (0.18, 0.98, 0.455)
-"""The same of what stays."""
+"""The same for a static object."""
 ENOUGH_KNOWN = 0.2
-"""Share of a thing's points that speaks for all of it, before others were asked; less than that are edges, too."""
+"""Share of known points that counts in full before other scans were asked; edges reach smaller shares, too."""
 UNDER_WAY = 0.986
-"""Share of its scans in which the evidence knows of a mover."""
+"""Share of a mover's scans in which the evidence shows that it moves."""
 LOOKS = 2.2
-"""How many looks that know nothing of each other all scans of a track are worth."""
+"""Number of independent observations that all scans of a track are equivalent to."""
 MISJUDGED = 0.03
-"""Share of what stays of which the evidence is wrong in all scans: the poses are off there, or it is thin and bare."""
+"""Share of static objects whose evidence is wrong in all scans, because poses are off there or the object is thin."""
 LEAST_SOLID = 0.02
-"""Share of the rays that meet a thing and end there, to its face's: less is as good as none."""
+"""Lower limit of solidity relative to that of a solid face."""
 NOISE = 0.05
-"""Metres, scatter that no face of a tracked box is without."""
+"""Metres, least scatter of a face of a tracked box."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentTerms:
-    """What each of the M segments of one scan says of the track it belongs to.
+    """The terms of the M segments of one scan for the tracks they belong to.
 
     Attributes
     ----------
-    faces : (M, 6) metres, x, y, z of its low and of its high sides.
-    evidence : (M,) log-likelihood ratio that it moves, of what its points say.
-    columns : (M, 2) 1 for what is no whole segment; porosity in [0, 1].
-    is_known : (M,) bool, whether anything is known of it: others were asked, or speak of a point of it already.
+    faces : (M, 6) float64, metres, x, y, z of the low and of the high faces.
+    evidence : (M,) float64, log-likelihood ratio of the points' evidence, moved against stayed.
+    columns : (M, 2) float64, 1 for pieces of a segment, and porosity in [0, 1].
+    is_known : (M,) bool, segments with a known point, or all if other scans were asked.
     """
 
     faces: Array
@@ -92,10 +92,10 @@ class SegmentTerms:
 
 
 def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
-    """Return what the segments of a scan say.
+    """Return the terms of the segments of a scan.
 
-    What nobody saw again speaks against a mover, if anybody was asked: others from a second or more. Until then
-    (`is_asked` is False) the known points speak, split as the same distributions say, if they are enough of the thing.
+    Unknown points count as evidence only if scans a second or more away were asked. Before that (`is_asked` is False)
+    only the known points count, under the same distributions, and in full only if they are enough of the object.
     """
     boxes, known = found.boxes, found.n_moving + found.n_static
     c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
@@ -111,14 +111,14 @@ def judge_tracks(
 ) -> Verdicts:
     """Return moving for every track that has moved with at least the probability `settings.min_probability`.
 
-    The confidence is the probability that the verdict is right. What was seen once, or has no point that anything is
-    known of, is static: the prior is that of things of which others were asked.
+    The confidence is the probability that the verdict is right. Tracks with a single observation, or without any known
+    point, are static, because the prior holds for objects on which other scans were asked.
 
     Parameters
     ----------
-    terms : per scan, what its segments say.
-    shifts : (N,) log-odds to add for what was seen in each scan, their mean over a track's scans. In a scan with more
-        than none, what is seen for the first time is judged, too.
+    terms : sequence of SegmentTerms, one per scan.
+    shifts : (N,) float64, optional, log-odds added for observations in each scan; their mean over a track's scans
+        counts. Where they are positive, tracks with a single observation are judged, too.
     """
     log_odds = PRIOR + track_terms(tracks, terms) @ np.array(list(WEIGHTS.values()))
     scan, owner = tracks.scan[tracks.is_observed], tracks.track[tracks.is_observed]
@@ -133,7 +133,7 @@ def judge_tracks(
 
 
 def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
-    """Return the tracks, and the verdicts on them, of all but what has stayed in every scan and does not move."""
+    """Return the tracks and their verdicts without those that have stayed in every scan and do not move."""
     is_kept = ~is_scenery(tracks, verdicts, detections)
     number = np.cumsum(is_kept) - 1
     kept = tracks[np.flatnonzero(is_kept[tracks.track])]
@@ -146,7 +146,7 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
 
 
 def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
-    """Return (T, 5) what the verdict adds up of each track, unweighted, in the order of `WEIGHTS`."""
+    """Return (T, 5) the unweighted terms of each track, in the order of `WEIGHTS`."""
     seen = np.flatnonzero(tracks.is_observed)
     if len(seen) == 0:
         return np.zeros((len(tracks), len(WEIGHTS)))
@@ -159,8 +159,8 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
     evidence, piece, porosity = (
         np.bincount(tracks.track[seen], values, len(tracks)) / np.diff(first) for values in (evidence, *columns.T)
     )
-    gone, scatter = follow_faces(first, faces)
-    low, high = gone[:, 0:2], gone[:, 3:5]
+    displacement, scatter = follow_faces(first, faces)
+    low, high = displacement[:, 0:2], displacement[:, 3:5]
     squared = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)) ** 2, 0.0).sum(axis=1)
     noise = NOISE + np.sqrt(np.minimum(scatter[:, 0] + scatter[:, 1], scatter[:, 3] + scatter[:, 4]))
     out = {
@@ -174,9 +174,9 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
 
 
 def _evidence(found: Detections, is_asked: bool) -> Array:
-    """Return (M,) the log-likelihood ratio that each segment moves, of how many of its points have moved and stayed.
+    """Return (M,) the log-likelihood ratio of each segment, moved against stayed, from the counts of its points.
 
-    The unknown ones are left out where nobody `is_asked`: shares among the others do not depend on theirs.
+    Unknown points are left out unless `is_asked`: the shares among the known points do not depend on them.
     """
     known = found.n_moving + found.n_static
     unknown = np.maximum(found.n_points - known, 0.0)
@@ -188,20 +188,20 @@ def _evidence(found: Detections, is_asked: bool) -> Array:
 
 
 def _log_dirichlet(counts: Array, distribution: tuple[float, ...]) -> Array:
-    """Return (M,) the log-likelihood of `counts` (M, C) whose shares have the Dirichlet distribution, its first C."""
+    """Return (M,) the log-likelihood of `counts` (M, C) under the first C parameters of the Dirichlet distribution."""
     prior = np.array(distribution[: counts.shape[1]])
     total = gammaln(prior.sum()) - gammaln(prior.sum() + counts.sum(axis=1))
     return total + (gammaln(prior + counts) - gammaln(prior)).sum(axis=1)
 
 
 def _porosity(found: Detections) -> Array:
-    """Return (M,) in [0, 1]: how much less solid than a face of as many rays each segment is."""
+    """Return (M,) in [0, 1]: the relative deficit of each segment's solidity from a face of as many rays."""
     n = np.maximum(found.n_points, 2.0)
     return np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
 
 
 def _seen(tracks: Tracks, is_so: Sequence[Mask]) -> Mask:
-    """Return (T,) which tracks were seen as any segment, of those by scan, of which it `is_so`."""
+    """Return (T,) which tracks were observed as a segment for which `is_so`, given per scan, is True."""
     out, rows = np.zeros(len(tracks), np.bool_), np.flatnonzero(tracks.is_observed)
     if len(rows):
         out[tracks.track[rows[np.concatenate(is_so)[_segments(tracks, rows, is_so)]]]] = True
@@ -209,6 +209,6 @@ def _seen(tracks: Tracks, is_so: Sequence[Mask]) -> Mask:
 
 
 def _segments(tracks: Tracks, seen: npt.NDArray[np.int64], per_scan: Sequence[Sized]) -> npt.NDArray[np.int64]:
-    """Return (K,) the segment of each of the rows `seen` (K,), counted through all scans."""
+    """Return (K,) the segment of each of the rows `seen` (K,), numbered through all scans."""
     begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
     return begins[tracks.scan[seen]] + tracks.segment[seen]

@@ -1,8 +1,8 @@
-"""Where objects really were and how fast: Kalman filter forwards, Rauch-Tung-Striebel smoother back over it.
+"""Smoothed positions and velocities: a Kalman filter forwards, then a Rauch-Tung-Striebel smoother backwards.
 
-A filter knows of each scan only what came before. Once a track is whole, every position can draw on all of them
-(Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 1965). The model is
-constant velocity, disturbed by white acceleration; the axes do not interact.
+A filter uses only the scans up to the current one. Once a track is complete, the smoother uses all of them for every
+position (Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 1965). The
+model is constant velocity with white acceleration noise; the axes are independent.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from automos.scan import Mask
 from automos.tracking.tracks import Tracks
 
 NOISE = 0.15
-"""Metres, standard deviation of a box's centre."""
+"""Metres, standard deviation of a measured box centre."""
 ACCELERATION = 1.5
-"""m/s per square root of a second, by which speeds wander."""
+"""m/s per square root of a second, random walk of the velocity."""
 
 
 def smooth_tracks(
     tracks: Tracks, is_moving: Mask, detections: Sequence[Detections], stamps: npt.NDArray[np.float64]
 ) -> Tracks:
-    """Return `tracks`, the moving ones with centres and velocities that all their observations agree on best.
+    """Return `tracks` with smoothed centres and velocities of the moving ones.
 
-    is_moving : (T,) which tracks move.   detections : per scan, its segments.   stamps : (N,) seconds.
+    is_moving : (T,) bool, moving tracks.   detections : per scan, its segments.   stamps : (N,) seconds.
     """
     center, velocity = tracks.center.copy(), tracks.velocity.copy()
     for track in np.flatnonzero(is_moving):
@@ -42,13 +42,13 @@ def smooth_tracks(
     return replace(tracks, center=center, velocity=velocity)
 
 
-@kernel(error_model="numpy")  # times may be so near that their difference is lost
+@kernel(error_model="numpy")  # times may be too close to differ
 def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
-    """Return position and velocity (T,) at times `t` (T,) that `z` (T,) suggests: NaN where nothing was measured.
+    """Return the smoothed position and velocity (T,) at times `t` (T,) for measurements `z` (T,), NaN where missed.
 
     variance : of a measurement, m^2.   jerkiness : power of the white acceleration, m^2/s^3.
     """
-    # State: position x, velocity v; covariance [[a, b], [b, c]]. Written out, it compiles in a fifth of the time.
+    # State: position x, velocity v; covariance [[a, b], [b, c]]. Scalar code compiles in a fifth of the time.
     n = len(t)
     ahead, now = np.zeros((n, 5)), np.zeros((n, 5))  # x, v, a, b, c before and after each measurement
     first = 0

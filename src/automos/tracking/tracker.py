@@ -1,13 +1,13 @@
-"""Follow every object through the recording: predict, associate, update, start, forget (paper III-D).
+"""Multi-object tracking: predict, associate, update, start and end tracks (paper III-D).
 
-One loop for both presets; they differ in which pairs cost what (`association`), in how fast a new object may be and in
-how long one may be out of sight. In `default` a scan's whole segments, the pieces that the evidence cut out of them
-and what has stayed are alternative measurements: an object is seen as the one that is most like it, whatever the
-evidence says of it at that moment. So a car that comes to a halt, waits and drives off is one object.
+Both presets run the same loop. They differ in the cost of a pair (`association`), in the initial velocity variance, and
+in how long an object may be missed. In `default`, a scan's whole segments, the pieces that the evidence cut out of them
+and the segments that have stayed are alternative measurements. An object is associated with the most similar one,
+whatever the evidence on it at that moment. So a car that stops, waits and drives off is one track.
 
-How far a thing that moves may have gone is soon unknown; what has always stayed is where it was. Out of sight it is
-kept there for some seconds: it does not become another post some metres on, and a mover that is lost beside it does not
-go on as the post that has come into sight again.
+While a mover is missed, its position soon becomes uncertain, but an object that has always stayed keeps its place.
+Out of sight it is remembered there for some seconds: it does not become another post some metres away, and a mover that
+is lost beside it does not continue as the post that comes into sight again.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from automos.tracking.tracks import Tracks
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 _MEMORY = 0.7
-"""How much of an object's evidence is kept when it is seen again."""
+"""Weight of an object's earlier evidence when it is observed again."""
 STAYED = 0.1
-"""Share of its evidence up to which an object has stayed, if it never was more than a half."""
+"""Moving share up to which an object has stayed, if the share never exceeded a half."""
 REMEMBERED = 10.0
-"""Seconds for which what has stayed is known to be where it was, though it is out of sight."""
+"""Seconds for which an object that has stayed is remembered at its place while it is out of sight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Objects(kalman.Beliefs):
-    """The objects that are followed at one time, and where they are.
+    """The objects that are tracked at one time, and their states.
 
     Attributes
     ----------
-    track : (K,) int64, their numbers.
-    unseen : (K,) seconds since each was last seen.   misses : (K,) scans since then.
-    share : (K,) in [0, 1], what the evidence said of each: has moved, against has stayed.
-    count : (K,) points each last had.
-    has_moved : (K,) bool, whether it ever said so.
+    track : (K,) int64, track numbers.
+    unseen : (K,) float64, seconds since the last observation.   misses : (K,) int64, scans since then.
+    share : (K,) float64 in [0, 1], moving share of the evidence so far.
+    count : (K,) float64, number of points at the last observation.
+    has_moved : (K,) bool, whether the share ever exceeded a half.
     """
 
     track: Rows
@@ -57,14 +57,14 @@ class Objects(kalman.Beliefs):
     has_moved: Mask
 
     def joined(self, other: Objects) -> Objects:
-        """Return these objects, then those of `other`."""
+        """Return these objects followed by those of `other`."""
         return Objects(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
 
 
 class Log(NamedTuple):
-    """What became of objects, one row (R) for each in each scan, in the order of scans.
+    """The states of objects, one row (R) for each object in each scan, in the order of scans.
 
-    `track` is its number, `segment` what it was seen as, -1 if missed, `mean` (R, 10) that of its `kalman.Beliefs`.
+    `track` is its number, `segment` the associated segment, -1 if missed, `mean` (R, 10) that of its `kalman.Beliefs`.
     """
 
     track: Rows
@@ -78,15 +78,15 @@ class Log(NamedTuple):
 
 
 class Tracker:
-    """The objects that are followed, moved on by one scan at a time. Copies go their own ways: a step changes no array.
+    """The tracked objects, advanced by one scan at a time. Copies are independent: a step modifies no array in place.
 
     Attributes
     ----------
-    next_track : the number that the next new object gets.
+    next_track : int, number of the next new object.
     """
 
     def __init__(self, settings: TrackingSettings, first_track: int = 0):
-        """Begin with no objects; the first new one gets the number `first_track`."""
+        """Start without objects; the first new one gets the number `first_track`."""
         self.next_track = first_track
         self._settings, self._scan = settings, 0
         self._alive = self._resting = _start(Detections.nothing(), settings)
@@ -94,35 +94,35 @@ class Tracker:
 
     @property
     def numbers(self) -> Rows:
-        """The numbers of all objects that may be seen again."""
+        """The numbers of all objects that may be observed again."""
         return np.concatenate([self._alive.track, self._resting.track])
 
     def step(self, stamp: float, found: Detections) -> Log:
-        """Return what became of every object at the next scan, `stamp` seconds, which shows the segments `found`."""
+        """Return the state of every object after the next scan, at `stamp` seconds, with the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
         alive = kalman.predict(alive, dt, settings.filter)
         alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
         cost = _cost(alive, found, settings)
         matched, detected = assign(cost)
-        woken, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
+        recalled, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
         is_theirs = ~np.isin(detected, known)
-        matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(woken))])
+        matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(recalled))])
         detected = np.concatenate([detected[is_theirs], known])
-        alive = alive.joined(resting[woken])  # of new arrays, which are written to
+        alive = alive.joined(resting[recalled])  # new arrays, which may be written to
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
 
         new = np.setdiff1d(np.arange(len(found)), detected)
-        born = _start(found[new], settings)
-        born.track[:] = self.next_track + np.arange(len(new))
+        started = _start(found[new], settings)
+        started.track[:] = self.next_track + np.arange(len(new))
         self.next_track += len(new)
         rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
-        still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), woken)
+        still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), recalled)
         self._resting = _at_rest(alive[rests], settings).joined(resting[still])
         keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
-        self._alive = alive[keep].joined(born)
+        self._alive = alive[keep].joined(started)
         scan = np.full(len(self._alive), self._scan)
         self._scan, self._last_stamp = self._scan + 1, stamp
         return Log(self._alive.track, scan, np.concatenate([segment[keep], new]), self._alive.mean)
@@ -131,19 +131,19 @@ class Tracker:
 def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
     """Return the tracks of all detected objects.
 
-    An object that is not matched keeps moving by its motion model and can be found again for a while; then its track
+    A missed object is predicted by its motion model and can be associated again for a while; after that, its track
     ends at its last observation.
 
     Parameters
     ----------
-    detections : per scan, in time order, its time in seconds and its segments (level frame); row j is segment j.
+    detections : iterable of (float, Detections), seconds and segments (level frame) of each scan, in time order.
     """
     tracker = Tracker(settings)
     return as_table([tracker.step(stamp, found) for stamp, found in detections])
 
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
-    """Return all of `found` as new objects: what the evidence says has moved may be as fast as traffic is."""
+    """Return all of `found` as new objects; those that have moved get the velocity variance of traffic."""
     n, share = len(found), found.moving_share
     variance = np.full(n, settings.filter.initial_velocity_variance)
     if settings.method == "evidence":
@@ -154,7 +154,7 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
 
 
 def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
-    """Return objects that are not seen any more, as sure to be where they were as a measured box is."""
+    """Return objects that are out of sight at rest: at their last place, with the variance of a new box."""
     boxes = rest.boxes()
     boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
     belief = kalman.start(boxes, settings.filter, np.zeros(len(rest)))
@@ -164,10 +164,10 @@ def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
 def _recognise(
     resting: Objects, found: Detections, share: Array, cost: Array, pairs: tuple[Rows, Rows], settings: TrackingSettings
 ) -> tuple[Rows, Rows]:
-    """Return which of `resting` are seen again as which of `found`.
+    """Return which of `resting` are observed again, and as which of `found`.
 
-    These are segments that have stayed, too, and that nobody has, or that were taken, at a higher price, for something
-    that has moved: `pairs` of objects with that `share` (K,) and segments, at `cost` (K, M).
+    Only segments that have stayed can be. They must be free, or associated at a higher cost with an object that has
+    moved: `pairs` of objects, which have a moving `share` (K,), and segments, at `cost` (K, M).
     """
     rows, columns = pairs
     limit = np.where(found.moving_share > 0.5, -np.inf, np.inf)
@@ -180,12 +180,12 @@ def _recognise(
 def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> Array:
     if settings.method == "paper":
         return association_cost(alive.boxes(), found.boxes, settings.association)
-    is_lost = alive.misses > 1  # this scan is counted
+    is_lost = alive.misses > 1  # the current scan is included
     return motion_cost(alive, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
 
 
 def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
-    """Write into the `matched` of `alive` what was seen of them, the `detected` of `found`."""
+    """Update the rows `matched` of `alive` with the rows `detected` of `found`, in place."""
     after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
     alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
@@ -195,11 +195,11 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
 
 
 def as_table(logs: list[Log]) -> Tracks:
-    """Return the logs of all scans as tracks, without the misses after each track's last observation."""
+    """Return the logs of all scans as tracks, without misses after each track's last observation."""
     none = np.zeros(0, np.int64)
     log = joined([Log(none, none, none, np.zeros((0, kalman.N_STATE))), *logs])
     last_seen, is_seen = np.full(log.track.max(initial=-1) + 1, -1), log.segment >= 0
-    last_seen[log.track[is_seen]] = log.scan[is_seen]  # of several the last
+    last_seen[log.track[is_seen]] = log.scan[is_seen]  # duplicates: the last write remains
     keep = np.flatnonzero(log.scan <= last_seen[log.track])
     log = log.at(keep[np.argsort(log.track[keep], kind="stable")])
     center, size = log.mean[:, :3], np.maximum(log.mean[:, kalman.SIZE], 1e-3)
@@ -208,5 +208,5 @@ def as_table(logs: list[Log]) -> Tracks:
 
 
 def joined(logs: list[Log]) -> Log:
-    """Return `logs`, at least one, as one."""
+    """Return `logs`, at least one, concatenated."""
     return Log._make(np.concatenate(column) for column in zip(*logs, strict=True))

@@ -1,4 +1,4 @@
-"""What tracking leaves behind: one row for every scan that every object was followed through."""
+"""The result of tracking: one row for every object in every scan of its track."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from automos.upright_boxes import Boxes
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Objects over time as a flat table, sorted by track, then scan.
+    """Tracks as a flat table, sorted by track, then scan.
 
     Attributes
     ----------
     track : (R,) int64, 0.. without gaps.
     scan : (R,) int64, index of the scan.
-    segment : (R,) int64, segment of that scan that was matched, -1 where the object was missed.
-    center, size, yaw : (R, 3), (R, 3), (R,) the estimated box, level frame, metres and radians.
-    velocity : (R, 3) metres per second, level frame.
+    segment : (R,) int64, associated segment of that scan, -1 where the object was missed.
+    center, size, yaw : (R, 3), (R, 3), (R,) float64, estimated box, level frame, metres and radians.
+    velocity : (R, 3) float64, metres per second, level frame.
     """
 
     track: npt.NDArray[np.int64]
@@ -49,16 +49,16 @@ class Tracks:
 
     @property
     def is_observed(self) -> npt.NDArray[np.bool_]:
-        """(R,) whether a segment was matched in that scan."""
+        """(R,) whether a segment was associated in that scan."""
         return self.segment >= 0
 
     @property
     def boxes(self) -> Boxes:
-        """The rows' boxes."""
+        """The boxes of all rows."""
         return Boxes(self.center, self.size, self.yaw, np.ones(len(self.track)))
 
     def rows_by_scan(self, n_scans: int) -> list[npt.NDArray[np.int64]]:
-        """Return for each of `n_scans` the rows (K,) of the tracks in it, in order."""
+        """Return the rows (K,) of the tracks in each of `n_scans`, in order."""
         order = np.argsort(self.scan, kind="stable")
         return np.split(order, np.searchsorted(self.scan[order], np.arange(1, n_scans))) if n_scans else []
 
@@ -72,5 +72,5 @@ class Tracks:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Tracks:
-        """Return the table that `to_arrays` took apart."""
+        """Return the table saved by `to_arrays`."""
         return Tracks(**{f.name: arrays[f.name] for f in fields(Tracks)})

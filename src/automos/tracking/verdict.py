@@ -1,4 +1,4 @@
-"""What is decided of tracked objects: moving, static or unknown, and how sure that is."""
+"""The verdicts on tracks (moving, static or unknown) and their confidence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 
 class Verdict(IntEnum):
-    """What is decided of a track."""
+    """The verdict on a track."""
 
     UNKNOWN = 0
     STATIC = 1
@@ -39,5 +39,5 @@ class Verdicts:
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Verdicts:
-        """Return the verdicts that `to_arrays` took apart."""
+        """Return the verdicts saved by `to_arrays`."""
         return Verdicts(arrays["verdict"], arrays["confidence"])
