@@ -276,7 +276,7 @@ def test_a_nan_that_signals_is_a_nan_and_nothing_is_said_of_it(tmp_path):
 
 
 def test_of_what_cannot_be_read_in_a_folder_the_name_is_told(tmp_path):
-    with pytest.raises(InputError, match="secret cannot be read: Permission denied"), reading.damage_told(tmp_path):
+    with pytest.raises(InputError, match="secret cannot be read: Permission denied"), reading.damage_reported(tmp_path):
         raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "secret"))
 
 

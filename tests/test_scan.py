@@ -156,6 +156,7 @@ def test_columns_become_what_they_are_documented_to_be():
         ("T_scan_sensor", np.full((1, 4, 4), np.nan), "sensor and T_scan_sensor go together"),
         ("stamp", "noon", "stamp seconds, got '' and 'noon'"),
         ("stamp", np.zeros(2), "stamp seconds, got '' and array"),
+        ("stamp", np.datetime64("2020"), "stamp seconds, got '' and np.datetime64"),
         ("name", None, "name is a text and its stamp seconds, got None and None"),
     ],
 )  # fmt: skip

@@ -41,7 +41,7 @@ MAX_TEXT = 1 << 28
 
 
 @contextmanager
-def damage_told(path: Path | str, what: str = "is damaged, or not what its name says") -> Iterator[None]:
+def damage_reported(path: Path | str, what: str = "is damaged, or not what its name says") -> Iterator[None]:
     """Raise InputError that names `path` for whatever goes wrong in the block.
 
     Raises

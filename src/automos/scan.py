@@ -92,7 +92,8 @@ class Scan:
             raise InputError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
         elif not is_rigid(mounts).all():
             raise InputError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
-        is_time = self.stamp is None or (isinstance(self.stamp, SupportsFloat) and np.ndim(self.stamp) == 0)
+        stamp = np.asarray(0.0 if self.stamp is None else self.stamp)
+        is_time = isinstance(self.stamp, SupportsFloat | None) and stamp.ndim == 0 and stamp.dtype.kind in "fiubO"
         if not isinstance(self.name, str) or not is_time:
             raise InputError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
 

@@ -79,6 +79,7 @@ def test_a_repeated_scan_is_where_and_when_the_first_one_was():
         ([1.6e18, 1.6e18 + 1e8, 1.6e18 + 2e8], "1.6e.18 s: give stamps in seconds"),  # nanoseconds since 1970
         ([0.0, 0.2, 0.1], "memory: scan 2 is -0.1 s after the previous scan"),
         ([0.0, 0.0, 0.0], "stamps must be in seconds and increase"),
+        ([0.0, 1e-9, 1.5e9], "scan 1 is 1e-09 s after the previous scan"),
         ([0.0, 1e-9, 2e-9], "usual period: 1e-09 s"),
     ],
 )

@@ -20,7 +20,7 @@ from automos.datasets.files import is_text
 from automos.datasets.foreign import limited
 from automos.datasets.formats import Format
 from automos.errors import InputError
-from automos.reading import damage_told
+from automos.reading import damage_reported
 from automos.scan import Sequence
 
 
@@ -128,13 +128,13 @@ class _Found(NamedTuple):
     def open(self) -> Sequence:
         if not is_text(str(self.path)):
             raise InputError(f"{str(self.path)!a} is not UTF-8; rename what is not")
-        with damage_told(self.path), limited(self.path) if self.reader.needs else nullcontext():
+        with damage_reported(self.path), limited(self.path) if self.reader.needs else nullcontext():
             return self.reader.open(self.path, self.codec) if self.reader.has_codecs else self.reader.open(self.path)
 
 
 def _find(path: Path, format: str | None) -> list[_Found]:
     """Return the recordings at `path`, at least one."""
-    with damage_told(path):
+    with damage_reported(path):
         names, codec = _resolve(format)
         for name in names:
             reader = load_format(name)

@@ -24,7 +24,7 @@ from automos.datasets.stamped_poses import from_quaternions, poses_at, sensor_po
 from automos.errors import InputError
 from automos.geometry import inverse, transform
 from automos.labels import Label, pack
-from automos.reading import damage_told, is_there, require_regular
+from automos.reading import damage_reported, is_there, require_regular
 from automos.scan import Pose, Scan
 from automos.upright_boxes import points_in_boxes
 
@@ -45,7 +45,7 @@ class Table(dict[str, npt.NDArray]):
     """The columns of a file; a missing column or one of another type is an error that names the file."""
 
     def __init__(self, path: Path, columns: dict[str, npt.NDArray]):
-        with damage_told(path, "has names that are not text"):  # lists
+        with damage_reported(path, "has names that are not text"):  # lists
             words = {name: values.astype(str) for name, values in columns.items() if name in _WORDS}
         super().__init__(columns | words)
         self.path = path
@@ -237,7 +237,7 @@ def read_here(path: Path) -> Table:
 def _transforms(table: Table) -> Pose:
     """Return the (R, 4, 4) transforms of a table's rows."""
     translation = np.column_stack([table[f"t{axis}_m"] for axis in "xyz"])
-    with damage_told(table.path, "holds transforms that are none"):
+    with damage_reported(table.path, "holds transforms that are none"):
         return from_quaternions(translation, np.column_stack([table[f"q{part}"] for part in "xyzw"]), table.path)
 
 

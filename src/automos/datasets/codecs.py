@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from automos.datasets.columns import Columns
-from automos.reading import damage_told, require_regular
+from automos.reading import damage_reported, require_regular
 
 CODECS: dict[str, str] = {
     "bin": "float32 x y z intensity (KITTI)",
@@ -50,6 +50,6 @@ def read_columns(path: Path, codec: str) -> Columns:
     """
     module = importlib.import_module(f"automos.datasets.{suffix_codec(codec)}")
     read: Callable[..., Columns] = module.read
-    with damage_told(path):
+    with damage_reported(path):
         require_regular(path)
         return read(path, module.WIDTHS[codec]) if suffix_codec(codec) == "bin" else read(path)

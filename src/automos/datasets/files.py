@@ -36,14 +36,14 @@ def holds_scans(folder: Path) -> bool:
     return any(_suffix(name) not in _TEXT for name in _point_files(folder))
 
 
-def folders_told(source: Path, read: Path) -> list[str]:
+def left_out_folders(source: Path, read: Path) -> list[str]:
     """Return what to say where other folders than the one that is `read` hold scans, too, in it or in its `source`."""
-    told = []
+    warnings = []
     for folder in dict.fromkeys([source, read]):
         inner = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".") and p != read]
         if names := ", ".join(sorted(p.name for p in inner if _holds_recording(p))[:5]):
-            told.append(f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths.")
-    return told
+            warnings.append(f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths.")
+    return warnings
 
 
 def _holds_recording(folder: Path) -> bool:
@@ -107,7 +107,7 @@ def are_repeats(copy_of: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     return np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
 
 
-def copies_told(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
+def copy_warnings(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
     """Return what to say where a scan holds what an earlier one holds, others between them; see `find_copies`."""
     copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~are_repeats(copy_of))
     if not len(copies):

@@ -16,7 +16,14 @@ from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
-from automos.datasets.files import are_repeats, copies_told, find_copies, folders_told, holds_point_files, list_scans
+from automos.datasets.files import (
+    are_repeats,
+    copy_warnings,
+    find_copies,
+    holds_point_files,
+    left_out_folders,
+    list_scans,
+)
 from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
@@ -107,7 +114,7 @@ class FolderSequence(Sequence):
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
-        beside = [*copies_told(self._copy_of, self._names), *folders_told(self.source, self._folder)]
+        beside = [*copy_warnings(self._copy_of, self._names), *left_out_folders(self.source, self._folder)]
         return [*self._warnings, *beside, *self._point_times.warnings, *self._unit[1]]
 
     @cached_property

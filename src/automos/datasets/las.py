@@ -85,7 +85,7 @@ class _Watched(io.FileIO):
 
 
 def _unpack(path: Path, promise: Promise) -> Any:
-    """Return what laspy reads of a LAZ file whose chunks do not tell how many points are in them.
+    """Return what laspy reads of a LAZ file whose chunks do not say how many points are in them.
 
     Raises
     ------

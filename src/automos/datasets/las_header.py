@@ -38,7 +38,7 @@ class Promise(NamedTuple):
     ----------
     n_points : points.
     n_before : of them, those in packed chunks before the last one.
-    packed : bytes from which and up to which packed points lie, of which nothing tells their number but that they are
+    packed : bytes from which and up to which packed points lie, of which nothing gives their number but that they are
         all needed for them; none where that is known.
     """
 

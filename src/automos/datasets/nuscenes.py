@@ -22,7 +22,7 @@ from automos.datasets.listed import ListedSequence
 from automos.datasets.stamped_poses import from_quaternions, sensor_poses
 from automos.errors import InputError
 from automos.labels import Label
-from automos.reading import damage_told, is_there, read_json
+from automos.reading import damage_reported, is_there, read_json
 from automos.scan import Pose, Scan
 
 _CHANNEL = "LIDAR_TOP"
@@ -161,7 +161,7 @@ def _poses_of(tables: Path, sweeps: list[Row]) -> Pose:
 
 def _transforms(rows: list[Row], path: Path) -> Pose:
     """Return (N, 4, 4) of rows of the table at `path` with a translation and a rotation, scalar first."""
-    with damage_told(path):
+    with damage_reported(path):
         quaternions = np.roll([row["rotation"] for row in rows], -1, axis=1)
         return from_quaternions([row["translation"] for row in rows], quaternions, path)
 

@@ -27,7 +27,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> dict[str, npt.NDArray]:
     InputError
         The table is absent, damaged, or has no such column.
     """
-    with _told(path, columns) as parquet:
+    with _reported(path, columns) as parquet:
         table = parquet.read_table(path, columns=list(columns))
         return {name: table[name].to_numpy() for name in columns}
 
@@ -38,7 +38,7 @@ class RowReader:
     def __init__(self, path: Path, columns: Sequence[str]):
         """Open the table at `path` to read `columns` of it; errors are those of `read_columns`."""
         self._path, self._columns = path, list(columns)
-        with _told(path, columns) as parquet:
+        with _reported(path, columns) as parquet:
             self._file = parquet.ParquetFile(path)
             groups = [self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)]
         self._starts = np.concatenate([[0], np.cumsum(groups)])
@@ -47,7 +47,7 @@ class RowReader:
         self._first = self._end = 0
 
     def __getitem__(self, row: int) -> dict[str, npt.NDArray]:
-        with _told(self._path, self._columns):
+        with _reported(self._path, self._columns):
             group = int(np.searchsorted(self._starts, row, side="right")) - 1
             if row < self._first or self._starts[group] > self._end or self._batch is None:
                 groups = list(range(group, len(self._starts) - 1))
@@ -63,7 +63,7 @@ class RowReader:
 
 
 @contextmanager
-def _told(path: Path, columns: Sequence[str]) -> Iterator[Any]:
+def _reported(path: Path, columns: Sequence[str]) -> Iterator[Any]:
     """Give the library; turn what it stumbles over into one sentence."""
     parquet, arrow = import_extra("pyarrow.parquet", "arrow"), import_extra("pyarrow", "arrow")
     try:

@@ -61,7 +61,7 @@ class RosbagSequence(Sequence):
         wanted = None if path == bag else path.relative_to(bag).as_posix()
         self.source, self._address = bag, path
         self._threads = threading.local()
-        with _told(bag):
+        with _reported(bag):
             self._topic = _choose_topic(self._reader, bag, wanted)
             self._recorded, headers, self._sizes, self._digests = self._index()
         self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
@@ -129,14 +129,14 @@ class RosbagSequence(Sequence):
     @cached_property
     def frame_id(self) -> str:
         """The frame that the first cloud's header names."""
-        with _told(self.source):
+        with _reported(self.source):
             connection, _, raw = next(self._reader.messages(connections=self._connections()))
             return str(self._reader.deserialize(raw, connection.msgtype).header.frame_id).strip("/")
 
     def static_transforms(self) -> list[tuple[str, str, list[float], list[float]]]:
         """Return parent, child, translation and quaternion (scalar last) of each transform in /tf_static."""
         found = []
-        with _told(self.source):
+        with _reported(self.source):
             joints = [c for c in self._reader.connections if c.topic == "/tf_static"]
             for connection, _, raw in self._reader.messages(connections=joints) if joints else ():
                 for joint in self._reader.deserialize(raw, connection.msgtype).transforms:
@@ -172,7 +172,7 @@ class RosbagSequence(Sequence):
         message = int(self._messages[index])
         recorded = int(self._recorded[message])
         which = message - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
-        with _told(self.source):
+        with _reported(self.source):
             messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
             for k, (connection, _, raw) in enumerate(messages):
                 if k == which:
@@ -225,7 +225,7 @@ def _header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
 
 
 @contextmanager
-def _told(bag: Path) -> Iterator[None]:
+def _reported(bag: Path) -> Iterator[None]:
     """Turn whatever the reader of bags stumbles over into one sentence: damaged files break it in many ways."""
     try:
         with limited(bag):

@@ -27,7 +27,7 @@ from automos.datasets.stamped_poses import rigid_transforms, sensor_poses
 from automos.errors import InputError
 from automos.geometry import inverse, make_transform
 from automos.labels import Label
-from automos.reading import damage_told, is_there
+from automos.reading import damage_reported, is_there
 from automos.scan import Pose, Scan, Sequence
 
 _TOP = 1
@@ -157,7 +157,7 @@ class WaymoSequence(Sequence):
 
     def _read_poses(self) -> Pose:
         path = _table(self.source, "vehicle_pose")
-        with damage_told(path):
+        with damage_reported(path):
             T = np.stack(read_columns(path, [_VEHICLE])[_VEHICLE].tolist()).reshape(-1, 4, 4)
             return rigid_transforms(T[self._find_rows("vehicle_pose")], path)
 
@@ -172,7 +172,7 @@ class WaymoSequence(Sequence):
     def _range_images(self, index: int) -> list[npt.NDArray[np.float32]]:
         """Return the (H, W, 4) images of both returns: metres, intensity, elongation, whether in a zone not labeled."""
         row = self._reader("lidar", _RETURNS)[int(self._rows[index])]
-        with damage_told(_table(self.source, "lidar")):
+        with damage_reported(_table(self.source, "lidar")):
             images = [_image(row, name, 4) for name in _RETURNS]
             if images[0].shape != images[1].shape:
                 raise ValueError("two returns of different sizes")
@@ -182,7 +182,7 @@ class WaymoSequence(Sequence):
         """Return the (H * W, 3) points of ranges (H, W), at the origin where there was no return."""
         row = self._reader("lidar_pose", [_PIXEL_POSE])[int(self._pose_rows[index])]
         elevation, T_vehicle_laser = self._calibration
-        with damage_told(_table(self.source, "lidar_pose")):
+        with damage_reported(_table(self.source, "lidar_pose")):
             pixel_pose = _image(row, _PIXEL_POSE, 6)
             if pixel_pose.shape[:2] != distance.shape or len(elevation) != len(distance):
                 raise ValueError("poses of another number of pixels, or angles of another number of rows")
@@ -198,7 +198,7 @@ class WaymoSequence(Sequence):
         rows = np.flatnonzero(columns[_LASER] == _TOP)
         if len(rows) != 1:
             raise InputError(f"{path} must have the top LiDAR once, but has it {len(rows)} times; download it again")
-        with damage_told(path):
+        with damage_reported(path):
             T, elevation = (np.asarray(columns[name][rows[0]], np.float64) for name in names)
             if elevation.ndim != 1 or not np.isfinite(elevation).all():
                 raise ValueError("angles of rows that are none")
@@ -218,7 +218,7 @@ class WaymoSequence(Sequence):
             f"{_BOX}.{name}" for name in ("heading", *(f"{of}.{axis}" for of in ("center", "size") for axis in "xyz"))
         ]
         table = read_columns(path, [_TIME, _OBJECT, *parts])
-        with damage_told(path):
+        with damage_reported(path):
             yaw, *sides = (table[part].astype(np.float64) for part in parts)
             if table[_TIME].dtype.kind not in "iu":
                 raise ValueError("times that are not whole numbers")

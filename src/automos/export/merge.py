@@ -19,7 +19,7 @@ from automos.export.edits import EditedScan, read_edits, require_known
 from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
-from automos.reading import damage_told, is_there, read_bytes
+from automos.reading import damage_reported, is_there, read_bytes
 from automos.results.claiming import require_room
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -141,7 +141,7 @@ def _copy_beside(run: RunFiles, out: Path) -> None:
 
 def _copy_file(source: str | Path, target: str | Path) -> None:
     """Copy a plain file; a device of its name would be copied without end."""
-    with damage_told(source):
+    with damage_reported(source):
         content = read_bytes(Path(source))
     with atomic_path(Path(target)) as temporary:
         temporary.write_bytes(content)

@@ -25,7 +25,7 @@ from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
 from automos.odometry import Trajectory, estimate_trajectory
 from automos.odometry.trajectory import make_frame
-from automos.reading import damage_told, read_array
+from automos.reading import damage_reported, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
 from automos.settings import ImageSettings, Settings
@@ -130,7 +130,7 @@ class LabeledRecording:
 
 
 def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
-    with damage_told(path, "holds no confidences of its scan"):
+    with damage_reported(path, "holds no confidences of its scan"):
         certain = read_array(path)
         if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
             raise ValueError(f"{n_points} numbers from 0 to 1 are needed")

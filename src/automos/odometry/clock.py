@@ -14,6 +14,8 @@ from automos.scan import LATEST, Scan, Sequence
 
 USUAL_PERIOD = 0.1
 """Seconds between scans if the recording has no clock."""
+MOST_UNEVEN = 1e-7
+"""Least ratio of the shortest time between scans to the usual one: no clock resolves both."""
 SHORTEST_PERIOD = 1e-3
 """Seconds: no sensor has a shorter period."""
 STAMP_DIGITS = 9
@@ -66,7 +68,7 @@ def read_clock(sequence: Sequence) -> Clock:
         return Clock(stamps, USUAL_PERIOD, np.ones(0), has_stamps)
     steps = np.diff(stamps)
     usual = float(np.median(steps))
-    if not (steps > 0.0).all() or usual < SHORTEST_PERIOD:
+    if not (steps > MOST_UNEVEN * usual).all() or usual < SHORTEST_PERIOD:
         least = int(np.argmin(steps))
         raise InputError(
             f"{sequence.name}: scan {least + 1} is {steps[least]:g} s after the previous scan (usual period: "

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from automos.errors import InputError
-from automos.reading import DAMAGE, damage_told, parse_json, read_text, require_regular
+from automos.reading import DAMAGE, damage_reported, parse_json, read_text, require_regular
 
 LOG_FILE = "review.jsonl"
 CHANGE_NOTHING = ("answer", "dismissed")
@@ -63,7 +63,7 @@ def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[
     if not path.exists():
         return []
     found = []
-    with damage_told(path, "is not a log of a review"):
+    with damage_reported(path, "is not a log of a review"):
         lines = read_text(path).split("\n")
     for number, line in enumerate(lines, start=1):
         if not line.strip().endswith("}"):
@@ -85,7 +85,7 @@ def key_of_changes(folder: Path) -> str:
     path = folder / LOG_FILE
     if not path.exists():
         return ""
-    with damage_told(path, "is not a log of a review"):
+    with damage_reported(path, "is not a log of a review"):
         lines = [line for line in read_text(path).split("\n") if line.strip().endswith("}")]
         kept = [line for line in lines if parse_json(line).get("kind") not in CHANGE_NOTHING]
     return f"-{zlib.crc32(chr(10).join(kept).encode()):08x}" if kept else ""

@@ -12,7 +12,7 @@ from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
 from automos.geometry import transform
 from automos.labels import Label, to_mos
-from automos.reading import damage_told, is_there, read_text
+from automos.reading import damage_reported, is_there, read_text
 from automos.results.run_files import RunFiles
 from automos.visualization.caveats import caveats
 from automos.visualization.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
@@ -132,7 +132,7 @@ def _pointed(warning: dict[str, Any], names: list[str]) -> dict[str, Any]:
 
 def _settings_text(run: RunFiles) -> str:
     path = run.folder / "settings.yaml"
-    with damage_told(path):
+    with damage_reported(path):
         return read_text(path) if is_there(path) else ""
 
 
