@@ -35,12 +35,14 @@ MISSING = 7
 """Every so many-th scan is left out of the second half of the drives, and stamps with it."""
 
 
+def _no_landmarks(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
+    nothing = np.zeros((len(window) - 1, 3))
+    return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+
+
 def _without_direction(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
-    T = window.T_world_sensor
-    steps = np.linalg.inv(T[:-1]) @ T[1:]
-    nothing = np.zeros((len(steps), 3))
-    is_known = speed._direction(steps) is not None
-    return search_speed(window, settings, pool) if is_known else SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+    is_known = speed._direction(window.steps) is not None
+    return (search_speed if is_known else _no_landmarks)(window, settings, pool)
 
 
 def _nothing_found(steps, gaps, period, refound=None):  # type: ignore[no-untyped-def]
@@ -54,7 +56,8 @@ def _by_steps_alone(steps, gaps, period, refound=None):  # type: ignore[no-untyp
 PARTS: dict[str, list[tuple[object, str, object]]] = {
     "everything": [],
     "starts at other speeds": [(kiss, "_find_start", lambda rest, *others: rest)],
-    "landmarks' doubt about a slow start": [(kiss, "TRIAL_GAIN", 0.0)],
+    "landmarks' doubt about a slow start": [(kiss, "search_speed", _no_landmarks)],
+    "that doubt, and the lead of the registration's own start": [(kiss, "TRIAL_GAIN", 0.0)],
     "a search for the speed": [(refine, "SPEED_ROUNDS", 1), (refine, "lengthen", lambda T, missing: T)],
     "a search where the sensor seems to stand": [(refine, "search_speed", _without_direction)],
     "the rival that landmarks propose": [(refine, "is_ahead", lambda *evidence: False)],
