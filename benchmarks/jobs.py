@@ -119,6 +119,12 @@ JOBS = {
             _STORE,
             (*_STORE, "--scenarios", "city", "junction"),
         ),
+        Job(
+            "conventions-carriers",
+            "conventions.py",
+            (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city", "junction"),
+            (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city"),
+        ),
         Job("trust", "trust.py", (*_STORE, "--seed", "30"), (*_STORE, "--seed", "30", "--only", "VLP-16")),
         Job(
             "ablation-gate",

@@ -107,7 +107,7 @@ def test_a_count_of_points_in_one_stream_is_that_for_which_its_packed_bytes_are_
     for wrong in (n_points - 9, n_points - n_points % 50_000 // 2, n_points + 1, n_points + 30):
         path.write_bytes(whole[:107] + wrong.to_bytes(4, "little") + whole[111:])
         with pytest.raises(
-            InputError, match=rf"0\.laz (holds .* packed points than the {wrong} that|is no whole LAS file)"
+            InputError, match=rf"0\.laz (holds .* packed points than the {wrong} that|is not a complete LAS file)"
         ):
             open_sequence(tmp_path / "log")[0]
 
