@@ -61,6 +61,7 @@ PARTS: dict[str, list[tuple[object, str, object]]] = {
     "a search for the speed": [(refine, "SPEED_ROUNDS", 1), (refine, "lengthen", lambda T, missing: T)],
     "a search where the sensor seems to stand": [(refine, "search_speed", _without_direction)],
     "the rival that landmarks propose": [(refine, "is_ahead", lambda *evidence: False)],
+    "the body left out of the search": [(speed, "without_body", lambda surfels: surfels)],
     "missing scans counted": [(estimate, "find_missing", _nothing_found)],
     "missing scans counted by what faces along the path": [(estimate, "find_missing", _by_steps_alone)],
 }

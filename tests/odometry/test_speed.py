@@ -67,7 +67,7 @@ def test_who_brakes_finds_again_over_both_lags_what_stands():
     braking = [9.0 * t - 3.5 * t**2 for t in 0.1 * np.arange(13)]
     truth = np.array([pose(way) for way in braking])
     window = window_of(record(CANYON, truth, n_beams=32), np.linalg.inv(truth[0]) @ truth)
-    scores = score_speeds(np.eye(3)[0], window, SETTINGS, None)
+    scores = score_speeds(np.eye(3)[0], window, window.surfels, SETTINGS, None)
     over_both = scores.refound.sum(axis=1)
     near = [slice(at - 1, at + 2) for at in scores.nearest]
     assert all(of_place[there].max() > 0.95 * of_place.max() for of_place, there in zip(over_both, near, strict=True))

@@ -9,7 +9,7 @@ from automos.kernels import kernel
 from automos.odometry.submap import VOXEL, Submap
 from automos.odometry.surfels import Surfels, key_at_level, level_of, variance_along
 from automos.scan import Pose
-from automos.voxels import find_slot
+from automos.voxels import VoxelMap, find_slot
 
 CLOSE = 0.15
 """Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
@@ -26,6 +26,15 @@ NEAR_VIEW = 1.5
 
 BESIDE = 12.0
 """Metres from the path, beyond all lanes of the sensor's own direction: nothing there keeps pace with the sensor."""
+
+BODY_RANGE = 6.0
+"""Metres within which the ego body is searched: up to the ends of a long vehicle."""
+BODY_VOXEL = 0.4
+"""Metres, edge of the voxels in which positions are compared, the same as for surfels."""
+BODY_SHARE = 0.8
+"""Share of the scans that must observe it at the same position."""
+BODY_SPREAD = 0.04
+"""Metres, deviation of that position: noise of a surfel."""
 
 Array = npt.NDArray[np.float64]
 
@@ -64,6 +73,33 @@ def score_distances(
         overhead, scores,
     )  # fmt: skip
     return scores
+
+
+def without_body(surfels: list[Surfels]) -> list[Surfels]:
+    """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
+
+    Surfels near the sensor that nearly every scan has at the same position within centimetres belong to the vehicle (or
+    to ground so even that it is not needed). At standstill, all surfels do.
+    """
+    if not surfels:
+        return []
+    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
+    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
+    voxel = VoxelMap(BODY_VOXEL).add(means)
+    count = np.bincount(voxel)
+    spread = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(voxel, means[:, axis], len(count)) / count
+        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
+    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
+    out = []
+    for scan, near in zip(surfels, is_near, strict=True):
+        keep = np.ones(len(scan), bool)
+        n = int(near.sum())
+        keep[near] = ~is_body[:n]
+        is_body = is_body[n:]
+        out.append(scan[keep])
+    return out
 
 
 def is_stationary(refound: Array, whole: Array) -> bool:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.facing import is_stationary
+from automos.odometry.facing import is_stationary, without_body
 from automos.odometry.links import Window
 from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
 from automos.scan import Pose
@@ -67,11 +67,12 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
         return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+    surfels = without_body(window.surfels)
     known = _direction(steps)
     best, best_gain, found = nothing, 0.0, []
     # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.
     for forward in np.eye(3)[:2] if known is None else [known]:
-        scores = score_speeds(forward, window, settings, pool)
+        scores = score_speeds(forward, window, surfels, settings, pool)
         growth, gain = _follow_speed(scores, window, settings, known is None)
         if gain > best_gain:
             best, best_gain = growth[:, None] * forward, gain

@@ -17,6 +17,7 @@ from automos.geometry import inverse
 from automos.odometry.facing import EVIDENCE, expected_share, score_distances, signed_distance
 from automos.odometry.links import Window
 from automos.odometry.submap import make_submap
+from automos.odometry.surfels import Surfels
 from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
@@ -132,10 +133,10 @@ class SpeedScores:
 
 
 def score_speeds(
-    forward: Array, window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None
+    forward: Array, window: Window, surfels: list[Surfels], settings: OdometrySettings, pool: ThreadPoolExecutor | None
 ) -> SpeedScores:
     """Return how much is re-observed along `forward` (3,) at every speed."""
-    T, surfels, period = window.T_world_sensor, window.surfels, window.period
+    T, period = window.T_world_sensor, window.period
     lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
     starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
     clock = window.clock
