@@ -85,10 +85,10 @@ def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: l
 
 def _add_even_motion(equations: NormalEquations, window: Window, settings: OdometrySettings) -> None:
     """Add the prior of constant motion for every scan with two neighbours."""
-    T, gaps = window.T_world_sensor, window.gaps
-    if len(T) < 3:
+    gaps = window.gaps
+    if len(window) < 3:
         return
-    steps = inverse(T[:-1]) @ T[1:]
+    steps = window.steps
     change = np.diff(se3_log(steps) / gaps[:, None], axis=0)
     back = adjoint(inverse(steps))
     usual = np.repeat([settings.usual_acceleration, np.radians(settings.usual_turn_acceleration_deg)], 3)
