@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -15,14 +15,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
 from automos.odometry.missing_scans import find_missing
-from automos.odometry.motion import (
-    SweepTiming,
-    azimuth_times,
-    chain,
-    compensate,
-    step_twists,
-    timed_points,
-)
+from automos.odometry.motion import SweepTiming, azimuth_times, chain, compensate, step_twists, timed_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
 from automos.odometry.surfels import Surfels, surfels_of
@@ -34,7 +27,7 @@ Array = npt.NDArray[np.float64]
 NEAR = 15.0
 """Metres, distance of typical walls: weight of rotation in the distortion of a sweep relative to translation."""
 WINDOWS = 2
-"""Windows of the recording in which hypotheses are tested."""
+"""Windows after which a difference of a few standard errors decides."""
 PLACES = 7
 """Positions at which a window with motion is searched, at most."""
 WINDOW_SCANS = 16
@@ -45,14 +38,17 @@ LINKS_OF_A_SCAN = 4
 """Links of one scan, whose errors are correlated."""
 LEAST_LINKS = 8
 """Links of a window that must match enough surfaces for it to be informative."""
-N_ERRORS = 1.5
-"""Standard errors by which another hypothesis must be better."""
 GAIN = 0.01
-"""By which the misfit, a logarithm, must be less than that of the likeliest hypothesis."""
+"""By which the misfit, a logarithm, must be less than that of the first hypothesis. A wrong timing makes walls thicker
+by as much as the right one makes them thinner, so the sign of the difference decides, however uncertain it is."""
+N_ERRORS = 1.5
+"""Standard errors by which a hypothesis must be better that the same scans selected among many: the best of ten without
+any merit is ahead by as much."""
 CLEAR_GAIN = 0.03
 """Additional gain required of rare hypotheses: halved or reversed sweeps."""
-CLEAR_ERRORS = 4.0
-"""Standard errors between the best and every hypothesis of another kind from which no more windows are needed."""
+CLEAR_ERRORS = (4.0, 2.0)
+"""Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
+first, and after `WINDOWS` windows."""
 
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
 """Each scan with its neighbours: adapts their steps to the hypothesis, by up to half a metre."""
@@ -88,13 +84,12 @@ def moving_windows(
     sources: dict[str, SweepTiming],
     pool: ThreadPoolExecutor | None,
 ) -> Iterator[MovingWindow]:
-    """Yield a few windows of the recording in which the sensor moves, starting from the middle."""
+    """Yield the windows of the recording in which the sensor moves, starting from the middle."""
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
         return
     n_places = min(max(round(len(sequence) / length), 1), PLACES)
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
-    found = 0
     for start in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
         scans = [sequence[i] for i in range(start, start + length)]
         part = None if poses is None else poses[start : start + length]
@@ -102,9 +97,6 @@ def moving_windows(
         window = _moving_window(start, scans, part, gaps, sources, clock, settings, pool)
         if window is not None:
             yield window
-            found += 1
-            if found == WINDOWS:
-                return
 
 
 def _moving_window(
@@ -211,12 +203,15 @@ class Search:
         found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # unmatched links count as a bad fit
         return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
 
-    def best(self, likely: list[SweepTiming], rare: list[SweepTiming] | None = None) -> SweepTiming | None:
-        """Return the hypothesis under which the windows align best: the first one unless another is clearly better.
+    def best(
+        self, likely: list[SweepTiming], selected: Collection[SweepTiming] = (), rare: Collection[SweepTiming] = ()
+    ) -> SweepTiming | None:
+        """Return the hypothesis under which the windows align best: the first one unless another is better.
 
-        Hypotheses in `rare` must be better by more. None without hypotheses or with too few matches.
+        Hypotheses that were `selected` among many, and rare ones, must be better by more (`N_ERRORS`, `CLEAR_GAIN`).
+        None without hypotheses or with too few matches.
         """
-        guesses = [*likely, *(rare or [])]
+        guesses = [*likely, *selected, *rare]
         if not guesses:
             return None
         found = self._evaluate(guesses, is_rough=False)
@@ -224,7 +219,9 @@ class Search:
             self.is_clear = False
             return None
         mean, error = _compare(found, found[0])
-        score = mean + np.maximum(N_ERRORS * error, GAIN + CLEAR_GAIN * (np.arange(len(guesses)) >= len(likely)))
+        is_selected = np.arange(len(guesses)) >= len(likely)
+        is_rare = np.arange(len(guesses)) >= len(guesses) - len(rare)
+        score = mean + np.maximum(N_ERRORS * error * is_selected, GAIN + CLEAR_GAIN * is_rare)
         score[0] = 0.0
         best = int(np.nanargmin(score))
         named = {str(guess): float(value) for guess, value in zip(guesses, mean, strict=True) if np.isfinite(value)}
@@ -234,7 +231,8 @@ class Search:
         kinds = [(guess.source, guess.share) for guess in guesses]
         is_other = np.array([kind != kinds[best] for kind in kinds]) & np.isfinite(more)
         more, error = more[is_other], error[is_other]
-        self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > CLEAR_ERRORS * error)).all())
+        enough = CLEAR_ERRORS[len(self.windows) >= WINDOWS]
+        self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > enough * error)).all())
         return guesses[best]
 
 

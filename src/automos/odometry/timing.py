@@ -123,14 +123,14 @@ def _best_hypothesis(
     clock: Clock,
 ) -> SweepTiming | None:
     """Return the best hypothesis: recorded times, none, or by azimuth; also over part of the time between scans."""
-    best = search.best([*timed, *untimed], [replace(timing, share=-timing.share) for timing in timed[:1]])
+    best = search.best([*timed, *untimed], rare=[replace(timing, share=-timing.share) for timing in timed[:1]])
     if is_by_azimuth and (best is None or best.source == "none"):
         best = _best_seam(search, untimed) if drifting is None else search.best([drifting, *untimed])
     if best is None or best.source == "none":
         return best
     shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
     is_shorter = len(shorter) > 0 and search.likeliest([best, *shorter], 1) != [best]
-    return search.best([best], shorter) if is_shorter else best
+    return search.best([best], rare=shorter) if is_shorter else best
 
 
 def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
@@ -139,8 +139,9 @@ def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None
     (found,) = search.likeliest(circle, 1)
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
     likely = search.likeliest([*circle, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
-    found_among_all = search.best([*untimed, *likely])
-    return found_among_all if found_among_all == SweepTiming() else search.best(likely)
+    rear = [timing for timing in likely if timing.seam_deg == SEAMS_DEG[0]]
+    best = search.best([*untimed, *rear], selected=[timing for timing in likely if timing not in rear])
+    return best if best == SweepTiming() else search.best(likely[:1], selected=likely[1:])
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:

@@ -1,0 +1,54 @@
+"""The comparison of timing hypotheses by the misfits of the links of a few windows."""
+
+import numpy as np
+import pytest
+
+from automos.odometry.motion import SweepTiming
+from automos.odometry.moving_windows import Search
+from automos.settings import OdometrySettings
+
+NONE, REAR = SweepTiming(), SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=1.0)
+
+
+def search_with(misfits):
+    """A search in which each hypothesis has the given misfits of 16 links."""
+    search = Search(OdometrySettings(), None)
+    search.windows = [None]
+    search._evaluate = lambda guesses, is_rough: np.array([misfits[guess] for guess in guesses])
+    return search
+
+
+def less_by(gain, scatter):
+    """Misfits of 16 links: `gain` less than those of `NONE` on average, with a scatter of `scatter`."""
+    return -gain + scatter * np.tile([-1.0, 1.0], 8)
+
+
+def test_the_sign_of_an_uncertain_difference_decides_between_timings():
+    # 3 % better; four links of a scan are correlated, so the standard error is 0.06 / sqrt(16 / 4) = 3 %.
+    search = search_with({NONE: np.zeros(16), REAR: less_by(0.03, 0.06)})
+    assert search.best([NONE, REAR]) == REAR
+
+
+def test_a_difference_below_a_percent_changes_nothing():
+    search = search_with({NONE: np.zeros(16), REAR: less_by(0.009, 0.0)})
+    assert search.best([NONE, REAR]) == NONE
+
+
+@pytest.mark.parametrize(("gain", "is_chosen"), [(0.044, False), (0.046, True)])
+def test_a_seam_selected_among_many_must_be_better_by_one_and_a_half_standard_errors(gain, is_chosen):
+    search = search_with({NONE: np.zeros(16), REAR: less_by(gain, 0.06)})
+    assert (search.best([NONE], selected=[REAR]) == REAR) is is_chosen
+
+
+@pytest.mark.parametrize(("gain", "is_chosen"), [(0.039, False), (0.041, True)])
+def test_a_rare_timing_must_be_better_by_four_percent(gain, is_chosen):
+    search = search_with({NONE: np.zeros(16), REAR: less_by(gain, 0.0)})
+    assert (search.best([NONE], rare=[REAR]) == REAR) is is_chosen
+
+
+@pytest.mark.parametrize(("n_windows", "is_clear"), [(1, False), (2, True)])
+def test_after_two_windows_two_standard_errors_are_clear(n_windows, is_clear):
+    search = search_with({NONE: np.zeros(16), REAR: less_by(0.09, 0.06)})  # three standard errors
+    search.windows, search.is_clear = [None] * n_windows, True
+    assert search.best([NONE, REAR]) == REAR
+    assert search.is_clear is is_clear
