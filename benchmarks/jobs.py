@@ -145,6 +145,14 @@ JOBS = {
             (*_STORE, "--seeds", "110"),
             ("odometry/", "settings/odometry", "voxels"),
         ),
+        Job(
+            "short-recordings",
+            "short_recordings.py",
+            (),
+            ("--scenarios", "city"),
+            ("odometry/", "settings/odometry", "voxels"),
+            needs_recordings=True,
+        ),
         Job("simulator-odometry", "simulator_odometry.py", (), ("--scenarios", "city", "canyon")),
         Job("online", "online.py", (*_ONLINE, "--lags", "0", "0.5"), (*_ONLINE, "--lags", "0", "--scans", "60")),
         Job(
@@ -162,5 +170,6 @@ JOBS = {
         ),
     )
 }
-"""Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111 and seed 30 of `trust.py` are for these tables: no
-choice was made on them. Choices were made on seed 17 of `conventions.py`, and on drive 0005."""
+"""Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111, seed 30 of `trust.py` and 31 of
+`short_recordings.py` are for these tables: no choice was made on them. Choices were made on seed 17 of
+`conventions.py`, and on drive 0005."""
