@@ -47,7 +47,7 @@ class _Call:
 
 _calls: dict[int, _Call] = {}
 _gate = threading.Lock()
-_watcher: list[tuple[int, threading.Thread]] = []
+_watcher: list[threading.Thread] = []
 
 
 @contextmanager
@@ -90,11 +90,22 @@ def _size(path: Path) -> int:
 
 # ---------------------------------------------------------------------------------------------------------- time
 def _watch() -> None:
-    """Have a thread look after calls, one per process: a fork has none of its parent's."""
-    if not _watcher or _watcher[0][0] != os.getpid():
-        thread = threading.Thread(target=_look, daemon=True, name="automos-foreign")
-        _watcher[:] = [(os.getpid(), thread)]
-        thread.start()
+    """Have a thread look after the calls of this process."""
+    if not _watcher:
+        _watcher.append(threading.Thread(target=_look, daemon=True, name="automos-foreign"))
+        _watcher[0].start()
+
+
+def _forget() -> None:
+    """Begin anew in a forked process: the threads whose calls and whose lock it inherits are not in it."""
+    global _gate, _holders
+    _gate, _holders = threading.Lock(), 0
+    _calls.clear()
+    _watcher.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
 
 
 def _look() -> None:
