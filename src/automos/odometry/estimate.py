@@ -10,16 +10,15 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import FARTHEST, inverse
-from automos.odometry.clock import Clock, DistinctScans, read_clock, with_repeats
+from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
 from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import level_frame
-from automos.odometry.missing_scans import FacingGaps, find_missing
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
-from automos.odometry.trajectory import Trajectory
+from automos.odometry.trajectory import DistinctScans, Trajectory, with_repeats
 from automos.parallel import available_cores
 from automos.scan import Points, Pose, Sequence
 from automos.settings import OdometrySettings
