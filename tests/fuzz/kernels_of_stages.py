@@ -146,7 +146,7 @@ def _odometry(points: np.ndarray) -> None:
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
         fit_surfels(laid, surfels, T, 0.2)
         distances = np.resize(points, 5).astype(float)
-        scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
+        scores, way = np.zeros((3, 5)), np.array([1.0, 0.0, 0.0])
         facing._score(
             laid.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
             T[:3, 3].copy(), way, distances, distances, 2.7, scores,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
+from automos.geometry import FARTHEST, inverse, is_rigid
 from automos.odometry.drifting_seam import drifting_times
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
 from automos.scan import Frame, Pose, Scan, Sequence
@@ -175,6 +176,27 @@ class SequenceFrames:
                 f"({now[1]}): the recording changed while it was labelled; label it again when nothing writes to it"
             )
         return frame
+
+
+def checked_poses(poses: Pose, n: int) -> Pose:
+    """Return (n, 4, 4) `poses` with exact rotations, in the frame of the first one.
+
+    Raises
+    ------
+    InputError
+        They are not one rigid transform per scan, or not on Earth.
+    """
+    poses = np.array(poses, np.float64)
+    if poses.shape != (n, 4, 4):
+        raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
+    if not (is_valid := is_rigid(poses)).all():
+        raise InputError(f"pose {np.argmin(is_valid)} is not a rigid transform; check the pose file's format.")
+    if not (is_near := (np.abs(poses[:, :3, 3]) < FARTHEST).all(axis=1)).all():
+        row = np.argmin(is_near)
+        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
+    u, _, vt = np.linalg.svd(poses[:, :3, :3])  # pose files are rounded
+    poses[:, :3, :3] = u @ vt
+    return inverse(poses[0]) @ poses
 
 
 class DistinctScans(Sequence):
