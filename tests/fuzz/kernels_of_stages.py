@@ -148,8 +148,7 @@ def _odometry(points: np.ndarray) -> None:
         distances = np.resize(points, 5).astype(float)
         scores, way = np.zeros((3, 5)), np.array([1.0, 0.0, 0.0])
         facing._score(
-            laid.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
-            T[:3, 3].copy(), way, distances, distances, 2.7, scores,
+            laid.arrays, surfels.mean, surfels.covariance, surfels.time, T, way, distances, distances, 2.7, scores,
         )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from automos.geometry import inverse
 from automos.kernels import kernel
 from automos.odometry.links import Window
 from automos.odometry.submap import VOXEL, Submap, make_submap
-from automos.odometry.surfels import Surfels, key_at_level, level_of, variance_along
+from automos.odometry.surfels import Surfels, key_at_level, level_of, moved, variance_along
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 from automos.voxels import find_slot
@@ -81,11 +81,11 @@ def score_distances(
     """
     scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
-    sideways = T_submap_surfels[:3, 3] - present * direction
-    R = np.ascontiguousarray(T_submap_surfels[:3, :3])
+    T = np.array(T_submap_surfels, np.float64)  # at no distance along the path
+    T[:3, 3] -= present * direction
     shift = per_sweep * (distances - present)
     _score(
-        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, shift,
+        submap.arrays, surfels.mean, surfels.covariance, surfels.time, T, direction, distances, shift,
         overhead, scores,
     )  # fmt: skip
     return scores
@@ -195,7 +195,7 @@ def _weighted_share(weights: Array, found: Array, whole: Array, expected: Array)
 
 @kernel
 def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, shift, overhead, scores
+    submap, points, covariance, times, T, direction, distances, shift, overhead, scores
 ):  # fmt: skip
     keys, rows, mean, axes, variance = submap
     inverse_voxel = 1.0 / VOXEL
@@ -222,16 +222,13 @@ def _score(  # type: ignore[no-untyped-def]
             few_rows[few] = rows[slot]
     a = np.empty(3)
     for k in range(3):  # direction of the path in the surfels' frame
-        a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
+        a[k] = T[0, k] * direction[0] + T[1, k] * direction[1] + T[2, k] * direction[2]
     for i in range(len(points)):
         c = covariance[i]
         if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
             continue
-        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
-        y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
-        z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
-        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * py - a[1] * px) > BESIDE else 0)
+        x0, y0, z0 = moved(T, points[i])
+        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * points[i, 1] - a[1] * points[i, 0]) > BESIDE else 0)
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
