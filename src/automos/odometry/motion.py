@@ -60,7 +60,8 @@ class SweepTiming:
     def from_dict(fields: dict[str, Any]) -> SweepTiming:
         """Return the timing from the fields of `to_dict`."""
         order = fields.get("order")
-        return SweepTiming(**{**fields, "order": None if order is None else PointOrder(**order)})
+        known = None if order is None else {name: order[name] for name in ("turn", "turns", "turns_per_scan", "start")}
+        return SweepTiming(**{**fields, "order": None if known is None else PointOrder(**known)})
 
     def __str__(self) -> str:
         """Return the timing in a few words."""
