@@ -23,9 +23,8 @@ from trust import OFF, SAYS_SO, speed_error
 
 from automos import ArraySequence, load_settings
 from automos.odometry import estimate, estimate_trajectory, kiss, refine, speed
-from automos.odometry.missing_scans import find_missing
-from automos.odometry.speed import SpeedSearch, search_speed
-from automos.odometry.speed_scores import NOTHING
+from automos.odometry.clock import find_missing
+from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 from automos.progress import StageProgress
 from automos.scan import Sequence
 

@@ -118,12 +118,10 @@ def _odometry(points: np.ndarray) -> None:
     compensate(points, times, np.resize(points, 6))
     for block in (1, 7):
         sweep_order._block_azimuths(points, block)
-    for by in ("firing", "beam"):
-        sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(by, 1, 1.0, 1.0))
+    sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(1, 1.0, 1.0))
     drifting_seam.gap_edges(points)
     for turns in (0.9, 1.1):
         drifting_seam.drifting_times(points, 1, turns)
-    sweep_order._turns_by_beam(points, -1, float(points[0, 0]))
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
     level._nearest_to_middle(points, level.RANGE, level.VOXEL)
@@ -146,10 +144,9 @@ def _odometry(points: np.ndarray) -> None:
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
         fit_surfels(laid, surfels, T, 0.2)
         distances = np.resize(points, 5).astype(float)
-        scores, way = np.zeros((2, 5)), np.array([1.0, 0.0, 0.0])
+        scores, way = np.zeros((3, 5)), np.array([1.0, 0.0, 0.0])
         facing._score(
-            laid.arrays, surfels.mean, surfels.covariance, surfels.time, np.ascontiguousarray(T[:3, :3]),
-            T[:3, 3].copy(), way, distances, distances, 2.7, scores,
+            laid.arrays, surfels.mean, surfels.covariance, surfels.time, T, way, distances, distances, 2.7, scores,
         )  # fmt: skip
 
 

@@ -4,11 +4,10 @@ from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import Block, record, van
 
 from automos.odometry.consistency import speed_figures
-from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, is_stationary, score_distances
+from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, is_stationary, score_distances, score_speeds
 from automos.odometry.links import Alignment, Window
-from automos.odometry.refine import RollingRefinement, is_ahead, refine_poses
-from automos.odometry.speed import SpeedSearch, lengthen, search_speed
-from automos.odometry.speed_scores import Landmarks, score_speeds
+from automos.odometry.refine import RollingRefinement, refine_poses
+from automos.odometry.speed import Landmarks, SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import surfels_of
 from automos.settings import OdometrySettings

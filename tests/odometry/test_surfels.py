@@ -1,7 +1,6 @@
 import numpy as np
 
-from automos.odometry.facing import without_body
-from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels
+from automos.odometry.surfels import MAX_RANGE, Surfels, make_surfels, without_body
 from automos.voxels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)

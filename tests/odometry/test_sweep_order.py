@@ -48,7 +48,7 @@ def half_lost(points, times, beam):
 def test_a_stream_may_be_cut_anywhere(turns, turn):
     sequence, times = recording(turns, turn=turn, offsets_deg=4.0)
     order = learn_order(sequence)
-    assert (order.by, order.turn) == ("firing", turn)
+    assert order.turn == turn
     assert order.turns == pytest.approx(turns, abs=0.005)
     assert order.turns_per_scan == pytest.approx(turns, abs=0.002)
     np.testing.assert_allclose(turns_since_start(sequence[3], order), times[3], atol=0.01)
@@ -78,15 +78,8 @@ def test_a_scan_whose_first_points_are_lost_begins_late():
     np.testing.assert_allclose(turns_since_start(cut, order), times[1][5000:], atol=0.01)
 
 
-def test_files_sorted_by_beam_tell_the_times_of_scans_of_more_than_a_turn():
-    sequence, times = recording(1.09, arrange=by_beam)
-    order = learn_order(sequence)
-    assert (order.by, order.turn) == ("beam", 1)
-    np.testing.assert_allclose(turns_since_start(sequence[4], order), times[4], atol=0.01)
-
-
-@pytest.mark.parametrize("turns", [0.92, 1.0])
-def test_files_sorted_by_beam_tell_nothing_new_of_scans_up_to_a_turn(turns):
+@pytest.mark.parametrize("turns", [0.92, 1.0, 1.09])
+def test_files_sorted_by_beam_tell_nothing(turns):
     assert learn_order(recording(turns, arrange=by_beam)[0]) is None
 
 
@@ -102,8 +95,7 @@ def test_a_sensor_whose_pattern_never_repeats_tells_nothing():
 @given(hnp.arrays(np.float32, (300, 3), elements=st.floats(width=32)))
 def test_whatever_the_points_are_every_one_has_a_time(points):
     order = learn_order(recording(1.0)[0])
-    for by in ("firing", "beam"):
-        turned = turns_since_start(Scan(points), order.__class__(by, 1, 1.0, 1.0))
-        assert turned.shape == (300,)
-        assert np.isfinite(turned).all()
+    turned = turns_since_start(Scan(points), order.__class__(1, 1.0, 1.0))
+    assert turned.shape == (300,)
+    assert np.isfinite(turned).all()
     learn_order(ArraySequence([Scan(points), Scan(points)]))

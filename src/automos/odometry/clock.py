@@ -1,16 +1,31 @@
-"""The recording's clock: stamps, the usual period between scans, and repeated scans."""
+"""When the scans of a recording were taken: their stamps, or else their number and how many are missing between them.
+
+A missing scan without a stamp shows as a step of twice the length among even ones: no vehicle doubles its speed for a
+tenth of a second. But registrations start with the previous motion, and in traffic that keeps pace they stay there, so
+a double step is invisible. Surfaces facing along the path do not move with the traffic: they are re-observed at a step
+of one, two or more gaps, over the step itself and over two neighbouring ones. Both cues are combined, since in open
+terrain no surface faces along the path, but registrations are right there.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import deque
+from collections.abc import Sequence as Several
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.arrays import as_array
 from automos.errors import InputError
-from automos.odometry.trajectory import Trajectory
-from automos.scan import LATEST, Scan, Sequence
+from automos.odometry.facing import EVIDENCE, WEIGHTS, expected_share, score_distances
+from automos.odometry.submap import make_submap
+from automos.odometry.surfels import Surfels
+from automos.scan import LATEST, Pose, Sequence
+from automos.settings import OdometrySettings
+
+Array = npt.NDArray[np.float64]
 
 USUAL_PERIOD = 0.1
 """Seconds between scans if the recording has no clock."""
@@ -20,8 +35,30 @@ SHORTEST_PERIOD = 1e-3
 """Seconds: no sensor has a shorter period."""
 STAMP_DIGITS = 9
 """Decimals of a stamp (nanoseconds), so that the same clock read from two formats is identical to the last bit."""
-REPEAT_DELAY = 1e-3
-"""Seconds by which a repeated scan is stamped later than the original, because stamps must increase."""
+
+N_AROUND = 3
+"""Steps on either side that define the usual speed."""
+TRIED = np.arange(1.0, 7.0)
+"""Hypotheses on the gaps of a step: up to five consecutive missing scans are detected."""
+LAGS = (1, 2)
+"""Steps over which surfaces are re-observed: over more, errors of several steps add up."""
+AROUND = 0.1 * np.arange(-2, 3)
+"""Metres around the distance of so many gaps: the speed only approximates that of the steps around."""
+LEAST_STEP = 0.2
+"""Metres; if steps are usually shorter, double steps cannot be distinguished from single ones."""
+USUAL_ACCELERATION = 3.0
+"""m/s², usual change of the speed from scan to scan."""
+STEP_NOISE = 0.05
+"""Metres, error of a registration from scan to scan."""
+MISTAKEN = 20.0
+"""Greatest log-odds that a registration contributes: it may follow traffic."""
+SELDOM, EACH = 8.0, 2.0
+"""Prior log-odds that no scan is missing at a place, and for each further missing scan."""
+REFOUND = 20.0
+"""Log-odds if all surfaces facing along the path are re-observed: half as much over each of three pairs of scans
+outweighs a registration and the prior together."""
+CHANCE = 0.15
+"""Share re-observed by chance for each missing scan: posts along a road are evenly spaced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +71,15 @@ class Clock:
     period : float, seconds, the usual time between scans.
     gaps : (N - 1,) float64, time between neighbouring scans over `period`: 1, unless a scan is clearly missing.
         Otherwise, stamps rounded to two decimals would cause speed errors of 10 %.
-    has_stamps : bool, False if scans are only counted: then missing scans go unnoticed.
+    has_stamps : bool, False if scans are only counted: then `find_missing` estimates how many are missing.
     """
 
-    stamps: npt.NDArray[np.float64]
+    stamps: Array
     period: float
-    gaps: npt.NDArray[np.float64]
+    gaps: Array
     has_stamps: bool = True
 
-    def with_gaps(self, gaps: npt.NDArray[np.float64]) -> Clock:
+    def with_gaps(self, gaps: Array) -> Clock:
         """Return the clock of the same scans if they are `gaps` (N - 1,) periods apart."""
         return Clock(
             self.stamps[0] + self.period * np.concatenate([[0.0], np.cumsum(gaps)]), self.period, gaps, self.has_stamps
@@ -78,45 +115,116 @@ def read_clock(sequence: Sequence) -> Clock:
     return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, has_stamps)
 
 
-class DistinctScans(Sequence):
-    """The scans of a recording without repeats of the previous scan."""
+def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
+    """Return (N - 1,) the gaps between scans, estimated from the motion without stamps.
 
-    def __init__(self, sequence: Sequence, is_repeat: npt.NDArray[np.bool_]):
-        """Take the recording and a mask (N,) of the scans to leave out."""
-        self._sequence, self._ids = sequence, np.flatnonzero(~is_repeat)
-        self.name, self.source = sequence.name, sequence.source
+    Chooses the number of missing scans under which the speed changes least and most surfaces are re-observed. The less
+    the scans before and after agree on the speed, the less a step's length counts.
 
-    def __len__(self) -> int:
-        return len(self._ids)
+    Parameters
+    ----------
+    steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered.
+    gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
+    period : float, seconds between scans.
+    refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
+    """
+    travelled, found = steps[:, :3, 3], gaps
+    rarity = SELDOM + EACH * (TRIED - 1.0)
+    certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
+    for _ in range(2):  # neighbouring steps may have gaps, too
+        velocity, found = travelled / found[:, None], gaps.copy()
+        for k in range(len(travelled)):
+            sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
+            medians = [np.median(side, axis=0) for side in sides if len(side) == N_AROUND]
+            if not medians:
+                continue
+            before, after = medians[0], medians[-1]
+            usual = 0.5 * (before + after)
+            length = np.linalg.norm(usual)
+            if length < LEAST_STEP:
+                continue  # double steps are hardly longer
+            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # either side may be right
+            off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
+            cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
+            if refound is not None:
+                cost -= REFOUND * np.maximum(refound[k] - CHANCE * (TRIED - 1.0), 0.0)
+            found[k] = TRIED[np.argmin(cost)]
+    return found
 
-    def __getitem__(self, index: int) -> Scan:
-        return self._sequence[int(self._ids[index])]
 
-    @property
-    def names(self) -> list[str]:
-        """Names of the distinct scans."""
-        names = self._sequence.names
-        return [names[i] for i in self._ids]
+class FacingGaps:
+    """Finds, scan by scan, after how many gaps surfaces facing along the path are re-observed; holds few scans."""
 
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """Stamps of the distinct scans, seconds."""
-        stamps = self._sequence.stamps
-        return None if stamps is None else stamps[self._ids]
+    def __init__(self, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
+        """Take the sweep duration over the time between scans, and a thread pool."""
+        self._share, self._settings, self._pool = share, settings, pool
+        self._surfels: deque[Surfels | Future[Surfels]] = deque(maxlen=max(LAGS) + N_AROUND + 1)
+        self._velocities: list[Array] = []
+        self._steps: list[Pose] = []
+        self._found: list[Array | Future[Array]] = []
 
-    @property
-    def is_compensated(self) -> bool | None:
-        """As in the full recording."""
-        return self._sequence.is_compensated
+    def add(self, surfels: Surfels | Future[Surfels], T_last_this: Pose, gap: float) -> None:
+        """Add a scan: its surfels, its pose in the previous scan's frame, and the gap between them."""
+        if self._surfels:
+            self._steps.append(T_last_this)
+            self._velocities.append(T_last_this[:3, 3] / gap)
+        self._surfels.append(surfels)
+        if len(self._surfels) == self._surfels.maxlen:  # all steps around the first scan are known
+            self._start_scoring(0)
+
+    def shares(self) -> Array:
+        """Return (N - 1, 6) the re-observed share at 1 to 6 gaps, summed over three pairs of scans (1 each at most)."""
+        n = len(self._steps)
+        for row in range(len(self._found), n):
+            self._start_scoring(row - n - 1)
+        total = np.zeros((n + max(LAGS), len(TRIED)))
+        for row, found in enumerate(self._found):
+            total[row : row + max(LAGS)] += found.result() if isinstance(found, Future) else found
+        return total[:n]
+
+    def _start_scoring(self, place: int) -> None:
+        """Start scoring the pairs of scans that begin with number `place` of the held scans."""
+        scans = list(self._surfels)[place:][: 1 + max(LAGS)]
+        row = len(self._found)
+        steps = self._steps[row : row + len(scans) - 1]
+        usual = [_usual(self._velocities, k) for k in range(row, row + len(steps))]
+        arguments = (scans, steps, usual, self._share, self._settings)
+        self._found.append(_shares(*arguments) if self._pool is None else self._pool.submit(_shares, *arguments))
 
 
-def with_repeats(trajectory: Trajectory, is_repeat: npt.NDArray[np.bool_]) -> Trajectory:
-    """Return the trajectory of all N scans from that of the distinct ones: a repeat has the pose of the original."""
-    row = np.cumsum(~is_repeat) - 1
-    nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat
-    return replace(
-        trajectory,
-        T_world_sensor=trajectory.T_world_sensor[row],
-        stamps=trajectory.stamps[row] + REPEAT_DELAY * nth,
-        sweep_motion=trajectory.sweep_motion[row],
-    )
+def _usual(travelled: list[Array], k: int) -> Array:
+    """Return (3,) the median metres per gap of the steps around the k-th."""
+    around = [*travelled[max(k - N_AROUND, 0) : k], *travelled[k + 1 : k + 1 + N_AROUND]]
+    return np.median(around, axis=0) if around else np.zeros(3)
+
+
+def _shares(
+    scans: Several[Surfels | Future[Surfels]],
+    steps: list[Pose],
+    usual: list[Array],
+    share: float,
+    settings: OdometrySettings,
+) -> Array:
+    """Return (2, 6) the re-observed share if each of the steps after the first scan has 1 to 6 gaps."""
+    found = np.zeros((max(LAGS), len(TRIED)))
+    length = float(np.linalg.norm(usual[0]))
+    if length < LEAST_STEP:
+        return found
+    forward = usual[0] / length
+    surfels = [s.result() if isinstance(s, Future) else s for s in scans]
+    submap = make_submap(surfels[:1], np.eye(4)[None])
+    at_rest = score_distances(submap, surfels[0], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)
+    whole = float(WEIGHTS @ at_rest[:, 0])
+    T = np.eye(4)
+    for n in range(1, len(surfels)):
+        T = T @ steps[n - 1]
+        travelled = np.array([step[:3, 3] @ forward for step in steps[:n]])
+        single = np.array([each @ forward for each in usual[:n]])
+        distances = (travelled.sum() - travelled + single * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
+        scores = WEIGHTS @ score_distances(
+            submap, surfels[n], T, forward, distances.ravel(), share / n, settings.overhead
+        )
+        scores *= np.minimum(scores / np.maximum(whole * expected_share(distances.ravel()), 1e-9), 1.0)
+        best = scores.reshape(distances.shape).max(axis=2)
+        found[:n] += best / (best.max(axis=1, keepdims=True) + EVIDENCE)
+    return found

@@ -10,8 +10,7 @@ import numpy.typing as npt
 from automos.odometry.clock import Clock
 from automos.odometry.links import Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.motion import SweepTiming, step_twists, usable_points
-from automos.odometry.speed import MIN_STEP, SpeedSearch
-from automos.odometry.speed_scores import Landmarks
+from automos.odometry.speed import MIN_STEP, Landmarks, SpeedSearch
 from automos.odometry.surfels import surfels_of
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings

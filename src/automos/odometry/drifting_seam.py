@@ -80,10 +80,10 @@ def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray
     low, high = gap_edges(points) if turns <= 1.0 else doubled_edges(points, turns - 1.0)
     middle, width = 0.5 * (low + high), max(high - low, abs(turns - 1.0))
     if turns <= 1.0:  # from one edge of the gap to the other
-        turned, span = _turned(points, turn, middle) - np.float32(0.5 * width), 1.0 - width
+        turned, span = turns_from(points, turn, middle, 0.0) - np.float32(0.5 * width), 1.0 - width
         return np.clip(turned / np.float32(span), 0.0, 1.0) - np.float32(0.5), np.zeros(len(points), bool)
     blur = 1.0 / N_DOUBLED  # accuracy of the edges
-    turned, span = _turned(points, turn, middle - turn * (0.5 * width + blur)), 1.0 + width
+    turned, span = turns_from(points, turn, middle - turn * (0.5 * width + blur), 0.0), 1.0 + width
     times = np.maximum((turned - np.float32(blur)) / np.float32(span), 0.0) - np.float32(0.5)
     return times, turned < width + 2.0 * blur
 
@@ -142,10 +142,10 @@ def _count_directions(points):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _turned(points, turn, start):  # type: ignore[no-untyped-def]
-    """Return (N,) float32 in [0, 1): turns from azimuth `start` to each point."""
+def turns_from(points, turn, start, lead):  # type: ignore[no-untyped-def]
+    """Return (N,) float32 turns from azimuth `start` to each point, in [0, 1), minus `lead`."""
     out = np.empty(len(points), np.float32)
     for i in range(len(points)):
         turned = turn * (turn_of(points[i, 0], points[i, 1]) - 0.5 - start)
-        out[i] = turned - np.floor(turned)
+        out[i] = turned - np.floor(turned) - lead
     return out

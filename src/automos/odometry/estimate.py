@@ -9,25 +9,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automos.errors import InputError
-from automos.geometry import FARTHEST, inverse
-from automos.odometry.clock import Clock, DistinctScans, read_clock, with_repeats
+from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
 from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
-from automos.odometry.level import level_frame
-from automos.odometry.missing_scans import FacingGaps, find_missing
-from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, step_twists, usable_points
+from automos.odometry.level import find_level
+from automos.odometry.motion import SweepTiming, chain, step_twists
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
-from automos.odometry.trajectory import Trajectory
+from automos.odometry.trajectory import DistinctScans, Trajectory, checked_poses, with_repeats
 from automos.parallel import available_cores
-from automos.scan import Points, Pose, Sequence
+from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
 
 Progress = Callable[[int, int], None]
-
-GROUND_SCANS = 20
-"""Scans in which the ground is searched."""
 
 
 def estimate_trajectory(
@@ -61,22 +56,24 @@ def estimate_trajectory(
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
         distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, None, progress, workers)
         return with_repeats(distinct, is_repeat)
-    known = None if poses is None else _checked_poses(poses, len(sequence))
     # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
-        found = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
-        poses, timing = (known, found.timing_at(known).timing) if known is not None else found.from_scans()
-        warnings, figures, clock = found.warnings, found.figures, found.clock
-        if "wall_thickness_m" not in figures:
-            figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
-        acceleration, at = greatest_acceleration(poses, clock.stamps)
-        figures |= {"greatest_acceleration_m_s2": acceleration, "greatest_acceleration_at": sequence.names[at]}
-        warnings += doubts(figures, settings, clock.has_stamps)
-        T_level_world, has_ground = _find_level(sequence, poses, timing, clock, settings)
-        if not has_ground:
-            warnings.append("no ground found near the sensor; its z axis is used as vertical and its height as zero.")
-    motion = timing.share * step_twists(poses, clock.gaps)
-    return Trajectory(poses, clock.stamps, motion, timing, T_level_world, {"warnings": warnings, **figures})
+        estimate = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
+        # Steps 1 to 4 of docs/odometry.md: timing of the points, initial poses, speed, refinement.
+        if poses is None:
+            poses, timing = estimate.from_scans()
+        else:
+            poses = checked_poses(poses, len(sequence))
+            timing = estimate.timing_at(poses).timing
+        motion = timing.share * step_twists(poses, estimate.clock.gaps)
+        estimate.check(poses, timing)  # step 5
+        T_level_world, has_ground = find_level(sequence, poses, timing, motion, settings)  # step 6
+    if not has_ground:
+        estimate.warnings.append(
+            "no ground found near the sensor; its z axis is used as vertical and its height as zero."
+        )
+    diagnostics = {"warnings": estimate.warnings, **estimate.figures}
+    return Trajectory(poses, estimate.clock.stamps, motion, timing, T_level_world, diagnostics)
 
 
 class _Estimate:
@@ -113,6 +110,15 @@ class _Estimate:
                 poses = self._poses_under(better.timing)
             choice = better
         return poses, choice.timing
+
+    def check(self, poses: Pose, timing: SweepTiming) -> None:
+        """Measure how well scans align with (N, 4, 4) `poses`, and add the warnings that follow."""
+        sequence, settings, clock, figures = self._sequence, self._settings, self.clock, self.figures
+        if "wall_thickness_m" not in figures:
+            figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
+        acceleration, at = greatest_acceleration(poses, clock.stamps)
+        figures |= {"greatest_acceleration_m_s2": acceleration, "greatest_acceleration_at": sequence.names[at]}
+        self.warnings += doubts(figures, settings, clock.has_stamps)
 
     def _poses_under(self, timing: SweepTiming) -> Pose:
         """Return (N, 4, 4) poses under a timing; corrects the clock if scans are missing."""
@@ -174,41 +180,3 @@ class _FirstPoses(NamedTuple):
     steps: Pose
     held: list[int]
     refinement: RollingRefinement
-
-
-def _checked_poses(poses: Pose, n: int) -> Pose:
-    poses = np.asarray(poses, np.float64)
-    if poses.shape != (n, 4, 4):
-        raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
-    R = poses[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):  # reported below
-        error = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
-        is_rigid = (error < 1e-2) & (np.linalg.det(R) > 0) & np.isfinite(poses).all(axis=(1, 2))
-    if not is_rigid.all():
-        row = int(np.argmin(is_rigid))
-        raise InputError(
-            f"pose {row} is not a rigid transform (rotation times its transpose is off by {error[row]:.3g}); check "
-            "the pose file's format."
-        )
-    if not (np.abs(poses[:, :3, 3]) < FARTHEST).all():
-        row = int(np.argmax((np.abs(poses[:, :3, 3]) >= FARTHEST).any(axis=1)))
-        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
-    u, _, vt = np.linalg.svd(R)  # pose files are rounded
-    poses = poses.copy()
-    poses[:, :3, :3] = u @ vt
-    return inverse(poses[0]) @ poses
-
-
-def _find_level(
-    sequence: Sequence, poses: Pose, timing: SweepTiming, clock: Clock, settings: OdometrySettings
-) -> tuple[Pose, bool]:
-    """Return T_level_world and whether ground was found."""
-    twists = timing.share * step_twists(poses, clock.gaps)
-    clouds: list[Points] = []
-    used: list[int] = []
-    for i in np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)):
-        points, _ = usable_points(sequence[int(i)], timing, twists[i], settings)
-        if len(points) >= MIN_POINTS:
-            clouds.append(points)
-            used.append(int(i))
-    return level_frame(clouds, poses[used], settings)

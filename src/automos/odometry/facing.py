@@ -1,15 +1,28 @@
-"""The share of surfaces facing along the path that are re-observed, as a function of the distance travelled."""
+"""The share of surfaces facing along the path that are re-observed, for each distance travelled and for each speed.
+
+For a speed, two baselines are used at once: static surfaces are re-observed at the sensor's speed over both, traffic at
+another speed has no common peak. From nearly the same position, nearly everything is re-observed, so a low speed under
+which little is re-observed is weighted down accordingly.
+"""
 
 from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import inverse
 from automos.kernels import kernel
-from automos.odometry.submap import VOXEL, Submap
-from automos.odometry.surfels import Surfels, key_at_level, level_of, variance_along
+from automos.odometry.links import Window
+from automos.odometry.submap import VOXEL, Submap, make_submap
+from automos.odometry.surfels import Surfels, key_at_level, level_of, moved, variance_along
 from automos.scan import Pose
-from automos.voxels import VoxelMap, find_slot
+from automos.settings import OdometrySettings
+from automos.voxels import find_slot
+
+Array = npt.NDArray[np.float64]
 
 CLOSE = 0.15
 """Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
@@ -26,17 +39,20 @@ NEAR_VIEW = 1.5
 
 BESIDE = 12.0
 """Metres from the path, beyond all lanes of the sensor's own direction: nothing there keeps pace with the sensor."""
-
-BODY_RANGE = 6.0
-"""Metres within which the ego body is searched: up to the ends of a long vehicle."""
-BODY_VOXEL = 0.4
-"""Metres, edge of the voxels in which positions are compared, the same as for surfels."""
-BODY_SHARE = 0.8
-"""Share of the scans that must observe it at the same position."""
-BODY_SPREAD = 0.04
-"""Metres, deviation of that position: noise of a surfel."""
-
-Array = npt.NDArray[np.float64]
+LAGS = (0.3, 0.8)
+"""Seconds, baselines: moving objects have no common peak over both."""
+EVERY = 0.5
+"""Seconds between the evaluated places."""
+STEP = 0.125
+"""m/s between speeds tried: 10 cm over the longer baseline."""
+WEIGHTS = np.array([1.0, 1.0, 4.0])
+"""Weights of low surfaces, those far beside, and those higher than any vehicle, which cannot be traffic."""
+LANDMARKS = np.array([0.0, 1.0, 1.0])
+"""The same for landmarks only, which cannot be traffic."""
+REVERSE_COST = 0.3
+"""Penalty of driving backwards, as a share of a full score."""
+MIN_CLEAR_SPEED = 2.0
+"""m/s; slower initial estimates may be a mistaken standstill."""
 
 
 def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
@@ -65,41 +81,14 @@ def score_distances(
     """
     scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
-    sideways = T_submap_surfels[:3, 3] - present * direction
-    R = np.ascontiguousarray(T_submap_surfels[:3, :3])
+    T = np.array(T_submap_surfels, np.float64)  # at no distance along the path
+    T[:3, 3] -= present * direction
     shift = per_sweep * (distances - present)
     _score(
-        submap.arrays, surfels.mean, surfels.covariance, surfels.time, R, sideways, direction, distances, shift,
+        submap.arrays, surfels.mean, surfels.covariance, surfels.time, T, direction, distances, shift,
         overhead, scores,
     )  # fmt: skip
     return scores
-
-
-def without_body(surfels: list[Surfels]) -> list[Surfels]:
-    """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
-
-    Surfels near the sensor that nearly every scan has at the same position within centimetres belong to the vehicle (or
-    to ground so even that it is not needed). At standstill, all surfels do.
-    """
-    if not surfels:
-        return []
-    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
-    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
-    voxel = VoxelMap(BODY_VOXEL).add(means)
-    count = np.bincount(voxel)
-    spread = np.zeros(len(count))
-    for axis in range(3):
-        mean = np.bincount(voxel, means[:, axis], len(count)) / count
-        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
-    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
-    out = []
-    for scan, near in zip(surfels, is_near, strict=True):
-        keep = np.ones(len(scan), bool)
-        n = int(near.sum())
-        keep[near] = ~is_body[:n]
-        is_body = is_body[n:]
-        out.append(scan[keep])
-    return out
 
 
 def is_stationary(refound: Array, whole: Array) -> bool:
@@ -120,9 +109,93 @@ def expected_share(distances: Array) -> Array:
     return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
 
 
+@dataclass(frozen=True, eq=False)
+class SpeedScores:
+    """Re-observed surfaces at each of M places under each of S speeds.
+
+    Attributes
+    ----------
+    speeds : (S,) m/s.  times : (M,) seconds.  present : (M,) m/s, speed of the present poses.
+    by_all, by_landmarks : (M, S) scores: weighted share of re-observed surfaces; of landmarks alone.
+    refound : (M, 3, S) weights of the re-observed surfaces, see `score_distances`.
+    whole : (M, 3) weights of all surfaces.
+    """
+
+    speeds: Array
+    times: Array
+    present: Array
+    by_all: Array
+    by_landmarks: Array
+    refound: Array
+    whole: Array
+
+    @property
+    def nearest(self) -> npt.NDArray[np.int64]:
+        """(M,) index of the tried speed nearest to the present one."""
+        at = np.round((self.present - self.speeds[0]) / STEP).astype(int)
+        return np.clip(at, 0, len(self.speeds) - 1)
+
+    def with_priors(self, scores: Array, min_ratio: float) -> Array:
+        """Return `scores` (M, S) minus the penalties of unlikely speeds."""
+        out, present = scores.copy(), self.present[:, None]
+        # Registrations are biased towards standstill, so a clear motion is never much too fast.
+        is_slower = self.speeds * np.sign(present) < min_ratio * np.abs(present)
+        out[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)] -= 1.0
+        out[:, self.speeds < -STEP] -= REVERSE_COST
+        return out
+
+
+def score_speeds(
+    forward: Array, window: Window, surfels: list[Surfels], settings: OdometrySettings, pool: ThreadPoolExecutor | None
+) -> SpeedScores:
+    """Return how much is re-observed along `forward` (3,) at every speed."""
+    T, period = window.T_world_sensor, window.period
+    lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
+    starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
+    clock = window.clock
+    speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
+
+    def score(start: int) -> tuple[Array, Array, Array, Array]:
+        submap = make_submap([surfels[start]], np.eye(4)[None])
+        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
+        ends = start + np.array(lags)
+        seconds = clock[ends] - clock[start]
+        travelled = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
+        # A braking sensor has a different mean speed over each lag: a hypothesis changes the speed equally over all.
+        distances = travelled[:, None] + (speeds - travelled[-1] / seconds[-1]) * seconds[:, None]
+        found = np.array([
+            score_distances(
+                submap, surfels[end], inverse(T[start]) @ T[end], forward, distance, window.share * period / passed,
+                settings.overhead,
+            )
+            for end, passed, distance in zip(ends, seconds, distances, strict=True)
+        ])  # fmt: skip
+        expected = expected_share(distances)
+        by_all, by_landmarks = (_weighted_share(weights, found, whole, expected) for weights in (WEIGHTS, LANDMARKS))
+        return by_all, by_landmarks, found.mean(axis=0), whole
+
+    todo = starts.tolist()
+    scored = zip(*(map(score, todo) if pool is None else pool.map(score, todo)), strict=True)
+    ends = starts + max(lags)
+    present = signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
+    times = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
+    return SpeedScores(speeds, times, present, *(np.array(part) for part in scored))
+
+
+def _weighted_share(weights: Array, found: Array, whole: Array, expected: Array) -> Array:
+    """Return (S,) the score of each speed: the re-observed share, weighted down where less than expected is found.
+
+    weights : (3,) of low, lateral and high surfaces.   found : (L, 3, S) re-observed.   whole : (3,) all surfaces.
+    expected : (L, S) least share that should be re-observed.
+    """
+    weighed = np.einsum("k,lks->ls", weights, found)
+    share = weighed / np.maximum(weights @ whole * expected, 1e-9)
+    return (weighed * np.minimum(share, 1.0)).sum(axis=0) / (weighed.sum(axis=0).max() + EVIDENCE)
+
+
 @kernel
 def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, R, offset, direction, distances, shift, overhead, scores
+    submap, points, covariance, times, T, direction, distances, shift, overhead, scores
 ):  # fmt: skip
     keys, rows, mean, axes, variance = submap
     inverse_voxel = 1.0 / VOXEL
@@ -149,16 +222,13 @@ def _score(  # type: ignore[no-untyped-def]
             few_rows[few] = rows[slot]
     a = np.empty(3)
     for k in range(3):  # direction of the path in the surfels' frame
-        a[k] = R[0, k] * direction[0] + R[1, k] * direction[1] + R[2, k] * direction[2]
+        a[k] = T[0, k] * direction[0] + T[1, k] * direction[1] + T[2, k] * direction[2]
     for i in range(len(points)):
         c = covariance[i]
         if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
             continue
-        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        x0 = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + offset[0]
-        y0 = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + offset[1]
-        z0 = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + offset[2]
-        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * py - a[1] * px) > BESIDE else 0)
+        x0, y0, z0 = moved(T, points[i])
+        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * points[i, 1] - a[1] * points[i, 0]) > BESIDE else 0)
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]

@@ -13,10 +13,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from automos.cells import turn_of
 from automos.geometry import inverse, se3_log
 from automos.kernels import kernel
-from automos.odometry.drifting_seam import drifting_times
+from automos.odometry.drifting_seam import drifting_times, turns_from
 from automos.odometry.sweep_order import PointOrder, turns_since_start
 from automos.scan import MIN_RANGE, Points, Pose, Scan
 from automos.settings import OdometrySettings
@@ -61,7 +60,8 @@ class SweepTiming:
     def from_dict(fields: dict[str, Any]) -> SweepTiming:
         """Return the timing from the fields of `to_dict`."""
         order = fields.get("order")
-        return SweepTiming(**{**fields, "order": None if order is None else PointOrder(**order)})
+        known = None if order is None else {name: order[name] for name in ("turn", "turns", "turns_per_scan", "start")}
+        return SweepTiming(**{**fields, "order": None if known is None else PointOrder(**known)})
 
     def __str__(self) -> str:
         """Return the timing in a few words."""
@@ -121,7 +121,7 @@ def azimuth_times(points: Points, turn: int, seam_deg: float) -> npt.NDArray[np.
 
     `turn` is +1 for counter-clockwise, -1 for clockwise; sweeps start and end at azimuth `seam_deg`.
     """
-    return _azimuth_times(np.ascontiguousarray(points), turn, seam_deg / 360.0)
+    return turns_from(np.ascontiguousarray(points), turn, seam_deg / 360.0, 0.5)
 
 
 def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayLike) -> Points:
@@ -189,15 +189,6 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     steps = se3_log(inverse(poses[:-1]) @ poses[1:]) / gaps[:, None]
     before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
     return 0.5 * (before + after)
-
-
-@kernel
-def _azimuth_times(points, turn, seam):  # type: ignore[no-untyped-def]
-    out = np.empty(len(points), np.float32)
-    for i in range(len(points)):
-        turned = turn * (turn_of(points[i, 0], points[i, 1]) - 0.5 - seam)
-        out[i] = turned - np.floor(turned) - 0.5
-    return out
 
 
 @kernel(fastmath=True)

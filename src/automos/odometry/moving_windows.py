@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_log
-from automos.odometry.clock import Clock
+from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.missing_scans import find_missing
 from automos.odometry.motion import SweepTiming, azimuth_times, chain, compensate, step_twists, timed_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed

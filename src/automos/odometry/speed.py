@@ -3,7 +3,7 @@
 In a street canyon whose traffic keeps pace with the sensor, façades and ground align anywhere along the street, and the
 neighbouring cars align best at zero motion: registrations of neighbouring scans agree on steps that are too short, down
 to standstill. Only the few surfaces facing along the street (poles, recesses, corners) reveal the true speed, sharply
-once all others are excluded (`speed_scores`). The sequence of speeds over time with the greatest score and plausible
+once all others are excluded (`facing`). The sequence of speeds over time with the greatest score and plausible
 accelerations is chosen (Viterbi); a prior favours the registration's own speed and penalises driving backwards.
 
 If most observed surfaces are traffic, traffic wins. Its rival is the sequence of speeds under which landmarks alone are
@@ -13,14 +13,22 @@ re-observed: surfaces higher than any vehicle, or farther beside the path than t
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.facing import is_stationary, without_body
+from automos.odometry.facing import (
+    LAGS,
+    LANDMARKS,
+    STEP,
+    SpeedScores,
+    expected_share,
+    is_stationary,
+    score_speeds,
+)
 from automos.odometry.links import Window
-from automos.odometry.speed_scores import NEAR_STEPS, NOTHING, STEP, Landmarks, SpeedScores, score_speeds
+from automos.odometry.surfels import without_body
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 
@@ -41,6 +49,62 @@ KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
 acceleration is extrapolated; the greatest such acceleration, m/s²."""
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
+OTHER_SPEED = 1.0
+"""m/s from which two speeds are considered different."""
+CLEARLY_MORE = 1.2
+"""Standard deviations of the evidence by which a speed must lead another."""
+NEAR_STEPS = 2
+"""Steps of speed within which two speeds count as the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Re-observed landmarks at M places: surfaces far beside the path or overhead, which cannot be traffic.
+
+    Attributes
+    ----------
+    speeds : (M,) float64, m/s.
+    refound, expected : (M,) float64, evidence re-observed at these speeds, and the least expected.
+    """
+
+    speeds: Array
+    refound: Array
+    expected: Array
+
+    @classmethod
+    def concatenate(cls, parts: list[Landmarks]) -> Landmarks:
+        """Return the landmarks of several windows."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts] or [[]]) for f in fields(cls)))
+
+    def explains_more_than(self, other: Landmarks) -> bool:
+        """Whether these speeds have clearly more evidence than the others."""
+        return self.lead_over(other) > CLEARLY_MORE
+
+    @property
+    def are_missed(self) -> bool:
+        """Whether clearly less is re-observed than expected: a stationary sensor re-observes roadside landmarks."""
+        missed = self.expected.sum() - self.refound.sum()
+        return bool(missed > CLEARLY_MORE * np.sqrt(self.expected.sum()))
+
+    def lead_over(self, other: Landmarks) -> float:
+        """Return the lead in evidence where speeds differ, in standard deviations of the counts (their roots)."""
+        differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
+        here, there = self._evidence(differ), other._evidence(differ)
+        return (here - there) / max(float(np.sqrt(here + there)), 1e-9)
+
+    def _evidence(self, places: npt.NDArray[np.bool_]) -> float:
+        """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""
+        refound, expected = self.refound[places].sum(), self.expected[places].sum()
+        return float(max(refound - max(expected - refound, 0.0), 0.0))
+
+
+NOTHING = Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
+"""The result without any places."""
+
+
+def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
+    """Whether landmarks favour the rival: clearly, or at all if no vehicle can follow the present poses."""
+    return rival.explains_more_than(present) or (not is_possible and rival.lead_over(present) > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,10 +185,18 @@ def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySet
     """Return the speed along `forward` (3,) according to landmarks alone."""
     penalised = scores.with_priors(scores.by_landmarks, 0.0)
     path = _best_path(penalised, scores.speeds, scores.times, settings.usual_acceleration)
-    here, there = scores.landmarks_along(scores.nearest), scores.landmarks_along(path)
+    here, there = _landmarks_along(scores, scores.nearest), _landmarks_along(scores, path)
     speeds = _extended(scores.times, there.speeds, there.refound >= KNOWN)
     growth = _growth(scores.times, speeds - scores.present, window)
     return SpeedSearch(np.zeros((len(growth), 3)), growth[:, None] * forward, here, there)
+
+
+def _landmarks_along(scores: SpeedScores, path: npt.NDArray[np.int64]) -> Landmarks:
+    """Return the landmarks that are re-observed at nearly the speeds with indices `path` (M,)."""
+    near = np.clip(path[:, None] + np.arange(-NEAR_STEPS, NEAR_STEPS + 1), 0, len(scores.speeds) - 1)
+    refound = np.take_along_axis(np.einsum("k,mks->ms", LANDMARKS, scores.refound), near, axis=1).max(axis=1)
+    share = expected_share(scores.speeds[path, None] * np.array(LAGS)).mean(axis=1)
+    return Landmarks(scores.speeds[path], refound, scores.whole @ LANDMARKS * share)
 
 
 def _extended(times: Array, speeds: Array, is_known: npt.NDArray[np.bool_]) -> Array:

@@ -14,7 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.kernels import kernel
-from automos.odometry.surfels import Surfels, across, eigenvalues, eigenvector, key_at_level, level_of, variance_along
+from automos.odometry.surfels import (
+    Surfels,
+    across,
+    eigenvalues,
+    eigenvector,
+    key_at_level,
+    level_of,
+    moved,
+    variance_along,
+)
 from automos.scan import Points, Pose
 from automos.voxels import find_slot
 
@@ -123,10 +132,7 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
     r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
     r20, r21, r22 = T[2, 0], T[2, 1], T[2, 2]
     for i in range(len(mean)):
-        mx, my, mz = float(mean[i, 0]), float(mean[i, 1]), float(mean[i, 2])
-        x = r00 * mx + r01 * my + r02 * mz + T[0, 3]
-        y = r10 * mx + r11 * my + r12 * mz + T[1, 3]
-        z = r20 * mx + r21 * my + r22 * mz + T[2, 3]
+        x, y, z = moved(T, mean[i])
         key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
@@ -203,10 +209,7 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
     R = T[:3, :3]
     J, a = np.empty(6), np.empty(3)
     for i in range(len(points)):
-        px, py, pz = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        x = R[0, 0] * px + R[0, 1] * py + R[0, 2] * pz + T[0, 3]
-        y = R[1, 0] * px + R[1, 1] * py + R[1, 2] * pz + T[1, 3]
-        z = R[2, 0] * px + R[2, 1] * py + R[2, 2] * pz + T[2, 3]
+        x, y, z = moved(T, points[i])
         slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
         if keys[slot] == -1:
             continue

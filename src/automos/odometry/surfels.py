@@ -1,7 +1,8 @@
 """Surfels: the points of a scan in each voxel, as mean and covariance.
 
 Voxels double in size with distance, as the beams diverge. A scan is reduced to a few thousand surfels that can be
-moved, merged and matched at a thousandth of the cost of its points.
+moved, merged and matched at a thousandth of the cost of its points. Those of the ego
+body, which moves with the sensor, can be removed.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from automos.kernels import kernel
 from automos.scan import Points
-from automos.voxels import find_slot, voxel_key
+from automos.voxels import VoxelMap, find_slot, voxel_key
 
 N_LEVELS = 4
 """Voxel sizes: each covers twice the distance of the previous one."""
@@ -25,6 +26,14 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should reveal."""
 MIN_SURFEL_POINTS = 3
 """Points of a surfel, at least: fewer have no extent."""
+BODY_RANGE = 6.0
+"""Metres within which the ego body is searched: up to the ends of a long vehicle."""
+BODY_VOXEL = 0.4
+"""Metres, edge of the voxels in which positions are compared, the same as for surfels."""
+BODY_SHARE = 0.8
+"""Share of the scans that must observe it at the same position."""
+BODY_SPREAD = 0.04
+"""Metres, deviation of that position: noise of a surfel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +82,33 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
     """Return the surfels of a sweep's usable points that have enough points."""
     surfels = make_surfels(points, times)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
+
+
+def without_body(surfels: list[Surfels]) -> list[Surfels]:
+    """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
+
+    Surfels near the sensor that nearly every scan has at the same position within centimetres belong to the vehicle (or
+    to ground so even that it is not needed). At standstill, all surfels do.
+    """
+    if not surfels:
+        return []
+    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
+    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
+    voxel = VoxelMap(BODY_VOXEL).add(means)
+    count = np.bincount(voxel)
+    spread = np.zeros(len(count))
+    for axis in range(3):
+        mean = np.bincount(voxel, means[:, axis], len(count)) / count
+        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
+    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
+    out = []
+    for scan, near in zip(surfels, is_near, strict=True):
+        keep = np.ones(len(scan), bool)
+        n = int(near.sum())
+        keep[near] = ~is_body[:n]
+        is_body = is_body[n:]
+        out.append(scan[keep])
+    return out
 
 
 @kernel
@@ -125,6 +161,16 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         row[9] += z * z
         row[10] += times[i]
     return sums[:n]
+
+
+@kernel
+def moved(T, point):  # type: ignore[no-untyped-def]
+    """Return x, y, z (float64) of a `point` (3,) moved by `T` (4, 4) or (3, 4)."""
+    px, py, pz = float(point[0]), float(point[1]), float(point[2])
+    x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
+    y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
+    z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
+    return x, y, z
 
 
 @kernel

@@ -1,25 +1,22 @@
 """Point times from the order of a scan's points.
 
 Drivers append points as the sensor fires: the azimuth advances along the file, turn after turn, and this advance is the
-time, wherever the driver cut its stream. In files sorted by beam, it advances within each beam. Azimuth offsets of
-beams blur the azimuth but not its advance, which is measured on blocks of neighbouring points. Files that are shuffled
-or sorted otherwise show no advance and give no times.
+time, wherever the driver cut its stream. Azimuth offsets of beams blur the azimuth but not its advance, which is
+measured on blocks of neighbouring points. Files that are shuffled or sorted otherwise, such as by beam, show no advance
+and give no times: there, the azimuth and its seam do (`drifting_seam`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.cells import turn_of
 from automos.kernels import kernel
 from automos.scan import Points, Scan, Sequence
 
 Array = npt.NDArray[np.float64]
-By = Literal["firing", "beam"]
 
 N_BLOCKS = 400
 """Blocks of a scan: small enough for the time of a point, large enough to contain every beam."""
@@ -33,8 +30,6 @@ MIN_STEADY = 0.95
 """Share of blocks that must advance in the overall direction."""
 FIXED = 0.005
 """Turns by which a fixed start may drift from one scan to the next."""
-BACKWARD = 0.03
-"""Turns by which the azimuth steps back between two beams."""
 NOISE = 0.1
 """Turns by which a block may lie behind the previous one (noise of points near the axis); more is a gap ahead."""
 TURNS = (0.2, 3.0)
@@ -47,14 +42,12 @@ class PointOrder:
 
     Attributes
     ----------
-    by : "firing": over all beams at once; "beam": within one beam after the other.
     turn : int, +1 counter-clockwise seen from the sensor's +z, -1 clockwise.
     turns : float, turns from a scan's first point to its last.
     turns_per_scan : float, turns from one scan's first point to that of the next.
     start : float, azimuth in turns at which all scans begin; None if it drifts from scan to scan.
     """
 
-    by: By
     turn: int
     turns: float
     turns_per_scan: float
@@ -69,28 +62,28 @@ class PointOrder:
 def learn_order(sequence: Sequence) -> PointOrder | None:
     """Return how the azimuth advances along the files of `sequence`; None if the order gives no times."""
     firsts = sample_pairs(sequence)
-    found: list[tuple[By, int, float, float, float]] = []
+    found: list[tuple[int, float, float, float]] = []
     for n_seen, i in enumerate(firsts):
         if n_seen - len(found) >= len(firsts) / 2:  # a majority is no longer possible
             return None
         first = _read(sequence[i])
         second = None if first is None else _read(sequence[i + 1])
-        if first is not None and second is not None and first[:2] == second[:2]:
-            found.append((*first, second[2]))
+        if first is not None and second is not None and first[0] == second[0]:
+            found.append((*first, second[1]))
     if 2 * len(found) <= len(firsts):
         return None
-    kinds = [f[:2] for f in found]
-    by, turn = max(sorted(set(kinds)), key=kinds.count)
-    found = [f for f in found if f[:2] == (by, turn)]
-    turns = float(np.median([f[3] for f in found]))
-    drift = np.array([turn * (f[4] - f[2]) for f in found])
+    turns_of = [f[0] for f in found]
+    turn = max(sorted(set(turns_of)), key=turns_of.count)
+    found = [f for f in found if f[0] == turn]
+    turns = float(np.median([f[2] for f in found]))
+    drift = np.array([turn * (f[3] - f[1]) for f in found])
     # The seam drifts by the turns per scan modulo whole turns: add as many as bring it closest to the span of a scan.
     whole = np.round(turns - drift)
     whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
-    starts = np.exp(2j * np.pi * np.array([f[2] for f in found]))
+    starts = np.exp(2j * np.pi * np.array([f[1] for f in found]))
     is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
-    return PointOrder(by, turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)
+    return PointOrder(turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)
 
 
 def sample_pairs(sequence: Sequence) -> list[int]:
@@ -104,8 +97,6 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 
     Invalid points have the turns of their neighbours.
     """
-    if order.by == "beam":
-        return _turns_by_beam(scan.points, order.turn, _start_of_beams(scan.points, order.turn))
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, _ = _block_azimuths(scan.points, block)
     turned = _at_points(_unwrap(azimuth, order.turn), block, len(scan))
@@ -118,8 +109,8 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
     return np.maximum(turned + np.float32(late - round(late)), np.float32(0.0))
 
 
-def _read(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return a scan's order, its direction of rotation, its first azimuth and its span (both in turns)."""
+def _read(scan: Scan) -> tuple[int, float, float] | None:
+    """Return a scan's direction of rotation, its first azimuth and its span (both in turns)."""
     block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
     azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
@@ -131,26 +122,8 @@ def _read(scan: Scan) -> tuple[By, int, float, float] | None:
         whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
         if TURNS[0] < whole[-1] < TURNS[1]:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
-            return "firing", turn, float(first % 1.0), float(whole[-1])
-    return _read_by_beam(scan)
-
-
-def _read_by_beam(scan: Scan) -> tuple[By, int, float, float] | None:
-    """Return the same for a file sorted by beam whose beams span more than a turn; others have a fixed seam."""
-    valid = np.flatnonzero(scan.is_valid)
-    if len(valid) < N_BLOCKS:
-        return None
-    azimuth = np.arctan2(scan.points[valid, 1], scan.points[valid, 0]) / (2.0 * np.pi)
-    steps = np.diff(azimuth) - np.round(np.diff(azimuth))
-    turn = 1 if np.median(steps) > 0.0 else -1
-    is_back = turn * steps < -BACKWARD
-    if is_back.sum() < 3 or np.mean(turn * steps > -BACKWARD) < MIN_STEADY or np.mean(turn * steps > 0.0) < 0.8:
-        return None
-    start = _start_of_beams(scan.points, turn)
-    turns = _turns_by_beam(scan.points, turn, start)
-    ends = np.append(turns[valid[:-1]][is_back], turns[valid[-1]])
-    span = float(np.percentile(ends, 90))
-    return ("beam", turn, start % 1.0, span) if 1.0 < span < TURNS[1] else None
+            return turn, float(first % 1.0), float(whole[-1])
+    return None
 
 
 def _unwrap(azimuth: Array, turn: int) -> Array:
@@ -192,21 +165,6 @@ def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: 
     turned[rows] = np.maximum(turned[rows] + off - np.rint(off), 0.0)
 
 
-def _start_of_beams(points: Points, turn: int) -> float:
-    """Return the azimuth, in turns, at which most beams of a file sorted by beam begin."""
-    azimuth = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
-    azimuth = azimuth[np.isfinite(azimuth) & (np.abs(points[:, :2]).sum(axis=1) > 0.0)]
-    steps = np.diff(azimuth)
-    steps -= np.round(steps)
-    starts = np.append(azimuth[:1], azimuth[1:][turn * steps < -BACKWARD])
-    if len(starts) == 0:
-        return 0.0
-    # The earliest common azimuth: a beam whose first rays have no return begins later.
-    around = np.angle(np.exp(2j * np.pi * starts).mean()) / (2.0 * np.pi)
-    off = turn * (starts - around)
-    return float(around + turn * np.percentile(off - np.round(off), 10))
-
-
 @kernel
 def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
     """Return the mean azimuth in turns of every `block` points, NaN if none is valid, and their concentration."""
@@ -225,26 +183,3 @@ def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
             azimuth[b] = np.arctan2(sy, sx) / (2.0 * np.pi)
             agreement[b] = np.sqrt(sx * sx + sy * sy) / n
     return azimuth, agreement
-
-
-@kernel
-def _turns_by_beam(points, turn, start):  # type: ignore[no-untyped-def]
-    """Return (N,) float32 turns since azimuth `start` for a file sorted by beam; each beam restarts."""
-    out = np.zeros(len(points), np.float32)
-    total, last, is_new = 0.0, 0.0, True
-    for i in range(len(points)):
-        x, y = float(points[i, 0]), float(points[i, 1])
-        r = np.sqrt(x * x + y * y)
-        if 0.1 < r < 1e6:
-            azimuth = turn_of(points[i, 0], points[i, 1]) - 0.5
-            step = turn * (azimuth - last)
-            step -= np.rint(step)
-            if is_new or step < -BACKWARD:
-                total = turn * (azimuth - start)
-                total -= np.floor(total + 0.1)
-                is_new = False
-            else:
-                total += step
-            last = azimuth
-        out[i] = max(total, 0.0)
-    return out
