@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,10 @@ from worlds import lane, write_bins
 # The same examples on every run: a failure seen once is seen again. The first call of a kernel may compile it.
 settings.register_profile("automos", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("automos")
+
+# A suite that a shell started in the background ignores Ctrl-C, as would the commands it tests: they inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _NAMES = ("kitti_0005", "kitti_0027")
 
