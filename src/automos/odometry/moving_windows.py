@@ -26,7 +26,8 @@ Array = npt.NDArray[np.float64]
 NEAR = 15.0
 """Metres, distance of typical walls: weight of rotation in the distortion of a sweep relative to translation."""
 WINDOWS = 2
-"""Windows after which a difference of a few standard errors decides."""
+"""Windows after which a difference of a few standard errors decides, and the most if the recording gives times or an
+order of its points: where all windows show the same traffic, more of them do not help."""
 PLACES = 7
 """Positions at which a window with motion is searched, at most."""
 WINDOW_SCANS = 16

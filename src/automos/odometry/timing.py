@@ -18,7 +18,7 @@ from automos.errors import InputError
 from automos.odometry.clock import Clock
 from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.motion import SweepTiming, recorded_duration, sweep_times
-from automos.odometry.moving_windows import MIN_BEND, Search, bend_of, moving_windows
+from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
 from automos.odometry.sweep_order import learn_order
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
@@ -104,7 +104,7 @@ def choose_timing(
     for window in moving_windows(sequence, settings, poses, clock, sources, pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
-        if search.is_clear:
+        if search.is_clear or (timed and len(search.windows) == WINDOWS):
             break
     if best is None:  # no motion, so no distortion, or too few surfaces
         from_file = [timing for timing in timed if timing.source == "file"]
@@ -123,9 +123,11 @@ def _best_hypothesis(
     clock: Clock,
 ) -> SweepTiming | None:
     """Return the best hypothesis: recorded times, none, or by azimuth; also over part of the time between scans."""
-    best = search.best([*timed, *untimed], rare=[replace(timing, share=-timing.share) for timing in timed[:1]])
+    reversed_sweeps = [replace(timing, share=-timing.share) for timing in timed[:1]]
+    known = [*timed, *untimed]  # what the recording itself says comes first, and the others must be clearly better
+    best = search.best(known[:1], selected=known[1:], rare=reversed_sweeps)
     if is_by_azimuth and (best is None or best.source == "none"):
-        best = _best_seam(search, untimed) if drifting is None else search.best([drifting, *untimed])
+        best = _best_seam(search, untimed) if drifting is None else search.best([drifting], selected=untimed)
     if best is None or best.source == "none":
         return best
     shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
