@@ -253,11 +253,11 @@ def test_seconds_are_the_median_of_the_runs_and_say_whether_the_machine_was_busy
 @pytest.mark.skipif(sys.platform != "linux", reason="processor time is read from /proc")
 def test_effort_tells_ones_own_work_from_that_of_others():
     with Effort() as effort:
-        end = time.process_time() + 0.5
-        while time.process_time() < end:
+        end = time.thread_time() + 0.5  # of this thread: what watches works beside it, on another core
+        while time.thread_time() < end:
             pass
     assert 0.4 < effort.busy < 3.0  # helpers of other tests may end their work meanwhile
-    assert effort.seconds >= 0.45  # of the loop; what watches works beside it, on another core
+    assert effort.seconds >= 0.5
     assert effort.others >= 0.0
 
 
