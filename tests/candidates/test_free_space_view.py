@@ -3,9 +3,11 @@ from free_space_worlds import HEIGHT, ListFrames, within
 from worlds import Block, cast, van
 
 from automos.candidates.free_space import FreeSpace
+from automos.candidates.free_space_grid import make_pattern
+from automos.candidates.free_space_view import Lidar, look
 from automos.geometry import make_transform
-from automos.scan import Frame
-from automos.settings import CandidatesSettings
+from automos.scan import OBJECT, SPECK, Frame
+from automos.settings import CandidatesSettings, GroundSettings
 
 MOUNTS = np.stack([make_transform(t=[0.0, 2.0, 0.0]), make_transform(t=[-6.0, -2.0, -0.6])])
 """Two LiDARs of a lorry: above the left door, and behind on the right."""
@@ -73,3 +75,22 @@ def test_a_frame_gives_each_lidar_its_points_and_its_motion():
     np.testing.assert_allclose(part.points_level, [[1.0, 7.0, 0.0]], atol=1e-6)
     # Two metres to the left of the centre it turns about, it goes backwards at 0.2: sideways in its own axes.
     np.testing.assert_allclose(part.sweep_motion, [0.0, 0.2, 0.0, 0.0, 0.0, 0.1], atol=1e-12)
+
+
+def test_points_of_both_turns_of_a_scan_have_neighbours_of_their_own_turn():
+    azimuth, elevation = 2.0 * np.pi * (np.arange(720) + 0.5) / 720 - np.pi, np.radians(np.arange(-3.5, 4.5))
+    e, a = (grid.ravel() for grid in np.meshgrid(elevation, azimuth))
+    rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
+    walls, time = np.concatenate([12.0 * rays, 10.0 * rays]), np.linspace(-0.5, 0.5, 2 * len(rays))
+    drop = 1005  # of rain, half a degree above the horizon, in the first turn
+    walls[drop] *= 0.5
+    points = walls.astype(np.float32)
+    T = make_transform(t=[0.0, 0.0, 2.0])
+    frame = Frame(points, np.arange(len(points)), len(points), T, 0.0, time.astype(np.float32), np.zeros(6))
+    pattern = make_pattern(elevation, 2.0 * np.pi / 720)
+    seen = look(frame, [Lidar(np.eye(4), pattern, np.zeros((8, 720), np.float32))], GroundSettings())
+    assert np.flatnonzero(seen.kind == SPECK).tolist() == [drop]
+    assert seen.solidity[drop] == 0
+    first, second = np.split(np.where(seen.kind == OBJECT, seen.solidity, 255), 2)
+    assert second.min() == 255
+    assert (first < 255).sum() == 8  # those beside the drop

@@ -137,11 +137,15 @@ def _view(
     raw, of_here = raw_points(part), kind[rows].copy()
     of_here[is_on_body(raw, of_here == GROUND, lidar.body_reach, lidar.pattern)] = EGO_BODY
     sweep_time, is_last = last_looks(raw, part.sweep_time)
-    projection = project(raw, lidar.pattern, is_last & (of_here != EGO_BODY))
-    n_directions, solidity[rows] = find_neighbours(projection, of_here == OBJECT)
-    of_here[(n_directions == 0) & (of_here == OBJECT) & (projection.cell >= 0)] = SPECK
+    # Points that are neighbours were observed in the same turn.
+    turns = [is_last] if is_last.all() else [is_last, ~is_last]
+    projections = [project(raw, lidar.pattern, is_of_turn & (of_here != EGO_BODY)) for is_of_turn in turns]
+    neighbours = [find_neighbours(projection, of_here == OBJECT) for projection in projections]
+    n_directions, solidity[rows] = np.max(neighbours, axis=0)
+    is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
+    of_here[(n_directions == 0) & (of_here == OBJECT) & is_on_grid] = SPECK
     kind[rows], is_object = of_here, of_here == OBJECT
-    image = make_image(projection, lidar.pattern.pyramid, is_object)
+    image = make_image(projections[0], lidar.pattern.pyramid, is_object)
     rays = Rays(lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), image)
     objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)
     return View(rows, is_object, objects, n_directions[is_object] == 2, rays, part.T_level_sensor)
