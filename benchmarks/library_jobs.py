@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import tempfile
@@ -60,7 +59,7 @@ def pool() -> dict[str, dict]:
             parent = subprocess.Popen([sys.executable, "-c", program], cwd=folder, stdout=subprocess.PIPE, text=True)
             pids = [int(pid) for pid in parent.stdout.readline().split()]
             time.sleep(3.0)
-            parent.send_signal(signal.SIGKILL)
+            parent.kill()
             parent.wait()
             time.sleep(5.0)
             left = [p for p in map(_process, pids) if p is not None and p.status() != psutil.STATUS_ZOMBIE]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -132,3 +134,12 @@ def test_unknown_conditions_are_listed():
     with pytest.raises(InputError, match=r"weather is 'hail'"):
         Conditions(weather="hail")
     assert set(RIGS) == set(rigs())
+
+
+def test_a_scan_in_dust_is_the_same_whichever_thread_reads_it():
+    sequence = on(weather="dust")
+    alone = [sequence[i].points for i in range(len(sequence))]
+    asked = np.random.default_rng(0).integers(0, len(sequence), 24).tolist()
+    with ThreadPoolExecutor(6) as pool:
+        for i, points in zip(asked, pool.map(lambda i: on(weather="dust")[i].points, asked), strict=True):
+            np.testing.assert_array_equal(points, alone[i])

@@ -12,18 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets import files
 from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
 from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
-from automos.datasets.files import (
-    are_repeats,
-    copy_warnings,
-    find_copies,
-    holds_point_files,
-    left_out_folders,
-    list_scans,
-)
 from automos.datasets.formats import Format
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
@@ -43,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 def find(path: Path) -> list[Path]:
     """Return `path` if it is a folder that holds point files itself, else nothing."""
-    return [path] if path.is_dir() and holds_point_files(path) else []
+    return [path] if path.is_dir() and files.holds_point_files(path) else []
 
 
 def open_recording(path: Path, codec: str | None = None) -> FolderSequence:
@@ -67,7 +60,7 @@ class FolderSequence(Sequence):
         self.source = Path(source)
         self.name = self.source.resolve().name
         self._folder = self.source / scan_folder
-        self._files, found, stamps = list_scans(self._folder, codec)
+        self._files, found, stamps = files.list_scans(self._folder, codec)
         if codec is None:
             codec = guess_codec(self._paths) if found == "bin" else found
         self._codec = codec
@@ -114,13 +107,13 @@ class FolderSequence(Sequence):
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
-        beside = [*copy_warnings(self._copy_of, self._names), *left_out_folders(self.source, self._folder)]
+        beside = [*files.copy_warnings(self._copy_of, self._names), *files.left_out_folders(self.source, self._folder)]
         return [*self._warnings, *beside, *self._point_times.warnings, *self._unit[1]]
 
     @cached_property
     def repeats(self) -> Mask:
         """(len,) bool: files that hold what the one before them holds."""
-        return are_repeats(self._copy_of)
+        return files.are_repeats(self._copy_of)
 
     @cached_property
     def T_camera_sensor(self) -> Pose | None:
@@ -180,7 +173,7 @@ class FolderSequence(Sequence):
     @cached_property
     def _copy_of(self) -> npt.NDArray[np.int64]:
         """(len,) for each scan the first one whose file holds the same."""
-        return find_copies(self._paths)
+        return files.find_copies(self._paths)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"

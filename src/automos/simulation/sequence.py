@@ -245,6 +245,6 @@ def _disturb(sequence: SimulatedSequence, index: int, pattern: Pattern, hits: Hi
         add_rain(hits, rng)
     if about.weather == "dust":
         T = sequence._T_site_sensor(sequence.stamps)
-        direction = pattern.direction @ T[index, :3, :3].T.astype(np.float32)
-        time = float(sequence.stamps[index])
-        add_dust(hits, T[index, :3, 3], direction, T[:, :3, 3], time, sequence.seed, rng)
+        # Not by BLAS, whose rounding depends on its threads: a scan is the same whenever it is read.
+        direction = np.einsum("ij,kj->ik", pattern.direction, T[index, :3, :3].astype(np.float32))
+        add_dust(hits, T[index, :3, 3], direction, T[:, :3, 3], float(sequence.stamps[index]), sequence.seed, rng)

@@ -1,8 +1,10 @@
 """III-D: from objects to points. Only here does a point become moving.
 
 A point is MOVING if its segment is associated with a moving track (decided by `tracking.judge`, or `paper.verdict` in
-the preset `paper`), or if it stands in the box of one. Points of the ego body, and points of less confidence than
-required, are UNLABELED. All others are STATIC.
+the preset `paper`), or if it stands in the box of one, unless static objects occupied its place in many more scans
+(`tracking.places`). At 1 or 2 scans a second nothing can be tracked, so the evidence on a segment decides
+(`tracking.unfollowed`). Points of the ego body, and points of less confidence than required, are UNLABELED. All others
+are STATIC.
 """
 
 from __future__ import annotations

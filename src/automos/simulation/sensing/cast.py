@@ -106,7 +106,7 @@ class Caster:
         for k, part in enumerate(self._rig.parts):
             frame, T_body_part = placed(part, self._world.ego, 0.5 * sum(times))
             T = inverse(T_body_part) @ T_body_sensor
-            own = (pattern.direction @ T[:3, :3].T).astype(np.float32)
+            own = np.einsum("ij,kj->ik", pattern.direction, T[:3, :3]).astype(np.float32)
             mount = np.broadcast_to(T[:3, 3].astype(np.float32), own.shape).copy()
             self._scene(("rig", k, frame)).cast(mount, own, hits, None, chance.copy())
         beams = Beams.of(pattern, T_site_sensor)

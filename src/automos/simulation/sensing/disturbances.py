@@ -67,7 +67,7 @@ def add_dust(
     center[:, :2] += WIND * time * still.standard_normal((PUFFS, 2))
     for middle, radius in zip(center, still.uniform(*PUFF_RADIUS, PUFFS), strict=True):
         to_middle = middle - origin
-        along = direction @ to_middle
+        along = np.einsum("ij,j->i", direction, to_middle)
         half_chord = np.sqrt(np.maximum(radius**2 - (to_middle @ to_middle - along**2), 0.0))
         depth = rng.standard_exponential(len(along)) / PUFF_DENSITY
         distance = np.maximum(along - half_chord, 0.0) + depth
