@@ -49,7 +49,7 @@ _GATE = (*_STORE, "--seeds", "100")
 _FEW_CHOICES = ("everything", "evidence of 1 s only", "where it went does not count")
 _UNCERTAIN_CHOICES = (
     *("what has stayed is forgotten", "objects may lose their points", "mixed segments stay whole"),
-    *("objects may climb", "objects may grow", "what was lost may have stayed", "numbers of points do not choose"),
+    *("objects may climb", "what was lost may have stayed", "numbers of points do not choose"),
     "what overlaps may be another",
 )
 _ONLINE = ("DRIVE_0005", "--rivals")

@@ -17,8 +17,6 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5
 """Metres: greatest difference between predicted and measured height."""
-MAX_SIZE_CHANGE = 0.7
-"""Greatest change of a ground side, as a share of the longer one plus 1 m."""
 MAX_COUNT_RATIO = 5.0
 """Greatest ratio of the numbers of points."""
 MIN_OVERLAP = 0.3
@@ -85,7 +83,7 @@ def motion_cost(
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
     settling = share[k] - seen.moving_share[j]
-    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB) & (growth < MAX_SIZE_CHANGE)
+    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~(is_lost[k] & (settling > OTHER_EVIDENCE))
     price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
