@@ -6,7 +6,7 @@
 Each simulated drive is written as each recorder would have kept it, read back and labelled; the table gives the IoU of
 the moving class as it is and what each convention costs, in points, the mean over the scenarios, by sensor. "refused"
 is a recording that is not read. What a carrier costs (hull, trailer, operator) is measured against the same drive with
-its points left out, and the share of them called moving is given.
+its points left out. Points on the carrier, drops and dust are not scored: the shares of them called moving are given.
 Scores are kept in FOLDER by the contents of the package.
 """
 
@@ -247,8 +247,8 @@ def main() -> None:
 
 
 def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[str]) -> list[list[str]]:
-    """Return heading and lines: name, cost by sensor, mean cost, worst cell, share of the body called moving."""
-    lines = [["", *sensors, "mean", "worst cell", "body moving"]]
+    """Return heading and lines: name, cost by sensor, mean cost, worst cell, shares of body and air called moving."""
+    lines = [["", *sensors, "mean", "worst cell", "body moving", "air moving"]]
     for name in names:
         costs = {
             (scenario, sensor): _cost(rows[name, scenario, sensor], rows[CASES[name].against, scenario, sensor], name)
@@ -258,7 +258,7 @@ def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[s
         refused = [key for key in costs if "refused" in rows[(name, *key)]]
         if refused:
             reason = rows[(name, *refused[0])]["refused"]
-            lines.append([name, *[""] * len(sensors), "refused", reason[:60], ""])
+            lines.append([name, *[""] * len(sensors), "refused", reason[:60], "", ""])
             continue
         by_sensor = [np.nanmean([costs[c, s] for c in scenarios]) for s in sensors]
         mean = float(np.nanmean(list(costs.values())))
@@ -266,8 +266,8 @@ def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[s
         allowed = ALLOWED_HALVED if name in HALVED else ALLOWED
         mark = "" if name in REFERENCES or mean <= allowed else " !"
         of_worst = "" if name in REFERENCES else f"{costs[worst]:+.1f} {worst[0]} {worst[1]}"
-        body = _body([rows[name, c, s] for c in scenarios for s in sensors])
-        lines.append([name, *(f"{value:.1f}" for value in by_sensor), f"{mean:.1f}{mark}", of_worst, body])
+        shares = [_share([rows[name, c, s] for c in scenarios for s in sensors], part) for part in ("body", "air")]
+        lines.append([name, *(f"{value:.1f}" for value in by_sensor), f"{mean:.1f}{mark}", of_worst, *shares])
     return lines
 
 
@@ -278,9 +278,10 @@ def _cost(row: dict, plain: dict, name: str) -> float:
     return 100.0 * row["iou"] if name in REFERENCES else 100.0 * (plain["iou"] - row["iou"])
 
 
-def _body(rows: list[dict]) -> str:
-    points = sum(row.get("body_points") or 0 for row in rows)
-    return f"{100.0 * sum(row['body_moving'] or 0 for row in rows) / points:.3f} %" if points else ""
+def _share(rows: list[dict], part: str) -> str:
+    """Return the share of the points on a `part` of the recordings (body, air) that are called moving."""
+    points = sum(row[f"{part}_points"] for row in rows)
+    return f"{100.0 * sum(row[f'{part}_moving'] for row in rows) / points:.3f} %" if points else ""
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from speed import MemoryWatch, cpu_seconds
 from automos import Workspace, label, load_settings, open_sequence
 from automos.atomic import write_text
 from automos.evaluation.moving import Counts, count
-from automos.labels import Label, to_mos
+from automos.labels import OUTLIER, Label, to_mos
 from automos.pipeline import stage_keys
 from automos.progress import StageProgress
 from automos.scan import Sequence
@@ -58,7 +58,7 @@ def measure(
         seconds = {"cpu_seconds": cpu_seconds() - cpu, "wall_seconds": time.perf_counter() - start}
         watch.finish()
         counts, reliability, moving, total = Counts(), np.zeros((2, N_BINS, 3)), 0, 0
-        body_points = body_moving = 0
+        body_points = body_moving = air_points = air_moving = 0
         for i in range(len(sequence)):
             labels, truth = result.labels(i), sequence.truth(i)
             moving, total = moving + int(np.count_nonzero(labels == Label.MOVING)), total + len(labels)
@@ -67,6 +67,9 @@ def measure(
                 body_points += int(np.count_nonzero(body))
                 body_moving += int(np.count_nonzero(labels[body] == Label.MOVING))
             if truth is not None:
+                in_air = truth & 0xFFFF == OUTLIER
+                air_points += int(np.count_nonzero(in_air))
+                air_moving += int(np.count_nonzero(labels[in_air] == Label.MOVING))
                 counts += count(labels, truth)
                 reliability += _reliability(labels, truth, result.confidence(i))
     finally:
@@ -84,6 +87,8 @@ def measure(
         "percent_moving": 100.0 * moving / max(total, 1),
         "body_points": body_points,
         "body_moving": body_moving,
+        "air_points": air_points,
+        "air_moving": air_moving,
         "scans": len(sequence),
         **seconds,
         "peak_mb": max(watch.peak.values()) / 1e6 if watch.peak else None,

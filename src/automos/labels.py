@@ -26,6 +26,9 @@ class Label(IntEnum):
     MOVING = 251
 
 
+OUTLIER = 1
+"""SemanticKITTI's number for drops, dust and false returns in the air. Its moving-object benchmark leaves them out."""
+
 _MOS_OF_ID = np.zeros(1 << 16, np.uint8)
 _MOS_OF_ID[9:100] = Label.STATIC
 _MOS_OF_ID[251:260] = Label.MOVING

@@ -9,7 +9,7 @@ import pytest
 
 from automos.errors import InputError
 from automos.geometry import inverse, transform
-from automos.labels import Label
+from automos.labels import OUTLIER, Label, to_mos
 from automos.simulation import Conditions, record, simulate
 from automos.simulation.ego import EgoMotion
 from automos.simulation.rigs import RIGS, Part, placed, ride_on, rigs
@@ -102,12 +102,15 @@ def test_merged_clouds_are_each_lidars_own_carried_by_its_mount():
 
 
 @pytest.mark.parametrize("weather", ["rain", "dust"])
-def test_what_flies_in_the_air_is_nearer_than_what_it_hides_and_static(weather):
+def test_what_flies_in_the_air_is_nearer_than_what_it_hides_and_an_outlier(weather):
     clear, spoilt = on(), on(weather=weather)
     a, b = (np.linalg.norm(q[5].points, axis=1) for q in (clear, spoilt))
     nearer = (b > 0) & (a > 0) & (b < a - 0.5)
     assert nearer.sum() > 200
-    assert np.mean((spoilt.truth(5)[nearer] & 0xFFFF) == Label.STATIC) > 0.9
+    in_air = (spoilt.truth(5) & 0xFFFF) == OUTLIER
+    assert in_air[nearer].mean() > 0.9
+    assert not to_mos(spoilt.truth(5)[in_air]).any()  # not scored
+    assert not (clear.truth(5) == OUTLIER).any()
 
 
 def test_bright_signs_bleed_into_the_beams_beside_them():

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, make_transform, rotation_between
-from automos.labels import Label, pack
+from automos.labels import OUTLIER, Label, pack
 from automos.scan import Pose, Scan, Sequence
 from automos.simulation.annotations import Annotations, upright_boxes
 from automos.simulation.conditions import Conditions
@@ -21,7 +21,7 @@ from automos.simulation.sensing.cast import Caster
 from automos.simulation.sensing.disturbances import add_dust, add_rain, bleed
 from automos.simulation.sensing.readout import Cast, compensate, read_out
 from automos.simulation.sensing.returns import measure
-from automos.simulation.sensing.scene import EGO, Hits
+from automos.simulation.sensing.scene import AIR, EGO, Hits
 from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.truth import Verdicts, judge
@@ -29,7 +29,7 @@ from automos.simulation.world import World
 
 Array = npt.NDArray[np.float64]
 
-FORMAT = 4
+FORMAT = 5
 """Counts up whenever equal arguments no longer give equal bytes."""
 MOUNT_TILT = 0.006
 """Radians, standard deviation of the sensor's tilt in its mount."""
@@ -108,7 +108,8 @@ class SimulatedSequence(Sequence):
         """Return (N,) labels: MOVING for what moves at some time while observed, instance ids in the upper 16 bits.
 
         0 if it cannot be said: the ego's own body, missing returns, points between a mover's edge and what lies
-        behind, objects that moved by less than an annotator would notice.
+        behind, objects that moved by less than an annotator would notice. 1 (outlier) for drops and dust, which are
+        no objects but drift with the wind.
         """
         return self._labels(index, self._verdicts.is_moving, self._verdicts.is_static)
 
@@ -179,6 +180,7 @@ class SimulatedSequence(Sequence):
         of_object[1:][is_moving] = Label.MOVING
         on_object = np.maximum(cast.object, 0)
         labels = np.where(cast.is_clear & (cast.object != EGO), of_object[on_object], Label.UNLABELED)
+        labels[cast.object == AIR] = OUTLIER
         return pack(labels, np.where(cast.is_clear, on_object, 0))
 
     def _cast(self, index: int) -> Cast:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.simulation.sensing.scene import Hits
+from automos.simulation.sensing.scene import AIR, Hits
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.shapes.materials import Material
 
@@ -37,7 +37,7 @@ WEATHER = ("clear", "rain", "dust")
 
 
 def add_rain(hits: Hits, rng: np.random.Generator) -> None:
-    """Put drops before what the beams hit; echoes from behind them get weaker. Drops belong to the scenery."""
+    """Put drops before what the beams hit; echoes from behind them get weaker."""
     distance = rng.standard_exponential(len(hits.distance), np.float32) / np.float32(DROPS_PER_METRE)
     hits.tint *= np.float32(RAIN_DIMS)
     _return_from_air(hits, distance, distance < np.minimum(hits.distance, DROPS_SEEN))
@@ -80,7 +80,7 @@ def _return_from_air(hits: Hits, distance: Array32, is_met: npt.NDArray[np.bool_
     hits.material[rows] = Material.CLOTH
     hits.tint[rows] = 0.3
     hits.cosine[rows] = 1.0
-    hits.object[rows] = 0
+    hits.object[rows] = AIR
     hits.lost[rows] = False
 
 

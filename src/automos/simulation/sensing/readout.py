@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Cast:
-    """A scan and, for each of its points, the object it is on (0 scenery, EGO) and whether that is known."""
+    """A scan and, for each of its points, the object it is on (0 scenery, EGO, AIR) and whether that is known."""
 
     scan: Scan
     object: npt.NDArray[np.int32]

@@ -19,6 +19,8 @@ Array32 = npt.NDArray[np.float32]
 
 EGO = -1
 """Object id of the ego vehicle's own body."""
+AIR = -2
+"""Object id of drops and dust."""
 WHOLE_PANE = 0.8
 """How far a pane behaves as a whole (1) or beam by beam (0)."""
 PANE_DIMS = 0.5
@@ -38,7 +40,7 @@ class Hits:
     material : (N,) uint8.
     tint : (N,) float32.
     cosine : (N,) float32 of the angle of incidence.
-    object : (N,) int32, id of the object hit, 0 for scenery, EGO for the ego's own body.
+    object : (N,) int32, id of the object hit, 0 for scenery, or EGO or AIR.
     lost : (N,) bool, the surface swallowed the beam.
     """
 
