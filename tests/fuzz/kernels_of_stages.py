@@ -19,7 +19,7 @@ from automos.geometry import transform
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
-from automos.odometry import drifting_seam, facing, level, registration, submap, sweep_order
+from automos.odometry import drifting_seam, facing, level, registration, sweep_order
 from automos.odometry import surfels as surfel_kernels
 from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
 from automos.odometry.submap import fit_surfels, make_submap
@@ -124,16 +124,15 @@ def _odometry(points: np.ndarray) -> None:
         drifting_seam.drifting_times(points, 1, turns)
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
-    level._nearest_to_middle(points, level.RANGE, level.VOXEL)
+    level._thin(points)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
-    submap._copy(points[0].astype(float), np.zeros(3))
     matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
     surfel_kernels.eigenvalues(matrix)
     surfel_kernels.eigenvector(matrix, surfel_kernels.variance_along(matrix, along), out[0])
     surfel_kernels.across(matrix, along, out[0], out[1])
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
-    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5, 100.0)
+    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
     covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
@@ -146,7 +145,7 @@ def _odometry(points: np.ndarray) -> None:
         distances = np.resize(points, 5).astype(float)
         scores, way = np.zeros((3, 5)), np.array([1.0, 0.0, 0.0])
         facing._score(
-            laid.arrays, surfels.mean, surfels.covariance, surfels.time, T, way, distances, distances, 2.7, scores,
+            laid, surfels.mean, surfels.covariance, surfels.time, T, way, distances, distances, 2.7, scores,
         )  # fmt: skip
 
 

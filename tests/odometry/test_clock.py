@@ -149,13 +149,15 @@ def recesses(n=400):
     return (np.column_stack([middle, np.zeros(n)])[:, None] + squares).reshape(-1, 3)
 
 
-def shown(lengths, registered, pool=None):
+def shown(lengths, registered, workers=1):
     """Return the shares at each gap of scans `lengths` apart whose steps were registered to be `registered`."""
-    world, asked = recesses(), FacingGaps(0.0, OdometrySettings(), pool)
-    for x, T in zip(np.append(0.0, np.cumsum(lengths)), [np.eye(4), *steps_of(registered)], strict=True):
-        points = (world - [x, 0.0, 0.0]).astype(np.float32)
-        asked.add(surfels_of(points[np.linalg.norm(points, axis=1) < 30.0], None), T, 1.0)
-    return asked.shares()
+    with ThreadPoolExecutor(workers) as pool:
+        world, asked = recesses(), FacingGaps(0.0, OdometrySettings(), pool)
+        for x, T in zip(np.append(0.0, np.cumsum(lengths)), [np.eye(4), *steps_of(registered)], strict=True):
+            points = (world - [x, 0.0, 0.0]).astype(np.float32)
+            surfels = pool.submit(surfels_of, points[np.linalg.norm(points, axis=1) < 30.0], None)
+            asked.add(surfels, T, 1.0)
+        return asked.shares()
 
 
 def test_the_twofold_step_is_found_whatever_the_registration_says():
@@ -170,8 +172,7 @@ def test_the_twofold_step_is_found_whatever_the_registration_says():
 
 def test_threads_change_nothing():
     lengths = np.full(9, STEP)
-    with ThreadPoolExecutor(2) as pool:
-        np.testing.assert_array_equal(shown(lengths, lengths, pool), shown(lengths, lengths))
+    np.testing.assert_array_equal(shown(lengths, lengths, workers=3), shown(lengths, lengths))
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3])

@@ -6,6 +6,7 @@ from worlds import SCAN_GAP
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry import estimate, estimate_trajectory
+from automos.odometry.estimate import doubts
 from automos.odometry.motion import SweepTiming
 from automos.odometry.timing import TimingChoice
 from automos.scan import Scan
@@ -148,3 +149,12 @@ def test_progress_reaches_the_end(scans):
     seen = []
     estimate_trajectory(sequence_of(scans[:5]), REFINED, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(i, 5) for i in range(1, 6)]
+
+
+def test_poses_that_nobody_can_drive_are_doubted_at_the_scan_where_they_leap():
+    figures = {"wall_thickness_m": 0.01, "baseline_disagreement_m": 0.01}
+    leap = {"greatest_acceleration_m_s2": 20.0, "greatest_acceleration_at": "000030"}
+    assert doubts(figures | {"greatest_acceleration_m_s2": 7.0}, OdometrySettings()) == []
+    (warning,) = doubts(figures | leap, OdometrySettings())
+    assert "000030" in warning
+    assert "do not trust the labels" in warning

@@ -7,7 +7,7 @@ from raw_worlds import curve as curve_of
 from worlds import record, van
 
 from automos.geometry import se3_exp
-from automos.odometry.links import Alignment, Window
+from automos.odometry.links import Alignment, Window, choose_links, fit_links
 from automos.odometry.motion import chain
 from automos.odometry.refine import refine_poses
 from automos.odometry.surfels import surfels_of
@@ -42,7 +42,9 @@ def test_shaken_poses_come_back_to_within_two_centimetres(town):
     surfels, truth = town
     start = shaken(truth)
     assert worst_distance(start, truth) > 0.15
-    refined, before, after = refine_poses(window_at(surfels, start), np.zeros(N, bool), SETTINGS, Alignment())
+    window, about = window_at(surfels, start), Alignment()
+    refined, after = refine_poses(window, SETTINGS, about)
+    before = fit_links(window, list(choose_links(window, about)), about.kernels[0], about, None)[1]
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
     assert np.median(after.disagreement) < 0.2 * np.median(before.disagreement)
     assert np.median(after.thickness) < np.median(before.thickness)
@@ -50,15 +52,14 @@ def test_shaken_poses_come_back_to_within_two_centimetres(town):
 
 def test_right_poses_stay(town):
     surfels, truth = town
-    refined, _, _ = refine_poses(window_at(surfels, truth), np.zeros(N, bool), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(surfels, truth), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
 
 
 def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
     surfels, truth = town
     start = shaken(truth)
-    is_fixed = np.arange(N) < 10
-    refined, _, _ = refine_poses(window_at(surfels, start), is_fixed, SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(surfels, start), SETTINGS, Alignment(), n_fixed=10)
     moved = np.linalg.norm(refined.T_world_sensor[:, :3, 3] - start[:, :3, 3], axis=1)
     assert moved[:10].max() < 1e-6
     assert moved[10:].max() > 0.01
@@ -66,9 +67,9 @@ def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
 
 def test_the_result_does_not_depend_on_the_threads(town):
     surfels, truth = town
-    alone, _, _ = refine_poses(window_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment())
+    alone, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Alignment())
     with ThreadPoolExecutor(3) as pool:
-        shared, _, _ = refine_poses(window_at(surfels, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment(), pool)
+        shared, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Alignment(), pool)
     np.testing.assert_array_equal(alone.T_world_sensor, shared.T_world_sensor)
 
 
@@ -76,21 +77,19 @@ def test_scans_without_points_are_bridged_by_even_motion(town):
     surfels, truth = town
     nothing = surfels[0][:0]
     holed = [nothing if i in (12, 13, 14) else s for i, s in enumerate(surfels)]
-    refined, _, _ = refine_poses(window_at(holed, shaken(truth)), np.zeros(N, bool), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(holed, shaken(truth)), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth) < 0.04
 
 
 def test_where_nothing_is_seen_poses_stay(town):
     surfels, truth = town
-    refined, before, _ = refine_poses(
-        window_at([surfels[0][:0]] * 4, truth[:4]), np.zeros(4, bool), SETTINGS, Alignment()
-    )
-    assert len(before.lag) == 0
+    refined, found = refine_poses(window_at([surfels[0][:0]] * 4, truth[:4]), SETTINGS, Alignment())
+    assert len(found.lag) == 0
     assert worst_distance(refined.T_world_sensor, truth[:4]) < 0.02
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_shortest_recordings_are_refined_too(town, n):
     surfels, truth = town
-    refined, _, _ = refine_poses(window_at(surfels[:n], truth[:n]), np.zeros(n, bool), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(surfels[:n], truth[:n]), SETTINGS, Alignment())
     assert worst_distance(refined.T_world_sensor, truth[:n]) < 0.03

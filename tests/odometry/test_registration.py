@@ -4,7 +4,7 @@ from raw_worlds import TOWN, curve, true_poses
 from worlds import record
 
 from automos.geometry import se3_exp
-from automos.odometry.registration import Icp, LocalMap
+from automos.odometry.registration import Icp, LocalMap, align
 from automos.voxels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
@@ -12,7 +12,7 @@ VOXEL, CAPACITY, MAX_RANGE = 0.8, 20, 60.0
 
 
 def make_icp(local_map, threshold=0.5):
-    return Icp(local_map, threshold, MAX_RANGE)
+    return Icp(local_map, threshold)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_a_scan_is_put_where_the_authors_library_puts_it(town):
     source = scans[4][rows_of_first_in_voxel(scans[4], 1.5 * VOXEL)]
     guess = truth[4] @ se3_exp([0.3, -0.1, 0.05, 0.01, 0.0, 0.02])
     theirs = Registration(500, 1e-4, 1).align_points_to_map(source.astype(np.float64), theirs_map, guess, 1.5, 0.5)
-    ours = make_icp(ours_map)._align(source, guess, 0.5)
+    ours = align(source, guess, ours_map, 0.5)
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 

@@ -1,31 +1,26 @@
 """When the scans of a recording were taken: their stamps, or else their number and how many are missing between them.
 
-A missing scan without a stamp shows as a step of twice the length among even ones: no vehicle doubles its speed for a
-tenth of a second. But registrations start with the previous motion, and in traffic that keeps pace they stay there, so
-a double step is invisible. Surfaces facing along the path do not move with the traffic: they are re-observed at a step
-of one, two or more gaps, over the step itself and over two neighbouring ones. Both cues are combined, since in open
-terrain no surface faces along the path, but registrations are right there.
+A missing scan without a stamp shows as a step of twice the length among even ones. But registrations start with the
+previous motion, and in traffic that keeps pace they stay there. Surfaces facing along the path do not move with the
+traffic: they are re-observed at a step of one, two or more gaps. Both cues are combined, since in open terrain no
+surface faces along the path, but registrations are right there.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence as Several
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.arrays import as_array
 from automos.errors import InputError
-from automos.odometry.facing import EVIDENCE, WEIGHTS, expected_share, score_distances
-from automos.odometry.submap import make_submap
+from automos.geometry import Array
+from automos.odometry.facing import EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.surfels import Surfels
 from automos.scan import LATEST, Pose, Sequence
 from automos.settings import OdometrySettings
-
-Array = npt.NDArray[np.float64]
 
 USUAL_PERIOD = 0.1
 """Seconds between scans if the recording has no clock."""
@@ -40,8 +35,8 @@ N_AROUND = 3
 """Steps on either side that define the usual speed."""
 TRIED = np.arange(1.0, 7.0)
 """Hypotheses on the gaps of a step: up to five consecutive missing scans are detected."""
-LAGS = (1, 2)
-"""Steps over which surfaces are re-observed: over more, errors of several steps add up."""
+LAGS = 2
+"""Steps over which surfaces are re-observed, at most: over more, errors of several steps add up."""
 AROUND = 0.1 * np.arange(-2, 3)
 """Metres around the distance of so many gaps: the speed only approximates that of the steps around."""
 LEAST_STEP = 0.2
@@ -65,25 +60,17 @@ CHANCE = 0.15
 class Clock:
     """When the scans of a recording were taken.
 
-    Attributes
-    ----------
-    stamps : (N,) float64, seconds.
-    period : float, seconds, the usual time between scans.
-    gaps : (N - 1,) float64, time between neighbouring scans over `period`: 1, unless a scan is clearly missing.
-        Otherwise, stamps rounded to two decimals would cause speed errors of 10 %.
-    has_stamps : bool, False if scans are only counted: then `find_missing` estimates how many are missing.
+    Gaps are 1 unless a scan is clearly missing: else, stamps rounded to two decimals would cause speed errors of 10 %.
     """
 
-    stamps: Array
-    period: float
-    gaps: Array
-    has_stamps: bool = True
+    stamps: Array  # (N,) seconds
+    period: float  # seconds, the usual time between scans
+    gaps: Array  # (N - 1,) time between neighbouring scans over `period`
+    has_stamps: bool  # False if scans are only counted: then `find_missing` estimates how many are missing
 
     def with_gaps(self, gaps: Array) -> Clock:
         """Return the clock of the same scans if they are `gaps` (N - 1,) periods apart."""
-        return Clock(
-            self.stamps[0] + self.period * np.concatenate([[0.0], np.cumsum(gaps)]), self.period, gaps, self.has_stamps
-        )
+        return replace(self, stamps=self.stamps[0] + self.period * np.append(0.0, np.cumsum(gaps)), gaps=gaps)
 
 
 def read_clock(sequence: Sequence) -> Clock:
@@ -95,14 +82,13 @@ def read_clock(sequence: Sequence) -> Clock:
         The stamps are not one per scan, do not increase, or are not seconds.
     """
     n, given = len(sequence), sequence.stamps
-    has_stamps = given is not None
     stamps = USUAL_PERIOD * np.arange(n, dtype=np.float64) if given is None else as_array(given, "f8", (n,), "stamps")
     if not (np.abs(stamps) < LATEST).all():
         odd = stamps[int(np.argmin(np.abs(stamps) < LATEST))]
         raise InputError(f"{sequence.name} has an invalid stamp of {odd:g} s: give stamps in seconds, or none")
     stamps = np.round(stamps, STAMP_DIGITS)
     if len(stamps) < 2:
-        return Clock(stamps, USUAL_PERIOD, np.ones(0), has_stamps)
+        return Clock(stamps, USUAL_PERIOD, np.ones(0), given is not None)
     steps = np.diff(stamps)
     usual = float(np.median(steps))
     if not (steps > MOST_UNEVEN * usual).all() or usual < SHORTEST_PERIOD:
@@ -112,14 +98,13 @@ def read_clock(sequence: Sequence) -> Clock:
             f"{usual:g} s): stamps must be in seconds and increase; give valid stamps, or none"
         )
     gaps = np.where(steps > 1.5 * usual, steps / usual, 1.0)
-    return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, has_stamps)
+    return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, given is not None)
 
 
 def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
-    """Return (N - 1,) the gaps between scans, estimated from the motion without stamps.
+    """Return (N - 1,) the gaps under which the speed changes least and most surfaces are re-observed.
 
-    Chooses the number of missing scans under which the speed changes least and most surfaces are re-observed. The less
-    the scans before and after agree on the speed, the less a step's length counts.
+    The less the scans before and after agree on the speed, the less a step's length counts.
 
     Parameters
     ----------
@@ -155,15 +140,15 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
 class FacingGaps:
     """Finds, scan by scan, after how many gaps surfaces facing along the path are re-observed; holds few scans."""
 
-    def __init__(self, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
-        """Take the sweep duration over the time between scans, and a thread pool."""
+    def __init__(self, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor):
+        """Take the sweep duration over the time between scans, and threads."""
         self._share, self._settings, self._pool = share, settings, pool
-        self._surfels: deque[Surfels | Future[Surfels]] = deque(maxlen=max(LAGS) + N_AROUND + 1)
+        self._surfels: deque[Future[Surfels]] = deque(maxlen=LAGS + N_AROUND + 1)
         self._velocities: list[Array] = []
         self._steps: list[Pose] = []
-        self._found: list[Array | Future[Array]] = []
+        self._found: list[Future[Array]] = []
 
-    def add(self, surfels: Surfels | Future[Surfels], T_last_this: Pose, gap: float) -> None:
+    def add(self, surfels: Future[Surfels], T_last_this: Pose, gap: float) -> None:
         """Add a scan: its surfels, its pose in the previous scan's frame, and the gap between them."""
         if self._surfels:
             self._steps.append(T_last_this)
@@ -177,54 +162,45 @@ class FacingGaps:
         n = len(self._steps)
         for row in range(len(self._found), n):
             self._start_scoring(row - n - 1)
-        total = np.zeros((n + max(LAGS), len(TRIED)))
+        total = np.zeros((n + LAGS, len(TRIED)))
         for row, found in enumerate(self._found):
-            total[row : row + max(LAGS)] += found.result() if isinstance(found, Future) else found
+            total[row : row + LAGS] += found.result()
         return total[:n]
 
     def _start_scoring(self, place: int) -> None:
         """Start scoring the pairs of scans that begin with number `place` of the held scans."""
-        scans = list(self._surfels)[place:][: 1 + max(LAGS)]
+        scans = list(self._surfels)[place:][: 1 + LAGS]
         row = len(self._found)
         steps = self._steps[row : row + len(scans) - 1]
         usual = [_usual(self._velocities, k) for k in range(row, row + len(steps))]
-        arguments = (scans, steps, usual, self._share, self._settings)
-        self._found.append(_shares(*arguments) if self._pool is None else self._pool.submit(_shares, *arguments))
+        self._found.append(self._pool.submit(_shares, scans, steps, usual, self._share, self._settings.overhead))
 
 
-def _usual(travelled: list[Array], k: int) -> Array:
+def _usual(velocities: list[Array], k: int) -> Array:
     """Return (3,) the median metres per gap of the steps around the k-th."""
-    around = [*travelled[max(k - N_AROUND, 0) : k], *travelled[k + 1 : k + 1 + N_AROUND]]
+    around = [*velocities[max(k - N_AROUND, 0) : k], *velocities[k + 1 : k + 1 + N_AROUND]]
     return np.median(around, axis=0) if around else np.zeros(3)
 
 
 def _shares(
-    scans: Several[Surfels | Future[Surfels]],
-    steps: list[Pose],
-    usual: list[Array],
-    share: float,
-    settings: OdometrySettings,
+    scans: list[Future[Surfels]], steps: list[Pose], usual: list[Array], share: float, overhead: float
 ) -> Array:
     """Return (2, 6) the re-observed share if each of the steps after the first scan has 1 to 6 gaps."""
-    found = np.zeros((max(LAGS), len(TRIED)))
+    found = np.zeros((LAGS, len(TRIED)))
     length = float(np.linalg.norm(usual[0]))
     if length < LEAST_STEP:
         return found
     forward = usual[0] / length
-    surfels = [s.result() if isinstance(s, Future) else s for s in scans]
-    submap = make_submap(surfels[:1], np.eye(4)[None])
-    at_rest = score_distances(submap, surfels[0], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)
-    whole = float(WEIGHTS @ at_rest[:, 0])
+    surfels = [scan.result() for scan in scans]
+    submap, whole = facing_surfaces(surfels[0], forward, overhead)
     T = np.eye(4)
     for n in range(1, len(surfels)):
         T = T @ steps[n - 1]
         travelled = np.array([step[:3, 3] @ forward for step in steps[:n]])
         single = np.array([each @ forward for each in usual[:n]])
         distances = (travelled.sum() - travelled + single * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
-        scores = WEIGHTS @ score_distances(
-            submap, surfels[n], T, forward, distances.ravel(), share / n, settings.overhead
-        )
-        scores *= np.minimum(scores / np.maximum(whole * expected_share(distances.ravel()), 1e-9), 1.0)
+        refound = score_distances(submap, surfels[n], T, forward, distances.ravel(), share / n, overhead)
+        scores = weighed_down(WEIGHTS @ refound, float(WEIGHTS @ whole), distances.ravel())
         best = scores.reshape(distances.shape).max(axis=2)
         found[:n] += best / (best.max(axis=1, keepdims=True) + EVIDENCE)
     return found

@@ -12,10 +12,8 @@ import numpy.typing as npt
 
 from automos.cells import turn_of
 from automos.kernels import kernel
-from automos.odometry.sweep_order import sample_pairs
-from automos.scan import Points, Sequence
-
-Array = npt.NDArray[np.float64]
+from automos.odometry.sweep_order import azimuths, sample_pairs
+from automos.scan import Mask, Points, Sequence
 
 N_SECTORS = 720
 """Sectors in which a gap is searched."""
@@ -34,12 +32,7 @@ STAGGER = 0.03
 
 
 def learn_drifting_seam(sequence: Sequence) -> tuple[int, float] | None:
-    """Return the direction of rotation (+1, -1) and the turns per scan; None if no sector drifts.
-
-    Notes
-    -----
-    Works only if scans span a fractional number of turns: with whole turns, nothing drifts.
-    """
+    """Return the direction of rotation (+1, -1) and the turns per scan; None if no sector drifts."""
     ids = sample_pairs(sequence)
     for edges, sign in ((gap_edges, -1), (doubled_edges, 1)):
         steps = [_step(edges(sequence[i].points), edges(sequence[i + 1].points), sign) for i in ids]
@@ -68,13 +61,10 @@ def _step(edges: tuple[float, float], following: tuple[float, float], sign: int)
     return 0.0
 
 
-def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray[np.float32], Mask]:
     """Return when `points` (N, 3) were measured in a scan of `turns` with any seam, and which may be a turn later.
 
-    Returns
-    -------
-    times : (N,) float32 in [-0.5, 0.5] of the scan, the earlier of two possible times.
-    is_twofold : (N,) bool, whether the point may also have been measured one turn later.
+    The (N,) times are in [-0.5, 0.5] of the scan, the earlier of two where a point may have either.
     """
     points = np.ascontiguousarray(points)
     low, high = gap_edges(points) if turns <= 1.0 else doubled_edges(points, turns - 1.0)
@@ -90,9 +80,7 @@ def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray
 
 def gap_edges(points: Points) -> tuple[float, float]:
     """Return the azimuths, in turns, between which the widest sector without points lies; the end may exceed 0.5."""
-    x, y = points[:, :2].astype(np.float64).T
-    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
-    turn = np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi) + 0.5
+    turn = azimuths(points)[1] + 0.5
     seen = np.unique(np.minimum((turn * N_SECTORS).astype(int), N_SECTORS - 1))
     if len(seen) == 0:
         return 0.0, 0.0
@@ -104,8 +92,8 @@ def gap_edges(points: Points) -> tuple[float, float]:
 def doubled_edges(points: Points, width: float | None = None) -> tuple[float, float]:
     """Return the azimuths, in turns, between which the sector with the most points per direction lies.
 
-    Its width is `width` turns if given, else the one that explains most variance; empty if none explains enough.
-    The end may exceed 0.5.
+    Its width is `width` turns, or else the one that explains most variance (0 if none explains enough). The end may
+    exceed 0.5.
     """
     n, n_seen = _count_directions(np.ascontiguousarray(points))
     density = n / np.maximum(n_seen, 1)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
-from automos.odometry.consistency import doubts, greatest_acceleration, measure_consistency, speed_figures, summarize
 from automos.odometry.kiss import register_scans
 from automos.odometry.level import find_level
-from automos.odometry.motion import SweepTiming, chain, step_twists
+from automos.odometry.links import measure_consistency, summarize
+from automos.odometry.motion import MAX_ACCELERATION, SweepTiming, chain, greatest_acceleration, step_twists
 from automos.odometry.refine import RollingRefinement
+from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
 from automos.odometry.trajectory import DistinctScans, Trajectory, checked_poses, with_repeats
@@ -22,7 +24,11 @@ from automos.parallel import available_cores
 from automos.scan import Pose, Sequence
 from automos.settings import OdometrySettings
 
+WITHOUT_CLOCK = 4.0
+"""Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 Progress = Callable[[int, int], None]
+FirstPoses = tuple[Pose, list[int], RollingRefinement]
+"""Steps (N - 1, 4, 4) between scans, the scans whose motion is extrapolated, and all scans for refinement."""
 
 
 def estimate_trajectory(
@@ -76,25 +82,21 @@ def estimate_trajectory(
     return Trajectory(poses, estimate.clock.stamps, motion, timing, T_level_world, diagnostics)
 
 
+@dataclass
 class _Estimate:
-    """Poses and timing of one recording, with `warnings` and `figures`."""
+    """Poses and timing of one recording."""
 
-    def __init__(
-        self,
-        sequence: Sequence,
-        settings: OdometrySettings,
-        clock: Clock,
-        pool: ThreadPoolExecutor,
-        progress: Progress | None,
-    ):
-        self.clock = clock
-        self.warnings: list[str] = []
-        self.figures: dict[str, Any] = {}
-        self._sequence, self._settings, self._pool, self._progress = sequence, settings, pool, progress
+    sequence: Sequence
+    settings: OdometrySettings
+    clock: Clock
+    pool: ThreadPoolExecutor
+    progress: Progress | None
+    warnings: list[str] = field(default_factory=list)
+    figures: dict[str, Any] = field(default_factory=dict)
 
     def timing_at(self, poses: Pose | None) -> TimingChoice:
         """Return the timing under which scans align best, at given (N, 4, 4) `poses` or else at estimated ones."""
-        choice = choose_timing(self._sequence, self._settings, poses, self.clock, self._pool)
+        choice = choose_timing(self.sequence, self.settings, poses, self.clock, self.pool)
         self.figures["timing"] = choice.to_dict()
         return choice
 
@@ -102,7 +104,7 @@ class _Estimate:
         """Return (N, 4, 4) poses and the timing, from the scans alone."""
         choice = self.timing_at(None)
         poses = self._poses_under(choice.timing)
-        if self._settings.time in ("auto", "azimuth") and not choice.suits(poses):
+        if self.settings.time in ("auto", "azimuth") and not choice.suits(poses):
             # The poses used for the choice followed the traffic: choose the timing again.
             better = self.timing_at(poses)
             if better.timing != choice.timing:
@@ -113,16 +115,16 @@ class _Estimate:
 
     def check(self, poses: Pose, timing: SweepTiming) -> None:
         """Measure how well scans align with (N, 4, 4) `poses`, and add the warnings that follow."""
-        sequence, settings, clock, figures = self._sequence, self._settings, self.clock, self.figures
+        sequence, settings, clock, figures = self.sequence, self.settings, self.clock, self.figures
         if "wall_thickness_m" not in figures:
-            figures.update(summarize(measure_consistency(sequence, poses, timing, clock, settings)))
+            figures.update(summarize(measure_consistency(sequence, poses, timing, clock.gaps, clock.period, settings)))
         acceleration, at = greatest_acceleration(poses, clock.stamps)
         figures |= {"greatest_acceleration_m_s2": acceleration, "greatest_acceleration_at": sequence.names[at]}
         self.warnings += doubts(figures, settings, clock.has_stamps)
 
     def _poses_under(self, timing: SweepTiming) -> Pose:
         """Return (N, 4, 4) poses under a timing; corrects the clock if scans are missing."""
-        names, given = self._sequence.names, self.clock.gaps
+        names, given = self.sequence.names, self.clock.gaps
         steps, held, refinement = self._register(timing)
         if len(missing := np.flatnonzero(self.clock.gaps != given)):
             self.warnings.append(
@@ -134,49 +136,65 @@ class _Estimate:
                 f"scans with too few points to register: {len(held)} (first: {names[held[0]]}); their "
                 "poses are extrapolated."
             )
-        if not self._settings.refine:
+        if not self.settings.refine:
             return chain(np.eye(4), steps)
-        poses, before, after = refinement.finish()
-        self.figures.update(summarize(after))
-        self.figures["before_refinement"] = summarize(before)
-        self.figures["lengthened_m"] = refinement.lengthened
-        self.figures.update(speed_figures(refinement.searches))
+        poses, consistency = refinement.finish()
+        self.figures |= {**summarize(consistency), **speed_figures(refinement.searches)}
         return poses
 
-    def _register(self, timing: SweepTiming) -> _FirstPoses:
+    def _register(self, timing: SweepTiming) -> FirstPoses:
         """Return every scan registered to the previous ones; repeated if scans turn out to be missing."""
         if self.clock.has_stamps:
             return self._register_once(timing)
-        at_gaps = FacingGaps(timing.share, self._settings, self._pool)
+        at_gaps = FacingGaps(timing.share, self.settings, self.pool)
         first = self._register_once(timing, at_gaps)
-        gaps = find_missing(first.steps, self.clock.gaps, self.clock.period, at_gaps.shares())
+        gaps = find_missing(first[0], self.clock.gaps, self.clock.period, at_gaps.shares())
         if (gaps == self.clock.gaps).all():
             return first
         self.clock = self.clock.with_gaps(gaps)
         return self._register_once(timing)
 
-    def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> _FirstPoses:
+    def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> FirstPoses:
         """Return every scan registered to the previous ones; also passes each to `at_gaps`."""
         gaps, steps, held = self.clock.gaps, [], []
-        refinement = RollingRefinement(self.clock.period, timing.share, self._settings, self._pool)
-        for i, scan in enumerate(register_scans(self._sequence, self._settings, timing, gaps)):
+        refinement = RollingRefinement(self.clock.period, timing.share, self.settings, self.pool)
+        for i, scan in enumerate(register_scans(self.sequence, self.settings, timing, gaps)):
             steps.append(scan.T_last_this)
             if not scan.is_registered:
                 held.append(i)
-            if self._settings.refine or at_gaps is not None:
-                surfels, gap = self._pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
-                if self._settings.refine:
+            if self.settings.refine or at_gaps is not None:
+                surfels, gap = self.pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
+                if self.settings.refine:
                     refinement.add(surfels, scan.twist, scan.T_last_this, gap)
                 if at_gaps is not None:
                     at_gaps.add(surfels, scan.T_last_this, gap)
-            if self._progress is not None:
-                self._progress(i + 1, len(self._sequence))
-        return _FirstPoses(np.array(steps[1:]).reshape(-1, 4, 4), held, refinement)
+            if self.progress is not None:
+                self.progress(i + 1, len(self.sequence))
+        return np.array(steps[1:]).reshape(-1, 4, 4), held, refinement
 
 
-class _FirstPoses(NamedTuple):
-    """Steps (N - 1, 4, 4) between scans, the scans with extrapolated motion, and all scans for refinement."""
-
-    steps: Pose
-    held: list[int]
-    refinement: RollingRefinement
+def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:
+    """Return the warnings, in sentences, that follow from the `figures` of a run."""
+    found = []
+    if figures.get("is_speed_doubted", False):
+        faster, here, there = (figures[k] for k in ("rival_faster_m_s", "landmarks_refound", "refound_at_rival"))
+        found.append(
+            "the speed is in doubt: of the landmarks that cannot be traffic (higher than any vehicle, far beside the "
+            f"road), {here:.0f} are re-observed at the estimated speed, {there:.0f} if the sensor is {abs(faster):.0f} "
+            f"m/s {'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world; do not "
+            "trust the labels: give your own poses (--poses)."
+        )
+    acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
+    if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
+        found.append(
+            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s per "
+            "second, more than any vehicle can. The poses before or after it are wrong and may follow traffic rather "
+            "than the world; do not trust the labels there: give your own poses (--poses)."
+        )
+    thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
+    if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):
+        found.append(
+            f"scans a second apart do not align with each other: walls are {100 * thickness:.0f} cm thick and poses "
+            f"disagree by {100 * disagreement:.0f} cm. Poses or point times are inaccurate, so labels will be, too."
+        )
+    return found

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse
+from automos.geometry import Array, inverse
 from automos.kernels import kernel
 from automos.odometry.links import Window
 from automos.odometry.submap import VOXEL, Submap, make_submap
@@ -21,8 +21,6 @@ from automos.odometry.surfels import Surfels, key_at_level, level_of, moved, var
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 from automos.voxels import find_slot
-
-Array = npt.NDArray[np.float64]
 
 CLOSE = 0.15
 """Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
@@ -76,8 +74,8 @@ def score_distances(
     """Return how much surface facing along the path is re-observed if the sensor has travelled `distances` (D,) metres.
 
     Returns (3, D): surfaces that may be vehicles keeping pace, surfaces too far beside the path for that, and surfaces
-    higher than any vehicle, `overhead` metres above the sensor. The compensation of the surfels is adapted:
-    `per_sweep` is the share of the distance that is travelled during a sweep.
+    higher than any vehicle, `overhead` metres above the sensor. The surfels are compensated for each distance:
+    `per_sweep` is the share of it that is travelled during a sweep.
     """
     scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
@@ -85,10 +83,16 @@ def score_distances(
     T[:3, 3] -= present * direction
     shift = per_sweep * (distances - present)
     _score(
-        submap.arrays, surfels.mean, surfels.covariance, surfels.time, T, direction, distances, shift,
+        submap, surfels.mean, surfels.covariance, surfels.time, T, direction, distances, shift,
         overhead, scores,
     )  # fmt: skip
     return scores
+
+
+def facing_surfaces(surfels: Surfels, forward: Array, overhead: float) -> tuple[Submap, Array]:
+    """Return one scan as a submap, and the (3,) weights of all its surfaces facing along the path."""
+    submap = make_submap([surfels], np.eye(4)[None])
+    return submap, score_distances(submap, surfels, np.eye(4), forward, np.zeros(1), 0.0, overhead)[:, 0]
 
 
 def is_stationary(refound: Array, whole: Array) -> bool:
@@ -102,32 +106,26 @@ def is_stationary(refound: Array, whole: Array) -> bool:
 
 
 def expected_share(distances: Array) -> Array:
-    """Return the least share (D,) of the surfaces facing along the path that is re-observed after `distances` (D,).
-
-    From nearly the same position, nearly all are; a sensor that keeps pace with traffic re-observes little else.
-    """
+    """Return the least share (D,) of the surfaces facing along the path that is re-observed after `distances` (D,)."""
     return NEAR_SHARE * np.exp(-np.abs(distances) / NEAR_VIEW)
+
+
+def weighed_down(scores: Array, whole: float, distances: Array) -> Array:
+    """Return `scores`, less where less of `whole` is re-observed than expected after `distances`, all (..., D)."""
+    return scores * np.minimum(scores / np.maximum(whole * expected_share(distances), 1e-9), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedScores:
-    """Re-observed surfaces at each of M places under each of S speeds.
+    """Re-observed surfaces at each of M places under each of S speeds."""
 
-    Attributes
-    ----------
-    speeds : (S,) m/s.  times : (M,) seconds.  present : (M,) m/s, speed of the present poses.
-    by_all, by_landmarks : (M, S) scores: weighted share of re-observed surfaces; of landmarks alone.
-    refound : (M, 3, S) weights of the re-observed surfaces, see `score_distances`.
-    whole : (M, 3) weights of all surfaces.
-    """
-
-    speeds: Array
-    times: Array
-    present: Array
-    by_all: Array
-    by_landmarks: Array
-    refound: Array
-    whole: Array
+    speeds: Array  # (S,) m/s
+    times: Array  # (M,) seconds
+    present: Array  # (M,) m/s, speed of the present poses
+    by_all: Array  # (M, S) scores: weighted share of the surfaces that are re-observed
+    by_landmarks: Array  # (M, S) the same of landmarks alone
+    refound: Array  # (M, 3, S) weights of the re-observed surfaces, see `score_distances`
+    whole: Array  # (M, 3) weights of all surfaces
 
     @property
     def nearest(self) -> npt.NDArray[np.int64]:
@@ -156,8 +154,7 @@ def score_speeds(
     speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
 
     def score(start: int) -> tuple[Array, Array, Array, Array]:
-        submap = make_submap([surfels[start]], np.eye(4)[None])
-        whole = score_distances(submap, surfels[start], np.eye(4), forward, np.zeros(1), 0.0, settings.overhead)[:, 0]
+        submap, whole = facing_surfaces(surfels[start], forward, settings.overhead)
         ends = start + np.array(lags)
         seconds = clock[ends] - clock[start]
         travelled = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
@@ -170,8 +167,7 @@ def score_speeds(
             )
             for end, passed, distance in zip(ends, seconds, distances, strict=True)
         ])  # fmt: skip
-        expected = expected_share(distances)
-        by_all, by_landmarks = (_weighted_share(weights, found, whole, expected) for weights in (WEIGHTS, LANDMARKS))
+        by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (WEIGHTS, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 
     todo = starts.tolist()
@@ -182,21 +178,18 @@ def score_speeds(
     return SpeedScores(speeds, times, present, *(np.array(part) for part in scored))
 
 
-def _weighted_share(weights: Array, found: Array, whole: Array, expected: Array) -> Array:
-    """Return (S,) the score of each speed: the re-observed share, weighted down where less than expected is found.
-
-    weights : (3,) of low, lateral and high surfaces.   found : (L, 3, S) re-observed.   whole : (3,) all surfaces.
-    expected : (L, S) least share that should be re-observed.
-    """
+def _weighted_share(weights: Array, found: Array, whole: Array, distances: Array) -> Array:
+    """Return (S,) the score of each speed: the share of `whole` (3,) `found` (L, 3, S) after `distances` (L, S)."""
     weighed = np.einsum("k,lks->ls", weights, found)
-    share = weighed / np.maximum(weights @ whole * expected, 1e-9)
-    return (weighed * np.minimum(share, 1.0)).sum(axis=0) / (weighed.sum(axis=0).max() + EVIDENCE)
+    share = weighed_down(weighed, float(weights @ whole), distances).sum(axis=0)
+    return share / (weighed.sum(axis=0).max() + EVIDENCE)
 
 
 @kernel
 def _score(  # type: ignore[no-untyped-def]
     submap, points, covariance, times, T, direction, distances, shift, overhead, scores
 ):  # fmt: skip
+    """Add to `scores` what `score_distances` returns; `shift` : (D,) metres of motion during a sweep to compensate."""
     keys, rows, mean, axes, variance = submap
     inverse_voxel = 1.0 / VOXEL
     constrains = np.zeros(len(mean))  # how much each voxel constrains the position along the path

@@ -3,21 +3,20 @@
 Scans are compensated to mid-sweep before KISS-ICP, so its poses refer to mid-sweep (its own compensation would move
 them to the sweep's end). If a scan has too few points to register, the motion is extrapolated and the map kept.
 
-The motion at the start is unknown, and a registration that starts at rest may stay at rest while the sensor drives
-fast, because rings coincide. So if the first scans seem stationary, or nearly, they are also registered from a few
-speeds in both directions of the sensor's axes. The start whose scans align best over longer baselines is chosen.
-In traffic a standstill aligns well, too, but a stationary sensor re-observes landmarks.
+A registration that starts at rest may stay at rest while the sensor drives fast, because rings coincide. So the first
+scans are also registered from a few speeds, and the start whose scans align best over longer baselines is chosen. In
+traffic a standstill aligns well, too, but a stationary sensor re-observes landmarks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_exp, se3_log
+from automos.geometry import Array, inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
@@ -27,8 +26,6 @@ from automos.odometry.speed import search_speed
 from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.settings import OdometrySettings
-
-Array = npt.NDArray[np.float64]
 
 STEP_DIGITS = 6
 """Decimals (m, rad) of a step: rounding removes the effect of the summation order, so that reruns are identical."""
@@ -52,24 +49,14 @@ COARSE_VOXEL = 1.5
 """Metres, voxel of the local map that surfels are registered to: later steps provide centimetre accuracy."""
 
 
-@dataclass(frozen=True, eq=False)
-class Registered:
-    """One registered scan.
+class Registered(NamedTuple):
+    """One registered scan."""
 
-    Attributes
-    ----------
-    T_last_this : (4, 4) from this scan's sensor frame to the previous one (identity for the first).
-    is_registered : bool, False if the motion is extrapolated.
-    points : (M, 3) float32, usable points, compensated.
-    times : (M,) float32 in [-0.5, 0.5], or None if unknown.
-    twist : (6,) motion during the sweep, used for the compensation.
-    """
-
-    T_last_this: Pose
-    is_registered: bool
-    points: Points
-    times: npt.NDArray[np.float32] | None
-    twist: Array
+    T_last_this: Pose  # (4, 4) from this scan's sensor frame to the previous one (identity for the first)
+    is_registered: bool  # False if the motion is extrapolated
+    points: Points  # (M, 3) usable points, compensated
+    times: npt.NDArray[np.float32] | None  # (M,) in [-0.5, 0.5] of the sweep, None if unknown
+    twist: Array  # (6,) motion during the sweep, used for the compensation
 
 
 def empty_map(settings: OdometrySettings) -> LocalMap:
@@ -86,16 +73,10 @@ class KissOdometry:
     """
 
     def __init__(
-        self,
-        settings: OdometrySettings,
-        timing: SweepTiming,
-        twist: Array,
-        threshold: float,
-        reverse: bool = False,
+        self, settings: OdometrySettings, timing: SweepTiming, twist: Array, threshold: float, reverse: bool = False
     ):
-        self._icp = Icp(empty_map(settings), threshold, settings.max_range)
-        self._timing = timing
-        self._settings = settings
+        self._icp = Icp(empty_map(settings), threshold)
+        self._timing, self._settings = timing, settings
         self._sign = -1.0 if reverse else 1.0
         self._pose: Pose = np.eye(4)  # of the last scan
         self.twist = twist  # forwards in time, even if scans are registered backwards
@@ -105,8 +86,7 @@ class KissOdometry:
         step = se3_exp(self._sign * gap * self.twist)
         during = self._timing.share * self.twist
         points, times = usable_points(scan, self._timing, during, self._settings)
-        is_registered = len(points) >= MIN_POINTS
-        if is_registered:
+        if is_registered := len(points) >= MIN_POINTS:
             T = self._icp.register(points, self._pose @ step)
             step = se3_exp(np.round(se3_log(inverse(self._pose) @ T), STEP_DIGITS))
             if gap > 0.0:
@@ -118,15 +98,7 @@ class KissOdometry:
 def register_scans(
     sequence: Sequence, settings: OdometrySettings, timing: SweepTiming, gaps: Array
 ) -> Iterator[Registered]:
-    """Yield every scan of `sequence` registered to the previous ones.
-
-    Parameters
-    ----------
-    sequence : Sequence
-    settings : OdometrySettings
-    timing : SweepTiming, when in the sweep each point was measured.
-    gaps : (N - 1,) float64, time between neighbouring scans in units of the usual one (1 if no scan is missing).
-    """
+    """Yield every scan of `sequence` registered to the previous ones; `gaps` as in `Clock`."""
     start = find_start([sequence[i] for i in range(min(TRIAL_SCANS, len(sequence)))], settings, timing, gaps)
     odometry = KissOdometry(settings, timing, start, KNOWN_MOTION)
     for i, scan in enumerate(sequence):
@@ -164,7 +136,10 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
         steps = _follow(KissOdometry(settings, timing, twist, KNOWN_MOTION), scans, gaps)
         if any(np.linalg.norm((steps - other)[:, :3, 3], axis=1).mean() < SAME_START for other in tried):
             continue
-        aligned, misfit = _align_start(steps, surfels, settings, share, gaps)
+        T = chain(np.eye(4), steps)
+        uncompensated = Window(surfels, np.zeros((len(surfels), 6)), T, gaps, USUAL_PERIOD, share)
+        aligned, consistency = refine_poses(uncompensated.moved(T), settings, COARSE)
+        misfit = consistency.misfit
         start, is_from_rest = se3_log(aligned.steps[0]) / gaps[0], not tried
         if is_from_rest and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
             return rest
@@ -187,16 +162,6 @@ def _from_rest(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
     return backwards.twist
 
 
-def _align_start(
-    steps: Pose, surfels: list[Surfels], settings: OdometrySettings, share: float, gaps: Array
-) -> tuple[Window, float | None]:
-    """Return the scans aligned from (N - 1, 4, 4) `steps`, and their misfit."""
-    n, T = len(surfels), chain(np.eye(4), steps)
-    uncompensated = Window(surfels, np.zeros((n, 6)), T, gaps, USUAL_PERIOD, share)
-    aligned, _, links = refine_poses(uncompensated.moved(T), np.zeros(n, bool), settings, COARSE)
-    return aligned, links.misfit
-
-
 def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:
     """Return (N - 1, 4, 4) steps from each scan to the previous one."""
     steps = [odometry.register(scan, gap).T_last_this for scan, gap in zip(scans, [0.0, *gaps], strict=True)]
@@ -204,6 +169,7 @@ def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:
 
 
 def _as_scans(surfels: list[Surfels]) -> list[Scan]:
+    """Return scans whose points are the means of surfels, with the times of a "file" of one second per sweep."""
     return [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
 
 

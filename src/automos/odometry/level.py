@@ -9,9 +9,8 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.geometry import make_transform, rotation_between
+from automos.geometry import Array, make_transform, rotation_between
 from automos.kernels import kernel
 from automos.odometry.motion import MIN_POINTS, SweepTiming, usable_points
 from automos.scan import Points, Pose, Sequence
@@ -35,17 +34,11 @@ GROUND_SCANS = 20
 
 
 def find_level(
-    sequence: Sequence, poses: Pose, timing: SweepTiming, motion: npt.NDArray[np.float64], settings: OdometrySettings
+    sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
 ) -> tuple[Pose, bool]:
     """Return `T_level_world` and whether ground was found, from a few scans of the recording.
 
-    Parameters
-    ----------
-    sequence : Sequence
-    poses : (N, 4, 4) T_world_sensor.
-    timing : SweepTiming
-    motion : (N, 6) motion of the sensor during each sweep.
-    settings : OdometrySettings
+    `poses` (N, 4, 4) T_world_sensor; `motion` (N, 6) of the sensor during each sweep.
     """
     ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
     clouds = {i: usable_points(sequence[i], timing, motion[i], settings)[0] for i in ids}
@@ -80,18 +73,15 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     return T, True
 
 
-def _thin(points: Points) -> npt.NDArray[np.float64]:
+def _thin(points: Points) -> Array:
     """Return one point per voxel near the sensor, so that all surfaces have equal weight."""
-    keys, rows = _nearest_to_middle(points, RANGE, VOXEL)
+    keys, rows = _nearest_to_middle(points, RANGE, VOXEL, 1 << max(2 * len(points), 8).bit_length())
     return points[rows[np.argsort(keys)]].astype(np.float64)  # independent of the input order
 
 
 @kernel
-def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
+def _nearest_to_middle(points, reach, voxel, size):  # type: ignore[no-untyped-def]
     """Return the keys of voxels, and the row of the point nearest to the centre of each."""
-    size = 16
-    while size < 2 * len(points):
-        size *= 2
     keys, found = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     best = np.full(size, np.inf)
     for i in range(len(points)):
@@ -109,7 +99,7 @@ def _nearest_to_middle(points, reach, voxel):  # type: ignore[no-untyped-def]
     return keys[used], found[used]
 
 
-def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> npt.NDArray[np.float64] | None:
+def _find_plane(points: Array, settings: OdometrySettings) -> Array | None:
     """Return (4,) unit normal towards the sensor and its height above the plane, or None if there is no ground."""
     if len(points) < MIN_POINTS:
         return None
@@ -119,8 +109,8 @@ def _find_plane(points: npt.NDArray[np.float64], settings: OdometrySettings) -> 
     a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
-    normals = normals[length > 1e-6] / length[length > 1e-6, None]
-    a = a[length > 1e-6]
+    is_plane = length > 1e-6
+    normals, a = normals[is_plane] / length[is_plane, None], a[is_plane]
     heights = -np.einsum("ij,ij->i", normals, a)  # of the sensor above each plane
     normals *= np.sign(heights)[:, None]
     heights = np.abs(heights)
@@ -157,7 +147,7 @@ def _score_planes(points, normals, heights, distance):  # type: ignore[no-untype
     return scores
 
 
-def _fit_plane(points: npt.NDArray[np.float64], plane: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _fit_plane(points: Array, plane: Array) -> Array:
     """Return `plane` (4,) fitted to the points near it, with a decreasing distance (reweighted least squares)."""
     for reach in (4.0, 2.0, 1.0, 1.0):
         residual = points @ plane[:3] + plane[3]

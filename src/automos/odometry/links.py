@@ -1,46 +1,37 @@
-"""Alignment of scans with submaps up to a few seconds before and after them, and its residuals."""
+"""Alignment of scans with submaps up to a few seconds before and after them, and how thick walls are then."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.geometry import inverse
-from automos.odometry.motion import compensate, step_twists
+from automos.geometry import Array, inverse
+from automos.odometry.motion import SweepTiming, compensate, step_twists, usable_points
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
-from automos.odometry.surfels import Surfels
-from automos.scan import Pose
-
-Array = npt.NDArray[np.float64]
+from automos.odometry.surfels import Surfels, surfels_of
+from automos.scan import Pose, Sequence
+from automos.settings import OdometrySettings
 
 MIN_MATCHED = 50
 """Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
+SAMPLES, SAMPLE_SECONDS = 3, 2.5
+"""Parts of a recording in which poses are checked, and the length of each."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Consecutive scans as surfels, compensated with an assumed motion.
+    """N consecutive scans as surfels, compensated with an assumed motion."""
 
-    Attributes
-    ----------
-    surfels : list of N Surfels, sensor frame at mid-sweep.
-    twists : (N, 6) motion per sweep used for the compensation.
-    T_world_sensor : (N, 4, 4) float64.
-    gaps : (N - 1,) float64, time between scans in units of the usual one.
-    period : float, seconds, the usual time between scans.
-    share : float, sweep duration over the usual time between scans.
-    """
-
-    surfels: list[Surfels]
-    twists: Array
-    T_world_sensor: Pose
-    gaps: Array
-    period: float
-    share: float
+    surfels: list[Surfels]  # sensor frame at mid-sweep
+    twists: Array  # (N, 6) motion per sweep used for the compensation
+    T_world_sensor: Pose  # (N, 4, 4)
+    gaps: Array  # (N - 1,) time between scans in units of the usual one
+    period: float  # seconds, the usual time between scans
+    share: float  # sweep duration over the usual time between scans
 
     def __len__(self) -> int:
         return len(self.surfels)
@@ -58,57 +49,35 @@ class Window:
     def moved(self, T_world_sensor: Pose) -> Window:
         """Return the same scans at other poses, with surfels compensated for the motion between these."""
         twists = self.share * step_twists(T_world_sensor, self.gaps)
-        pieces = zip(self.surfels, twists - self.twists, strict=True)
-        surfels = [Surfels(compensate(s.mean, s.time, change), s.covariance, s.count, s.time) for s, change in pieces]
-        return Window(surfels, twists, T_world_sensor, self.gaps, self.period, self.share)
+        changes = zip(self.surfels, twists - self.twists, strict=True)
+        surfels = [replace(s, mean=compensate(s.mean, s.time, change)) for s, change in changes]
+        return replace(self, surfels=surfels, twists=twists, T_world_sensor=T_world_sensor)
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Parameters for aligning scans with submaps.
+    """Parameters for aligning scans with submaps."""
 
-    Attributes
-    ----------
-    kernels : tuple of float, metres, one per iteration: much larger residuals have little weight.
-    noise : float, metres, deviation of a surfel on a perfect surface.
-    lags : tuple of float, seconds between a scan and its submaps.
-    submap_every : float, seconds between the middles of submaps.
-    submap_length : float, seconds of scans in a submap.
-    max_distance : float, metres between a scan and its submaps, at most: beyond it, they have too little in common.
-    max_surfels : int, surfels of a scan aligned with one submap, at most; more take time without further information.
-    """
-
-    kernels: tuple[float, ...] = (0.5, 0.2, 0.1, 0.1)
-    noise: float = NOISE
-    lags: tuple[float, ...] = (0.5, 1.0, 2.0)
-    submap_every: float = 0.5
-    submap_length: float = 0.3
-    max_distance: float = 25.0
-    max_surfels: int = 2500
+    kernels: tuple[float, ...] = (0.5, 0.2, 0.1, 0.1)  # m, one per iteration: much larger residuals have little weight
+    noise: float = NOISE  # m, deviation of a surfel on a perfect surface
+    lags: tuple[float, ...] = (0.5, 1.0, 2.0)  # s between a scan and its submaps
+    submap_every: float = 0.5  # s between the middles of submaps
+    submap_length: float = 0.3  # s of scans in a submap
+    max_distance: float = 25.0  # m between a scan and its submaps, at most: beyond it, they have too little in common
+    max_surfels: int = 2500  # of a scan aligned with one submap; more take time without further information
 
 
 COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.3, submap_length=0.5, max_distance=40.0, max_surfels=800)
 """For comparing hypotheses: wide enough not to miss misaligned surfaces."""
 
 
-@dataclass(frozen=True, eq=False)
-class Consistency:
-    """How well scans align with other scans, one row per link of a scan with a submap.
+class Consistency(NamedTuple):
+    """How well scans align with other scans, one row per link of a scan with a submap."""
 
-    Attributes
-    ----------
-    lag : (L,) seconds between scan and submap, absolute.
-    distance : (L,) metres between them.
-    thickness : (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square).
-    disagreement : (L,) metres by which the link alone would move the scan.
-    share : (L,) share of the surfels that match a surface and lie on it.
-    """
-
-    lag: Array
-    distance: Array
-    thickness: Array
-    disagreement: Array
-    share: Array
+    lag: Array  # (L,) seconds between scan and submap
+    thickness: Array  # (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square)
+    disagreement: Array  # (L,) metres by which the link alone would move the scan
+    share: Array  # (L,) of the surfels that match a surface and lie on it
 
     @property
     def misfit(self) -> float | None:
@@ -117,8 +86,8 @@ class Consistency:
 
     @classmethod
     def concatenate(cls, parts: list[Consistency]) -> Consistency:
-        """Return the links of all `parts`."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts] or [[]]) for f in fields(cls)))
+        """Return the links of all `parts`, at least one."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
@@ -141,16 +110,12 @@ def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
 
 
 def _half_width(window: Window, about: Alignment) -> int:
-    """Return the number of scans on either side of a submap's middle scan; smaller if there are few scans."""
+    """Return the number of scans on either side of a submap's middle scan."""
     return min(int(about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
 
 
 def fit_links(
-    window: Window,
-    links: list[tuple[int, int]],
-    kernel: float,
-    about: Alignment,
-    pool: ThreadPoolExecutor | None,
+    window: Window, links: list[tuple[int, int]], kernel: float, about: Alignment, pool: ThreadPoolExecutor | None
 ) -> tuple[list[Fit], Consistency]:
     """Return the fit of each of `links` (from `choose_links`), and their consistency."""
     T, clock, half = window.T_world_sensor, window.clock, _half_width(window, about)
@@ -177,8 +142,36 @@ def fit_links(
     solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for f in good]
     return fits, Consistency(
         lag=np.abs(clock[scan] - clock[center]),
-        distance=np.linalg.norm(T[scan, :3, 3] - T[center, :3, 3], axis=1),
         thickness=np.array([f.thickness for f in good]),
         disagreement=np.linalg.norm(np.reshape(solved, (-1, 3)), axis=1),
         share=np.array([f.n_close / f.n_surfels for f in good]),
     )
+
+
+def measure_consistency(
+    sequence: Sequence, poses: Pose, timing: SweepTiming, gaps: Array, period: float, settings: OdometrySettings
+) -> Consistency:
+    """Return how well scans align with `poses` (N, 4, 4), in a few parts of the recording."""
+    length = min(max(round(SAMPLE_SECONDS / period), 3), len(sequence))
+    twists = timing.share * step_twists(poses, gaps)
+    parts, about = [], Alignment()
+    for first in np.unique(np.linspace(0, len(sequence) - length, SAMPLES).round().astype(int)).tolist():
+        part = slice(first, first + length)
+        surfels = [
+            surfels_of(*usable_points(sequence[i], timing, twists[i], settings)) for i in range(first, first + length)
+        ]
+        part_gaps = gaps[first : first + length - 1]
+        window = Window(surfels, twists[part], poses[part], part_gaps, period, timing.share)
+        parts.append(fit_links(window, list(choose_links(window, about)), about.kernels[-1], about, None)[1])
+    return Consistency.concatenate(parts)
+
+
+def summarize(links: Consistency) -> dict[str, float | None]:
+    """Return the figures over baselines of about a second; None if there are no such baselines.
+
+    wall_thickness_m : distance of surfels from surfaces observed a second before or after.
+    baseline_disagreement_m : correction of a scan that a baseline of a second alone would make.
+    """
+    is_second = (links.lag > 0.6) & (links.lag < 1.5)
+    figures = {"wall_thickness_m": links.thickness, "baseline_disagreement_m": links.disagreement}
+    return {name: float(np.median(of[is_second])) if is_second.any() else None for name, of in figures.items()}

@@ -1,19 +1,19 @@
 """Point times within the sweep, and motion compensation of points to mid-sweep.
 
-A spinning sensor needs a tenth of a second for a scan and travels a metre or two meanwhile. Motion within a sweep is
-modelled as a constant twist: half of it before the reference time (mid-sweep), half after. Times are fractions of a
-sweep in [-0.5, 0.5], so no clock is needed.
+Motion within a sweep is modelled as a constant twist: half of it before the reference time (mid-sweep), half after.
+Times are fractions of a sweep in [-0.5, 0.5], so no clock is needed.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_log
+from automos.geometry import Array, inverse, se3_log
 from automos.kernels import kernel
 from automos.odometry.drifting_seam import drifting_times, turns_from
 from automos.odometry.sweep_order import PointOrder, turns_since_start
@@ -24,33 +24,27 @@ LONGEST_SWEEP = 1e4
 """Seconds; larger values are not times within a sweep: the slowest surveying scanners take minutes."""
 MIN_POINTS = 50
 """Usable points that a scan needs for registration and for the ground search."""
+ACCELERATION_SECONDS = 0.5
+"""Interval over which accelerations are measured: within shorter ones, a handheld sensor shakes more than a vehicle."""
+MAX_ACCELERATION = 8.0
+"""m/s², an emergency stop. Poses that switch between following the world and the traffic exceed it."""
 
 
 @dataclass(frozen=True)
 class SweepTiming:
     """How the time of each point within its sweep is known.
 
-    Attributes
-    ----------
-    source : "file": times in the scans; "order": from the advance of the azimuth along the file; "azimuth": from the
-        azimuth of the point; "none": already compensated, or unknown.
-    duration : float, seconds from a sweep's first point to its last ("file" only).
-    turn : int, +1 counter-clockwise seen from the sensor's +z, -1 clockwise ("azimuth" and "order").
-    seam_deg : float, azimuth seam at which a sweep starts and ends, degrees from +x towards +y; None if it drifts from
-        scan to scan, visible as a sector with no points or twice as many ("azimuth" only).
-    turns : float, turns per scan if the seam drifts ("azimuth" only).
-    share : float, sweep duration over the time between scans; 0 if there is nothing to compensate, negative if the
-        recording is reversed.
-    order : PointOrder, advance of the azimuth along the file ("order" only).
+    Its source is "file": times in the scans; "order": the advance of the azimuth along the file; "azimuth": the azimuth
+    of the point; or "none": the points are already compensated, or it is unknown.
     """
 
     source: Literal["file", "order", "azimuth", "none"] = "none"
-    duration: float = 0.0
-    turn: int = 0
-    seam_deg: float | None = 0.0
-    turns: float = 1.0
-    share: float = 0.0
-    order: PointOrder | None = None
+    duration: float = 0.0  # "file": seconds from a sweep's first point to its last
+    turn: int = 0  # "azimuth", "order": +1 counter-clockwise seen from the sensor's +z, -1 clockwise
+    seam_deg: float | None = 0.0  # "azimuth": where a sweep starts and ends, from +x towards +y; None if it drifts
+    turns: float = 1.0  # "azimuth": turns per scan if the seam drifts
+    share: float = 0.0  # sweep duration over the time between scans; 0 for "none", negative if played backwards
+    order: PointOrder | None = None  # "order" only
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text, for `from_dict`."""
@@ -90,8 +84,7 @@ def recorded_duration(scan: Scan) -> float | None:
     if scan.time is None or not scan.is_valid.any():
         return None
     times = scan.time[np.abs(scan.time) < LONGEST_SWEEP]  # never true of NaN
-    duration = float(times.max(initial=0.0))
-    return duration if duration > 0.0 else None
+    return float(times.max(initial=0.0)) or None
 
 
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
@@ -144,7 +137,7 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
 
 
 def usable_points(
-    scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], settings: OdometrySettings
+    scan: Scan, timing: SweepTiming, twist: Array, settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), compensated for `twist` (6,), and their times (M,) or None.
 
@@ -158,7 +151,8 @@ def timed_points(
     scan: Scan, timing: SweepTiming, settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), uncompensated, with times (M,) or None; leaves out ambiguous times."""
-    rows, times = rows_in_range(scan, settings), sweep_times(scan, timing)
+    rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+    times = sweep_times(scan, timing)
     if times is not None:
         times = np.take(times, rows)
         is_known = np.isfinite(times)
@@ -167,21 +161,12 @@ def timed_points(
     return np.take(scan.points, rows, axis=0), times  # [rows] takes five times as long
 
 
-def rows_in_range(scan: Scan, settings: OdometrySettings) -> npt.NDArray[np.int32]:
-    """Return (M,) the rows of the points usable for registration."""
-    return _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
-
-
 def chain(T_first: Pose, steps: Pose) -> Pose:
     """Return the (N, 4, 4) poses from `T_first` and the following (N - 1, 4, 4) `steps`."""
-    poses = np.empty((len(steps) + 1, 4, 4))
-    poses[0] = T_first
-    for i, step in enumerate(steps):
-        poses[i + 1] = poses[i] @ step
-    return poses
+    return np.array(list(accumulate(steps, np.matmul, initial=T_first)))
 
 
-def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def step_twists(poses: Pose, gaps: Array) -> Array:
     """Return (N, 6) twists per usual gap at each scan: the mean of the steps before and after it."""
     n = len(poses)
     if n < 2:
@@ -189,6 +174,28 @@ def step_twists(poses: Pose, gaps: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     steps = se3_log(inverse(poses[:-1]) @ poses[1:]) / gaps[:, None]
     before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
     return 0.5 * (before + after)
+
+
+def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
+    """Return the greatest acceleration, m/s², of (N, 4, 4) `poses` over half a second, and its middle scan."""
+    if len(times) < 2:
+        return 0.0, 0
+    span = max(ACCELERATION_SECONDS, 1.5 * float(np.median(np.diff(times))))
+    middle = np.flatnonzero((times - span >= times[0]) & (times + span <= times[-1]))
+    if len(middle) == 0:
+        return 0.0, 0
+
+    def at(when: Array) -> Array:
+        return np.stack([np.interp(when, times, along) for along in poses[:, :3, 3].T], axis=1)
+
+    change = at(times[middle] + span) - 2.0 * poses[middle, :3, 3] + at(times[middle] - span)
+    found = np.linalg.norm(change, axis=1) / span**2
+    return float(found.max()), int(middle[np.argmax(found)])
+
+
+def can_be_driven(poses: Pose, times: Array) -> bool:
+    """Return whether a vehicle can follow (N, 4, 4) `poses` at `times` (N,), seconds."""
+    return greatest_acceleration(poses, times)[0] <= MAX_ACCELERATION
 
 
 @kernel(fastmath=True)

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.geometry import inverse, se3_log
+from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
@@ -20,8 +19,6 @@ from automos.odometry.speed import lengthen, search_speed
 from automos.odometry.surfels import Surfels, surfels_of
 from automos.scan import Pose, Scan, Sequence
 from automos.settings import OdometrySettings
-
-Array = npt.NDArray[np.float64]
 
 NEAR = 15.0
 """Metres, distance of typical walls: weight of rotation in the distortion of a sweep relative to translation."""
@@ -58,22 +55,13 @@ ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
 
 @dataclass(frozen=True, eq=False)
 class MovingWindow:
-    """Consecutive scans in which the sensor moves.
+    """N consecutive scans in which the sensor moves."""
 
-    Attributes
-    ----------
-    first : int, index of the first scan.
-    surfels : dict of lists of N Surfels, from uncompensated points, for each source of times.
-    T_world_sensor : (N, 4, 4) rough poses.
-    gaps : (N - 1,) float64, time between scans in units of the usual one.
-    period : float, seconds, the usual time between scans.
-    """
-
-    first: int
-    surfels: dict[str, list[Surfels]]
-    T_world_sensor: Pose
-    gaps: npt.NDArray[np.float64]
-    period: float
+    first: int  # index of the first scan
+    surfels: dict[str, list[Surfels]]  # of uncompensated points, for each source of times
+    T_world_sensor: Pose  # (N, 4, 4) rough poses
+    gaps: Array  # (N - 1,) time between scans in units of the usual one
+    period: float  # seconds, the usual time between scans
 
 
 def moving_windows(
@@ -81,45 +69,43 @@ def moving_windows(
     settings: OdometrySettings,
     poses: Pose | None,
     clock: Clock,
-    sources: dict[str, SweepTiming],
+    from_points: list[SweepTiming],
     pool: ThreadPoolExecutor | None,
 ) -> Iterator[MovingWindow]:
-    """Yield the windows of the recording in which the sensor moves, starting from the middle."""
+    """Yield the windows of the recording in which the sensor moves, starting from the middle.
+
+    `from_points` : timings that need the points of a whole scan, at most one of each source.
+    """
+    each: Callable = map if pool is None else pool.map
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
         return
     n_places = min(max(round(len(sequence) / length), 1), PLACES)
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
-    for start in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
-        scans = [sequence[i] for i in range(start, start + length)]
-        part = None if poses is None else poses[start : start + length]
-        gaps = clock.gaps[start : start + length - 1]
-        window = _moving_window(start, scans, part, gaps, sources, clock, settings, pool)
-        if window is not None:
-            yield window
+    for first in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
+        scans = [sequence[i] for i in range(first, first + length)]
+        surfels: dict[str, list[Surfels]] = {
+            timing.source: list(each(partial(_raw_surfels, settings, timing), scans))
+            for timing in (SweepTiming(), *from_points)
+        }
+        gaps = clock.gaps[first : first + length - 1]
+        if poses is None:
+            T, gaps = _rough_poses(surfels["none"], gaps, clock, settings, pool)
+        else:
+            T = poses[first : first + length]
+        if bend_of(T) >= MIN_BEND:
+            yield MovingWindow(first, surfels, T, gaps, clock.period)
 
 
-def _moving_window(
-    first: int,
-    scans: list[Scan],
-    poses: Pose | None,
-    gaps: npt.NDArray[np.float64],
-    sources: dict[str, SweepTiming],
-    clock: Clock,
-    settings: OdometrySettings,
-    pool: ThreadPoolExecutor | None,
-) -> MovingWindow | None:
-    """Return consecutive `scans` with rough poses, None if the sensor hardly moves."""
-    each: Callable = map if pool is None else pool.map
-    surfels = {name: list(each(partial(_raw_surfels, settings, timing), scans)) for name, timing in sources.items()}
-    T = poses
-    if T is None:
-        steps = register_surfels(surfels["raw"], settings, gaps)
-        gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
-        T = chain(np.eye(4), steps)
-        rough = Window(surfels["raw"], np.zeros((len(scans), 6)), T, gaps, clock.period, 0.0)
-        T = lengthen(T, search_speed(rough, settings, pool).missing)
-    return MovingWindow(first, surfels, T, gaps, clock.period) if bend_of(T) >= MIN_BEND else None
+def _rough_poses(
+    surfels: list[Surfels], gaps: Array, clock: Clock, settings: OdometrySettings, pool: ThreadPoolExecutor | None
+) -> tuple[Pose, Array]:
+    """Return (N, 4, 4) poses from uncompensated surfels alone, and the (N - 1,) gaps between scans."""
+    steps = register_surfels(surfels, settings, gaps)
+    gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
+    T = chain(np.eye(4), steps)
+    rough = Window(surfels, np.zeros((len(surfels), 6)), T, gaps, clock.period, 0.0)
+    return lengthen(T, search_speed(rough, settings, pool).missing), gaps
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -134,56 +120,45 @@ def _raw_surfels(settings: OdometrySettings, timing: SweepTiming, scan: Scan) ->
     return surfels_of(*timed_points(scan, timing, settings))
 
 
-def measure_misfits(
-    window: MovingWindow, guess: SweepTiming, settings: OdometrySettings, is_rough: bool
-) -> npt.NDArray[np.float64]:
+def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN if too little is matched. `is_rough`:
     neighbours keep their steps, which takes a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    raw = window.surfels.get(guess.source, window.surfels["raw"])
+    raw = window.surfels.get(guess.source, window.surfels["none"])
     surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
     timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
     links = list(choose_links(timed, COARSE))
-    is_fixed = np.zeros(len(timed), bool)
     if not is_rough:
-        timed = refine_poses(timed, is_fixed, settings, ON_NEIGHBOURS)[0]
-    timed = refine_poses(timed, is_fixed, settings, ROUGH if is_rough else COARSE)[0]
+        timed = refine_poses(timed, settings, ON_NEIGHBOURS)[0]
+    timed = refine_poses(timed, settings, ROUGH if is_rough else COARSE)[0]
     fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
     n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
     share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
     return np.log(np.array([fit.thickness for fit in fits]) / share)
 
 
-def _timed(raw: Surfels, guess: SweepTiming, twist: npt.NDArray[np.float64]) -> Surfels:
+def _timed(raw: Surfels, guess: SweepTiming, twist: Array) -> Surfels:
     """Return uncompensated surfels with the hypothetical times, compensated for `twist` (6,)."""
     if guess.source == "none":
         return raw
     times = raw.time  # known from whole scans only
     if guess.source == "azimuth" and guess.seam_deg is not None:
         times = azimuth_times(raw.mean, guess.turn, guess.seam_deg)
-    return Surfels(compensate(raw.mean, times, twist), raw.covariance, raw.count, times)
+    return replace(raw, mean=compensate(raw.mean, times, twist), time=times)
 
 
 class Search:
-    """Evaluates every hypothesis once in every window.
-
-    Attributes
-    ----------
-    misfits : dict of float, see `TimingChoice`.
-    windows : list of MovingWindow, those evaluated.
-    is_clear : bool, whether all hypotheses of another kind than the best are clearly worse, or make no difference.
-    """
+    """Evaluates every hypothesis once in every window."""
 
     def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None):
         self._map: Callable = map if pool is None else pool.map
-        measure = cache(measure_misfits)
-        self._misfit = lambda guess, window, is_rough: measure(window, guess, settings, is_rough)
+        self._measure = cache(partial(_measure_misfits, settings=settings))
         self.windows: list[MovingWindow] = []
-        self.misfits: dict[str, float] = {}
-        self.is_clear = False
+        self.misfits: dict[str, float] = {}  # see `TimingChoice`
+        self.is_clear = False  # whether all hypotheses of another kind than the best are worse, or no different
 
     def add(self, window: MovingWindow) -> None:
         """Add a window to the evaluation."""
@@ -193,7 +168,7 @@ class Search:
     def _evaluate(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
         """Return (G, L) misfits of the links of all windows."""
         tasks = [(guess, window, is_rough) for guess in guesses for window in self.windows]
-        found = list(self._map(lambda one: self._misfit(*one), tasks))
+        found = list(self._map(self._measure, *zip(*tasks, strict=True)))
         n = len(self.windows)
         return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
 
@@ -206,10 +181,10 @@ class Search:
     def best(
         self, likely: list[SweepTiming], selected: Collection[SweepTiming] = (), rare: Collection[SweepTiming] = ()
     ) -> SweepTiming | None:
-        """Return the hypothesis under which the windows align best: the first one unless another is better.
+        """Return the hypothesis under which the windows align best; None without hypotheses or with too few matches.
 
-        Hypotheses that were `selected` among many, and rare ones, must be better by more (`N_ERRORS`, `CLEAR_GAIN`).
-        None without hypotheses or with too few matches.
+        This is the first one unless another is better; by more (`N_ERRORS`, `CLEAR_GAIN`) if it was `selected` among
+        many or is `rare`.
         """
         guesses = [*likely, *selected, *rare]
         if not guesses:

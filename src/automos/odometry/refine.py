@@ -13,17 +13,14 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import adjoint, inverse, se3_exp, se3_log
-from automos.odometry.consistency import can_be_driven
+from automos.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
+from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
 from automos.settings import OdometrySettings
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 CONVERGED = 0.003
 """Metres; iterations end once no scan moves further: a tenth of a surfel's noise."""
@@ -45,34 +42,23 @@ SPEED_ROUNDS = 5
 
 def refine_poses(
     window: Window,
-    is_fixed: Mask,
     settings: OdometrySettings,
     about: Alignment,
     pool: ThreadPoolExecutor | None = None,
-) -> tuple[Window, Consistency, Consistency]:
-    """Return the scans at refined poses, and their consistency before and after.
-
-    Parameters
-    ----------
-    window : Window, consecutive scans.
-    is_fixed : (N,) bool, scans whose poses are fixed (the first one always is).
-    settings : OdometrySettings
-    about : Alignment, parameters for aligning scans with submaps.
-    pool : ThreadPoolExecutor, optional; the result does not depend on it.
-    """
+    n_fixed: int = 1,
+) -> tuple[Window, Consistency]:
+    """Return the scans at refined poses, and how well they align; the first `n_fixed` scans keep their poses."""
     links = list(choose_links(window, about))
-    seen: list[Consistency] = []
     for kernel in about.kernels:
         fits, consistency = fit_links(window, links, kernel, about, pool)
-        seen.append(consistency)
-        equations = NormalEquations(np.where(is_fixed | (np.arange(len(window)) == 0), FIXED, LOOSE))
+        equations = NormalEquations(np.where(np.arange(len(window)) < n_fixed, FIXED, LOOSE))
         _add_links(equations, links, fits, window.T_world_sensor)
         _add_even_motion(equations, window, settings)
         steps = equations.solve()
         window = window.moved(window.T_world_sensor @ se3_exp(steps))
         if np.abs(steps[:, :3]).max() < CONVERGED:
             break
-    return window, seen[0], seen[-1]
+    return window, consistency
 
 
 def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: list[Fit], T: Pose) -> None:
@@ -117,7 +103,7 @@ class NormalEquations:
 
         Parameters
         ----------
-        parts : list of (ids, J) for each pose that a factor joins: (K,) its index and (K, 6, 6) the Jacobian.
+        parts : list of (ids, J) for each pose that a factor joins: (K,) its row and (K, 6, 6) the Jacobian.
         information : (K, 6, 6) or, for independent dimensions, (K, 6) inverse variances of the residuals.
         gradient : (K, 6) information times residual.
         """
@@ -155,34 +141,24 @@ class NormalEquations:
 
 
 class RollingRefinement:
-    """Takes scans with initial poses one by one and returns refined poses at the end.
+    """Takes scans with initial poses one by one, and returns refined poses at the end.
 
-    Memory is that of one window, whatever the length of the recording. In the overlap of two windows, the first half
-    keeps its poses, so that the path is continuous; the second half, which had no later scans yet, is refined again.
+    In the overlap of two windows, the first half keeps its poses, so that the path is continuous; the second half is
+    refined again, with the later scans that it lacked.
     """
 
-    def __init__(
-        self,
-        period: float,
-        share: float,
-        settings: OdometrySettings,
-        pool: ThreadPoolExecutor | None = None,
-        window: float = WINDOW,
-        overlap: float = OVERLAP,
-    ):
-        """Take the usual period (s), the sweep's share of it, threads, and the seconds of a window and its overlap."""
+    def __init__(self, period: float, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
+        """Take the usual period (s), the sweep's share of it, and threads."""
         self._period, self._share, self._settings, self._pool = period, share, settings, pool
-        self._length = max(round(window / period), 3)
-        self._overlap = min(max(round(overlap / period), 2), self._length - 1)
+        self._length = max(round(WINDOW / period), 3)
+        self._overlap = min(max(round(OVERLAP / period), 2), self._length - 1)
         self._surfels: list[Surfels | Future[Surfels]] = []
         self._twists: list[Array] = []
         self._poses: list[Pose] = []
         self._gaps: list[float] = []
         self._n_known = 0  # how many of these were refined before
         self._finished: list[Pose] = []
-        self._seen: list[tuple[Consistency, Consistency]] = []
-        self.lengthened = 0.0
-        """Total metres by which steps were too short."""
+        self._consistency: list[Consistency] = []
         self.searches: list[SpeedSearch] = []
         """Result of the last speed search in each window."""
 
@@ -196,51 +172,49 @@ class RollingRefinement:
         self._twists.append(twist)
         self._gaps.append(gap)
 
-    def finish(self) -> tuple[Pose, Consistency, Consistency]:
-        """Return the (N, 4, 4) refined poses, and the consistency of the links before and after."""
-        if self._poses:
-            self._refine()
-            self._keep_last(0)
-        before, after = (Consistency.concatenate([seen[k] for seen in self._seen]) for k in (0, 1))
-        return np.array(self._finished).reshape(-1, 4, 4), before, after
+    def finish(self) -> tuple[Pose, Consistency]:
+        """Return the (N, 4, 4) refined poses, and how well scans align with them."""
+        self._refine()
+        self._keep_last(0)
+        return np.array(self._finished), Consistency.concatenate(self._consistency)
 
     def _refine(self) -> None:
         surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
         gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
         window = Window(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
-        is_fixed = np.arange(len(window)) < self._n_known // 2
-        window, search, longer = self._settle_speed(window, is_fixed)
+        window, search = self._settle_speed(window)
         is_possible = can_be_driven(window.T_world_sensor, window.clock)
         if is_ahead(search.landmarks_at_rival, search.landmarks, is_possible):
-            other = window.moved(lengthen(window.T_world_sensor, self._free(search.rival)))
-            other = refine_poses(other, is_fixed, self._settings, Alignment(), self._pool)[0]
-            other, found, more = self._settle_speed(other, is_fixed)
+            other, found = self._settle_speed(self._at_longer_steps(window, self._free(search.rival)))
             if is_ahead(found.landmarks, search.landmarks, is_possible):
-                window, search, longer = other, found, longer + more
-        self.lengthened += longer
+                window, search = other, found
         self.searches.append(search)
-        window, *seen = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)
-        self._seen.append((seen[0], seen[1]))
+        window, consistency = self._refined(window)
+        self._consistency.append(consistency)
         self._surfels, self._twists = list(window.surfels), list(window.twists)
         self._poses = list(window.T_world_sensor)
 
-    def _settle_speed(self, window: Window, is_fixed: Mask) -> tuple[Window, SpeedSearch, float]:
-        """Return the window at the speed found from its poses, the last search, and the metres added."""
-        longer = 0.0
+    def _settle_speed(self, window: Window) -> tuple[Window, SpeedSearch]:
+        """Return the window at the speed found from its poses, and the last search."""
         for _ in range(SPEED_ROUNDS):
             search = search_speed(window, self._settings, self._pool)
             missing = self._free(search.missing)
             if not missing.any():
                 break
-            longer += float(np.linalg.norm(missing, axis=1).sum())
-            window = window.moved(lengthen(window.T_world_sensor, missing))
-            window = refine_poses(window, is_fixed, self._settings, Alignment(), self._pool)[0]
-        return window, search, longer
+            window = self._at_longer_steps(window, missing)
+        return window, search
 
     def _free(self, missing: Array) -> Array:
         """Return (N - 1, 3) `missing` metres, zero for steps that were refined before."""
-        missing[: max(self._n_known - 1, 0)] = 0.0
-        return missing
+        return np.where(np.arange(len(missing))[:, None] < self._n_known - 1, 0.0, missing)
+
+    def _at_longer_steps(self, window: Window, missing: Array) -> Window:
+        """Return the window with `missing` (N - 1, 3) metres added to its steps, refined."""
+        return self._refined(window.moved(lengthen(window.T_world_sensor, missing)))[0]
+
+    def _refined(self, window: Window) -> tuple[Window, Consistency]:
+        n_fixed = max(self._n_known // 2, 1)
+        return refine_poses(window, self._settings, Alignment(), self._pool, n_fixed)
 
     def _keep_last(self, n: int) -> None:
         done = len(self._poses) - n

@@ -13,11 +13,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import Array
 from automos.kernels import kernel
 from automos.scan import Points, Pose
 from automos.voxels import ALONG_X, ALONG_Y, ALONG_Z, find_slot, rows_of_first_in_voxel, voxel_key
-
-Array = npt.NDArray[np.float64]
 
 DENSE, SPARSE = 0.5, 1.5
 """Downsampling of scans, in voxels of the map, for the map and for registration (the authors' values)."""
@@ -36,7 +35,7 @@ class LocalMap:
 
     def __init__(self, voxel: float, capacity: int, max_range: float):
         """Take the map's parameters (range in metres); the map is empty at first."""
-        self.voxel, self._max_range = voxel, max_range
+        self.voxel, self.max_range = voxel, max_range
         self._center = np.zeros(3)
         self._keys, self._rows = np.full(1 << 12, -1, np.int64), np.zeros(1 << 12, np.int32)
         self._cells, self._counts = np.empty((1 << 10, capacity, 3)), np.zeros(1 << 10, np.int32)
@@ -49,7 +48,7 @@ class LocalMap:
 
     def add(self, points: Array, center: Array) -> None:
         """Add `points` (M, 3), world frame, observed from `center`, except those too near to others."""
-        is_far = np.linalg.norm(center - self._center) > FORGET_EVERY * self._max_range
+        is_far = np.linalg.norm(center - self._center) > FORGET_EVERY * self.max_range
         if is_far or 2 * (self._n + len(points)) > min(len(self._keys), 2 * len(self._cells)):
             self._center = center
             self._rebuild(len(points))
@@ -58,7 +57,7 @@ class LocalMap:
     def _rebuild(self, n_more: int) -> None:
         """Remove voxels out of range, and reserve space for `n_more` voxels."""
         first = self._cells[: self._n, 0] - self._center
-        kept = np.flatnonzero(np.einsum("ij,ij->i", first, first) < self._max_range**2)
+        kept = np.flatnonzero(np.einsum("ij,ij->i", first, first) < self.max_range**2)
         n, room = len(kept), 2 * (len(kept) + n_more)
         cells, counts = np.empty((room, *self._cells.shape[1:])), np.zeros(room, np.int32)
         cells[:n], counts[:n] = self._cells[kept], self._counts[kept]
@@ -71,9 +70,9 @@ class LocalMap:
 class Icp:
     """Registers scans to the map of the previous ones and tracks the errors of predictions."""
 
-    def __init__(self, local_map: LocalMap, threshold: float, max_range: float):
-        """Take the map, the initial expected deviation from predictions (m), and the range of the map (m)."""
-        self._map, self._max_range = local_map, max_range
+    def __init__(self, local_map: LocalMap, threshold: float):
+        """Take the map, and the initial expected deviation from predictions (m)."""
+        self._map = local_map
         self._squares, self._n = threshold**2, 1
 
     def register(self, points: Points, T_world_predicted: Pose) -> Pose:
@@ -82,19 +81,34 @@ class Icp:
         shuffled = dense[np.random.default_rng(0).permutation(len(dense))]  # else the first measured points would win
         source = shuffled[rows_of_first_in_voxel(shuffled, SPARSE * self._map.voxel)]
         threshold = float(np.sqrt(self._squares / self._n))
-        T = self._align(source, T_world_predicted, threshold)
+        T = align(source, T_world_predicted, self._map, threshold)
         turned = np.clip((np.trace(T_world_predicted[:3, :3].T @ T[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)
         moved = np.linalg.norm(T[:3, 3] - T_world_predicted[:3, 3])
-        off = moved + 2.0 * self._max_range * np.sin(0.5 * np.arccos(turned))
+        off = moved + 2.0 * self._map.max_range * np.sin(0.5 * np.arccos(turned))
         if off > MIN_MOTION:
             self._squares, self._n = self._squares + float(off) ** 2, self._n + 1
         self._map.add(dense @ T[:3, :3].T + T[:3, 3], T[:3, 3])
         return T
 
-    def _align(self, source: Points, T: Pose, threshold: float) -> Pose:
-        found = np.array(T)
-        _align(source, found, self._map.arrays, 3.0 * threshold, threshold)
-        return found if np.isfinite(found).all() else T
+
+def align(source: Points, T_guess: Pose, local_map: LocalMap, threshold: float) -> Pose:
+    """Return the (4, 4) pose of `source` (M, 3) in the map, from a guess off by about `threshold` metres."""
+    T = np.array(T_guess)
+    nearest, searched_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
+    margin = np.full(len(source), -1.0)
+    H, g = np.empty((6, 6)), np.empty(6)
+    for _ in range(MAX_ITERATIONS):  # compiling this loop would take seconds and save a millisecond a scan
+        _linearize(source, T, local_map.arrays, nearest, searched_at, margin, 3.0 * threshold, threshold, H, g)
+        if H[0, 0] == 0.0:  # no correspondences
+            break
+        for k in range(6):
+            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # for degenerate cases such as a single point
+        step = np.linalg.solve(H, -g)  # translation of the sensor, and rotation about its position
+        T[:3, :3] = _rotation(*step[3:].tolist()) @ T[:3, :3]
+        T[:3, 3] += step[:3]
+        if np.sqrt(step @ step) < CONVERGENCE:
+            break
+    return T if np.isfinite(T).all() else T_guess
 
 
 @kernel
@@ -166,24 +180,6 @@ def _find_nearest(x, y, z, local_map, nearest):  # type: ignore[no-untyped-def]
             elif square < second:
                 second = square
     return np.sqrt(best), min(np.sqrt(second), voxel)
-
-
-def _align(source: Points, T: Pose, local_map: tuple, max_distance: float, kernel: float) -> None:
-    """Align the points with the map by updating `T`. Compiling it would take seconds and save a millisecond a scan."""
-    nearest, searched_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
-    margin = np.full(len(source), -1.0)
-    H, g = np.empty((6, 6)), np.empty(6)
-    for _ in range(MAX_ITERATIONS):
-        _linearize(source, T, local_map, nearest, searched_at, margin, max_distance, kernel, H, g)
-        if H[0, 0] == 0.0:  # no correspondences
-            return
-        for k in range(6):
-            H[k, k] += 1e-9 * (H[0, 0] + H[3, 3] + H[4, 4] + H[5, 5])  # for degenerate cases such as a single point
-        step = np.linalg.solve(H, -g)  # translation of the sensor, and rotation about its position
-        T[:3, :3] = _rotation(*step[3:].tolist()) @ T[:3, :3]
-        T[:3, 3] += step[:3]
-        if np.sqrt(step @ step) < CONVERGENCE:
-            break
 
 
 def _rotation(x: float, y: float, z: float) -> Pose:

@@ -1,10 +1,9 @@
 """The sensor's speed along its path, from surfaces facing along it.
 
-In a street canyon whose traffic keeps pace with the sensor, façades and ground align anywhere along the street, and the
-neighbouring cars align best at zero motion: registrations of neighbouring scans agree on steps that are too short, down
-to standstill. Only the few surfaces facing along the street (poles, recesses, corners) reveal the true speed, sharply
-once all others are excluded (`facing`). The sequence of speeds over time with the greatest score and plausible
-accelerations is chosen (Viterbi); a prior favours the registration's own speed and penalises driving backwards.
+In a street canyon, façades and ground align anywhere along the street, and traffic that keeps pace aligns best at zero
+motion: registrations of neighbouring scans agree on steps that are too short. Only surfaces facing along the street
+(poles, recesses, corners) reveal the true speed (`facing`). The speeds over time with the greatest score and plausible
+accelerations are chosen (Viterbi), with priors for the registration's own speed and against driving backwards.
 
 If most observed surfaces are traffic, traffic wins. Its rival is the sequence of speeds under which landmarks alone are
 re-observed: surfaces higher than any vehicle, or farther beside the path than the lanes of the same direction.
@@ -13,26 +12,18 @@ re-observed: surfaces higher than any vehicle, or farther beside the path than t
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry.facing import (
-    LAGS,
-    LANDMARKS,
-    STEP,
-    SpeedScores,
-    expected_share,
-    is_stationary,
-    score_speeds,
-)
+from automos.geometry import Array
+from automos.odometry.facing import LAGS, LANDMARKS, STEP, SpeedScores, expected_share, is_stationary, score_speeds
 from automos.odometry.links import Window
 from automos.odometry.surfels import without_body
-from automos.scan import Pose
+from automos.scan import Mask, Pose
 from automos.settings import OdometrySettings
-
-Array = npt.NDArray[np.float64]
 
 PRIOR = 0.2
 """Prior of the registration's own speed, as a share of a full score."""
@@ -53,28 +44,23 @@ OTHER_SPEED = 1.0
 """m/s from which two speeds are considered different."""
 CLEARLY_MORE = 1.2
 """Standard deviations of the evidence by which a speed must lead another."""
+AHEAD = 0.1
+"""Share of the landmarks re-observed at the rival speed by which it must lead to put the current speed in doubt."""
 NEAR_STEPS = 2
 """Steps of speed within which two speeds count as the same."""
 
 
-@dataclass(frozen=True, eq=False)
-class Landmarks:
-    """Re-observed landmarks at M places: surfaces far beside the path or overhead, which cannot be traffic.
+class Landmarks(NamedTuple):
+    """Re-observed landmarks at M places: surfaces far beside the path or overhead, which cannot be traffic."""
 
-    Attributes
-    ----------
-    speeds : (M,) float64, m/s.
-    refound, expected : (M,) float64, evidence re-observed at these speeds, and the least expected.
-    """
-
-    speeds: Array
-    refound: Array
-    expected: Array
+    speeds: Array  # (M,) m/s
+    refound: Array  # (M,) evidence re-observed at these speeds
+    expected: Array  # (M,) the least evidence expected at these speeds
 
     @classmethod
     def concatenate(cls, parts: list[Landmarks]) -> Landmarks:
-        """Return the landmarks of several windows."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts] or [[]]) for f in fields(cls)))
+        """Return the landmarks of several windows, at least one."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
     def explains_more_than(self, other: Landmarks) -> bool:
         """Whether these speeds have clearly more evidence than the others."""
@@ -92,7 +78,7 @@ class Landmarks:
         here, there = self._evidence(differ), other._evidence(differ)
         return (here - there) / max(float(np.sqrt(here + there)), 1e-9)
 
-    def _evidence(self, places: npt.NDArray[np.bool_]) -> float:
+    def _evidence(self, places: Mask) -> float:
         """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""
         refound, expected = self.refound[places].sum(), self.expected[places].sum()
         return float(max(refound - max(expected - refound, 0.0), 0.0))
@@ -111,18 +97,13 @@ def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
 class SpeedSearch:
     """The speed according to surfaces facing along the path.
 
-    Attributes
-    ----------
-    missing : (N - 1, 3) metres, sensor frame, by which steps are too short; zero where no other speed has a clearly
-        higher score than the present one.
-    rival : (N - 1, 3) the same from landmarks alone, which cannot be traffic.
-    landmarks, landmarks_at_rival : Landmarks, re-observed with the present poses and with the rival's steps.
+    `missing` is zero if no other speed has a clearly higher score than the present one.
     """
 
-    missing: Array
-    rival: Array
-    landmarks: Landmarks
-    landmarks_at_rival: Landmarks
+    missing: Array  # (N - 1, 3) metres, sensor frame, by which steps are too short
+    rival: Array  # (N - 1, 3) the same from landmarks alone
+    landmarks: Landmarks  # re-observed with the present poses
+    landmarks_at_rival: Landmarks  # re-observed with the rival's steps
 
 
 def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
@@ -143,6 +124,26 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
         found.append(_follow_landmarks(scores, window, settings, forward))
     rival = max(found, key=lambda search: search.landmarks_at_rival.lead_over(search.landmarks))
     return replace(rival, missing=best)
+
+
+def speed_figures(searches: list[SpeedSearch]) -> dict[str, float | bool]:
+    """Return the certainty of the speed: how many landmarks, which cannot be traffic, are re-observed.
+
+    landmarks_refound, landmarks_expected : re-observed, and the least number expected from nearly the same position.
+    refound_at_rival : re-observed at the rival speeds, which are `rival_faster_m_s` higher on average.
+    is_speed_doubted : whether too few are re-observed, or clearly more at the rival speeds.
+    """
+    here = Landmarks.concatenate([search.landmarks for search in searches])
+    there = Landmarks.concatenate([search.landmarks_at_rival for search in searches])
+    refound, expected, at_rival = here.refound.sum(), here.expected.sum(), there.refound.sum()
+    is_rival_ahead = there.explains_more_than(here) and at_rival - refound > AHEAD * at_rival
+    return {
+        "landmarks_refound": float(refound),
+        "landmarks_expected": float(expected),
+        "refound_at_rival": float(at_rival),
+        "rival_faster_m_s": float(np.mean(there.speeds - here.speeds)) if len(here.speeds) else 0.0,
+        "is_speed_doubted": bool(is_rival_ahead or here.are_missed),
+    }
 
 
 def lengthen(T_world_sensor: Pose, missing: Array) -> Pose:
@@ -199,7 +200,7 @@ def _landmarks_along(scores: SpeedScores, path: npt.NDArray[np.int64]) -> Landma
     return Landmarks(scores.speeds[path], refound, scores.whole @ LANDMARKS * share)
 
 
-def _extended(times: Array, speeds: Array, is_known: npt.NDArray[np.bool_]) -> Array:
+def _extended(times: Array, speeds: Array, is_known: Mask) -> Array:
     """Return `speeds` (M,), extrapolated at unknown ends with the acceleration of the known speeds near them."""
     known = np.flatnonzero(is_known)
     if len(known) < 2:

@@ -8,11 +8,12 @@ towards standstill.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import Array
 from automos.kernels import kernel
 from automos.odometry.surfels import (
     Surfels,
@@ -37,60 +38,29 @@ MAX_WEIGHT = 8.0
 """Greatest weight of a surfel, in points, when surfels are merged: near surfaces have hundreds, far ones a few."""
 
 
-@dataclass(frozen=True, eq=False)
-class Submap:
-    """Voxels in the frame of the submap's middle scan; `keys` is an open hash table of rows.
+class Submap(NamedTuple):
+    """Voxels in the frame of the submap's middle scan."""
 
-    Attributes
-    ----------
-    keys : (K,) int64, voxel keys, -1 if empty.
-    rows : (K,) int32.
-    mean : (M, 3) float32, metres.
-    axes : (M, 2, 3) float32, unit normals of the surface: a plane has one (the second is zero), an edge two.
-    variance : (M, 2) float32, square metres along these; negative for an unused direction.
-    """
-
-    keys: npt.NDArray[np.int64]
-    rows: npt.NDArray[np.int32]
-    mean: Points
-    axes: npt.NDArray[np.float32]
-    variance: npt.NDArray[np.float32]
-
-    @property
-    def arrays(self) -> tuple[npt.NDArray, ...]:
-        """All arrays, in the order in which compiled loops take them."""
-        return (self.keys, self.rows, self.mean, self.axes, self.variance)
+    keys: npt.NDArray[np.int64]  # (K,) open hash table of voxel keys, -1 if empty
+    rows: npt.NDArray[np.int32]  # (K,) row of each key in the arrays below
+    mean: Points  # (M, 3) metres
+    axes: npt.NDArray[np.float32]  # (M, 2, 3) unit normals of the surface: a plane has one, an edge two
+    variance: npt.NDArray[np.float32]  # (M, 2) square metres along these; negative for an unused direction
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Fit of surfels to a submap, to second order in a small motion (6: translation, rotation) of the submap's frame.
+class Fit(NamedTuple):
+    """Fit of surfels to a submap, to second order in a small motion (translation, rotation) of the submap's frame."""
 
-    Attributes
-    ----------
-    H : (6, 6), g : (6,) float64; moving the surfels by `-inv(H) @ g` in the submap's frame aligns them best.
-    n_surfels : int, all surfels.
-    n_matched : int, surfels matched to a surface.
-    n_close : int, surfels within `CLOSE` of it.
-    thickness : float, metres, robust root mean square distance from the surfaces.
-    """
-
-    H: npt.NDArray[np.float64]
-    g: npt.NDArray[np.float64]
+    H: Array  # (6, 6)
+    g: Array  # (6,); moving the surfels by -inv(H) @ g in the submap's frame aligns them best
     n_surfels: int
-    n_matched: int
-    n_close: int
-    thickness: float
+    n_matched: int  # surfels matched to a surface
+    n_close: int  # surfels within `CLOSE` of it
+    thickness: float  # metres, robust root mean square distance from the surfaces
 
 
 def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
-    """Return the merged surfels of several scans.
-
-    Parameters
-    ----------
-    parts : list of P Surfels, each in its own frame.
-    T_center_parts : (P, 4, 4) float64, to the frame of the submap.
-    """
+    """Return the merged surfels of P scans `parts`, each moved by its (4, 4) of `T_center_parts` (P, 4, 4)."""
     n = sum(len(part) for part in parts)
     size = 1 << max(n, 16).bit_length()  # at least one slot stays empty, since a search ends at an empty slot
     keys, rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)
@@ -117,7 +87,7 @@ def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel
     H, g = np.zeros((6, 6)), np.zeros(6)
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
     mean, covariance = np.ascontiguousarray(surfels.mean), np.ascontiguousarray(surfels.covariance)
-    n_matched, n_close, thickness = _fit(submap.arrays, mean, covariance, T, (kernel, noise), H, g)
+    n_matched, n_close, thickness = _fit(submap, mean, covariance, T, (kernel, noise), H, g)
     return Fit(H, g, len(surfels), n_matched, n_close, thickness)
 
 
@@ -162,6 +132,7 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
 
 @kernel
 def _shape_voxels(sums):  # type: ignore[no-untyped-def]
+    """Return mean, axes and variance (see `Submap`) of each voxel from its (M, 10) `sums`."""
     n = len(sums)
     mean = np.empty((n, 3), np.float32)
     axes = np.zeros((n, 2, 3), np.float32)
@@ -182,25 +153,20 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
             if low < 0.1 * middle:  # a plane
                 eigenvector(c, low, first)
                 variance[i, 0] = low
-                _copy(first, axes[i, 0])
+                for k in range(3):  # assigning one array to another takes three seconds to compile
+                    axes[i, 0, k] = first[k]
         elif high > wide and middle < 0.1 * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
                 variance[i, 0], variance[i, 1] = across(c, along, first, second)
-                _copy(first, axes[i, 0])
-                _copy(second, axes[i, 1])
+                for k in range(3):
+                    axes[i, 0, k], axes[i, 1, k] = first[k], second[k]
     return mean, axes, variance
 
 
 @kernel
-def _copy(direction, out):  # type: ignore[no-untyped-def]
-    """Write `direction` (3,) into `out`; assigning one array to another takes three seconds to compile."""
-    for k in range(3):
-        out[k] = direction[k]
-
-
-@kernel
 def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
+    """Add to the normal equations `H`, `g`; return the matched and the close surfels and the thickness, see `Fit`."""
     keys, rows, mean, axes, variance = submap
     kernel, noise = limits
     n_matched = n_close = 0

@@ -1,8 +1,7 @@
 """Surfels: the points of a scan in each voxel, as mean and covariance.
 
 Voxels double in size with distance, as the beams diverge. A scan is reduced to a few thousand surfels that can be
-moved, merged and matched at a thousandth of the cost of its points. Those of the ego
-body, which moves with the sensor, can be removed.
+moved, merged and matched at a thousandth of the cost of its points.
 """
 
 from __future__ import annotations
@@ -38,20 +37,12 @@ BODY_SPREAD = 0.04
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """Surfels in one frame.
+    """Surfels in one frame."""
 
-    Attributes
-    ----------
-    mean : (M, 3) float32, metres.
-    covariance : (M, 6) float32, square metres: xx, xy, xz, yy, yz, zz of the points about their mean.
-    count : (M,) float32, points.
-    time : (M,) float32 in [-0.5, 0.5], mean time in the sweep (zero if unknown).
-    """
-
-    mean: Points
-    covariance: npt.NDArray[np.float32]
-    count: npt.NDArray[np.float32]
-    time: npt.NDArray[np.float32]
+    mean: Points  # (M, 3) metres
+    covariance: npt.NDArray[np.float32]  # (M, 6) square metres: xx, xy, xz, yy, yz, zz of the points about their mean
+    count: npt.NDArray[np.float32]  # (M,) points
+    time: npt.NDArray[np.float32]  # (M,) in [-0.5, 0.5], mean time in the sweep (zero if unknown)
 
     def __len__(self) -> int:
         return len(self.mean)
@@ -61,17 +52,10 @@ class Surfels:
 
 
 def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
-    """Return the surfels of one scan.
-
-    Parameters
-    ----------
-    points : (N, 3) float32, metres, sensor frame.
-    times : (N,) float32 in [-0.5, 0.5], or None.
-    """
+    """Return all surfels of one scan; see `surfels_of`."""
     if times is None:
         times = np.zeros(len(points), np.float32)
-    size = 1 << max(int(np.ceil(np.log2(max(len(points), 16)))), 4)
-    sums = _sum_moments(np.ascontiguousarray(points), times, size)
+    sums = _sum_moments(np.ascontiguousarray(points), times, 1 << max(len(points), 16).bit_length())
     moments = sums[:, 1:] * (1.0 / sums[:, :1])
     mean, second = moments[:, :3], moments[:, 3:9]
     covariance = second - mean[:, [0, 0, 0, 1, 1, 2]] * mean[:, [0, 1, 2, 1, 2, 2]]
@@ -79,7 +63,13 @@ def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfe
 
 
 def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
-    """Return the surfels of a sweep's usable points that have enough points."""
+    """Return the surfels of one scan that have enough points.
+
+    Parameters
+    ----------
+    points : (N, 3) float32, metres, sensor frame, usable points only.
+    times : (N,) float32 in [-0.5, 0.5] of the sweep, or None if unknown.
+    """
     surfels = make_surfels(points, times)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
 
@@ -87,8 +77,8 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels
 def without_body(surfels: list[Surfels]) -> list[Surfels]:
     """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
 
-    Surfels near the sensor that nearly every scan has at the same position within centimetres belong to the vehicle (or
-    to ground so even that it is not needed). At standstill, all surfels do.
+    These are near the sensor, at the same position within centimetres in nearly every scan (as is very even ground,
+    which is not needed; at standstill, everything is).
     """
     if not surfels:
         return []
@@ -101,14 +91,11 @@ def without_body(surfels: list[Surfels]) -> list[Surfels]:
         mean = np.bincount(voxel, means[:, axis], len(count)) / count
         spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
     is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
-    out = []
-    for scan, near in zip(surfels, is_near, strict=True):
-        keep = np.ones(len(scan), bool)
-        n = int(near.sum())
-        keep[near] = ~is_body[:n]
-        is_body = is_body[n:]
-        out.append(scan[keep])
-    return out
+    parts = np.split(is_body, np.cumsum([near.sum() for near in is_near])[:-1])
+    kept = [~near for near in is_near]
+    for keep, near, body in zip(kept, is_near, parts, strict=True):
+        keep[near] = ~body
+    return [scan[keep] for scan, keep in zip(surfels, kept, strict=True)]
 
 
 @kernel
@@ -131,9 +118,9 @@ def key_at_level(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
 
 @kernel
 def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
-    keys = np.full(size, -1, np.int64)
-    row_of = np.empty(size, np.int32)
-    sums = np.zeros((len(points), 11))  # count, x y z, xx xy xz yy yz zz, time
+    """Return (M, 11) sums over the points of each voxel: count, x, y, z, xx, xy, xz, yy, yz, zz, time."""
+    keys, row_of = np.full(size, -1, np.int64), np.empty(size, np.int32)
+    sums = np.zeros((len(points), 11))
     n = 0
     inverse_voxel = 1.0 / SURFEL
     for i in range(len(points)):
@@ -145,8 +132,7 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
             key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
-            keys[slot] = key
-            row_of[slot] = n
+            keys[slot], row_of[slot] = key, n
             n += 1
         row = sums[row_of[slot]]
         row[0] += 1.0

@@ -1,9 +1,8 @@
 """Point times from the order of a scan's points.
 
-Drivers append points as the sensor fires: the azimuth advances along the file, turn after turn, and this advance is the
-time, wherever the driver cut its stream. Azimuth offsets of beams blur the azimuth but not its advance, which is
-measured on blocks of neighbouring points. Files that are shuffled or sorted otherwise, such as by beam, show no advance
-and give no times: there, the azimuth and its seam do (`drifting_seam`).
+Drivers append points as the sensor fires: the azimuth advances along the file, and this advance is the time, wherever
+the driver cut its stream. It is measured on blocks of neighbouring points, since beams have azimuth offsets. Files that
+are shuffled or sorted otherwise, such as by beam, give no times: there, the azimuth and its seam do (`drifting_seam`).
 """
 
 from __future__ import annotations
@@ -13,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.geometry import Array
 from automos.kernels import kernel
-from automos.scan import Points, Scan, Sequence
-
-Array = npt.NDArray[np.float64]
+from automos.scan import Mask, Points, Scan, Sequence
 
 N_BLOCKS = 400
 """Blocks of a scan: small enough for the time of a point, large enough to contain every beam."""
@@ -38,20 +36,12 @@ TURNS = (0.2, 3.0)
 
 @dataclass(frozen=True)
 class PointOrder:
-    """How the azimuth advances along the files of a recording.
+    """How the azimuth advances along the files of a recording."""
 
-    Attributes
-    ----------
-    turn : int, +1 counter-clockwise seen from the sensor's +z, -1 clockwise.
-    turns : float, turns from a scan's first point to its last.
-    turns_per_scan : float, turns from one scan's first point to that of the next.
-    start : float, azimuth in turns at which all scans begin; None if it drifts from scan to scan.
-    """
-
-    turn: int
-    turns: float
-    turns_per_scan: float
-    start: float | None = None
+    turn: int  # +1 counter-clockwise seen from the sensor's +z, -1 clockwise
+    turns: float  # from a scan's first point to its last
+    turns_per_scan: float  # from one scan's first point to that of the next
+    start: float | None = None  # azimuth in turns at which all scans begin; None if it drifts from scan to scan
 
     @property
     def span(self) -> float:
@@ -72,24 +62,29 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
             found.append((*first, second[1]))
     if 2 * len(found) <= len(firsts):
         return None
-    turns_of = [f[0] for f in found]
-    turn = max(sorted(set(turns_of)), key=turns_of.count)
-    found = [f for f in found if f[0] == turn]
-    turns = float(np.median([f[2] for f in found]))
-    drift = np.array([turn * (f[3] - f[1]) for f in found])
+    turn = max((-1, 1), key=[f[0] for f in found].count)
+    start, span, next_start = np.array([f[1:] for f in found if f[0] == turn]).T
+    turns, drift = float(np.median(span)), turn * (next_start - start)
     # The seam drifts by the turns per scan modulo whole turns: add as many as bring it closest to the span of a scan.
     whole = np.round(turns - drift)
     whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
-    starts = np.exp(2j * np.pi * np.array([f[1] for f in found]))
-    is_fixed = np.abs(starts.mean()) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
-    return PointOrder(turn, turns, per_scan, float(np.angle(starts.mean()) / (2.0 * np.pi)) if is_fixed else None)
+    mean = np.exp(2j * np.pi * start).mean()
+    is_fixed = np.abs(mean) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
+    return PointOrder(turn, turns, per_scan, float(np.angle(mean) / (2.0 * np.pi)) if is_fixed else None)
 
 
 def sample_pairs(sequence: Sequence) -> list[int]:
     """Return the indices of a few scans, each followed by another."""
     last = len(sequence) - 2
     return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
+
+
+def azimuths(points: Points) -> tuple[Mask, Array]:
+    """Return which of `points` (N, 3) are seen in a direction, and the azimuths of these in turns, in [-0.5, 0.5]."""
+    x, y = points[:, :2].astype(np.float64).T
+    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
+    return is_seen, np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi)
 
 
 def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
@@ -157,9 +152,8 @@ def _follow_gaps(points: Points, azimuth: Array, turn: int, block: int, turned: 
     for k in np.flatnonzero(steps > 2.0 * np.median(steps)).tolist():
         is_torn[known[k] : known[k + 1] + 1] = True
     rows = np.flatnonzero(np.repeat(is_torn, block)[: len(points)])
-    x, y = points[rows, :2].astype(np.float64).T
-    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
-    rows, own = rows[is_seen], np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi)
+    is_seen, own = azimuths(points[rows])
+    rows = rows[is_seen]
     start = azimuth[known[0]] - turn * turned[known[0] * block + block // 2]  # azimuth of the first point
     off = turn * (own - start) - turned[rows]
     turned[rows] = np.maximum(turned[rows] + off - np.rint(off), 0.0)

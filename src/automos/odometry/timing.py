@@ -1,9 +1,8 @@
 """The timing of sweeps: when each point was measured, if the recording does not provide it.
 
-Wrong point times distort sweeps and bias the poses accordingly: if a driver cuts its stream every 1.09 turns, every
-step is 8 % too short, and neighbouring scans still agree perfectly. So each hypothesis on the times is tested by
-registration: a few seconds of scans are aligned with their neighbours, then with scans half a second to two seconds
-apart. The hypothesis with the thinnest and best overlapping walls is chosen.
+Wrong point times distort sweeps and bias the poses: if a driver cuts its stream every 1.09 turns, every step is 8 % too
+short, and neighbouring scans still agree perfectly. So each hypothesis on the times is tested by aligning scans half a
+second to two seconds apart: the one with the thinnest and best overlapping walls is chosen.
 """
 
 from __future__ import annotations
@@ -43,17 +42,12 @@ N_LIKELY = 3
 class TimingChoice:
     """The chosen timing and its rivals.
 
-    Attributes
-    ----------
-    timing : SweepTiming, the best.
-    misfits : dict of float, for each tested hypothesis (as text), the logarithm of the wall thickness over the matched
-        share, relative to the first hypothesis; empty if no choice was necessary or possible.
-    rough : tuple, windows used: the first scan of each and the (n, 4, 4) rough poses of its scans.
+    A misfit is the logarithm of the wall thickness over the matched share, relative to that of the first hypothesis.
     """
 
     timing: SweepTiming
-    misfits: dict[str, float] = field(default_factory=dict)
-    rough: tuple[tuple[int, Pose], ...] = ()
+    misfits: dict[str, float] = field(default_factory=dict)  # of each tested hypothesis, by its text
+    rough: list[tuple[int, Pose]] = field(default_factory=list)  # first scan and (n, 4, 4) rough poses of each window
 
     def suits(self, poses: Pose) -> bool:
         """Whether the final (N, 4, 4) `poses` confirm the motion in the windows, or that there was none."""
@@ -96,12 +90,10 @@ def choose_timing(
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
         timed = timed[:1]
-    drifting = _drifting_timing(sequence) if is_by_azimuth else None
-    from_points = [*timed, *([] if drifting is None else [drifting])]
-    sources: dict[str, SweepTiming] = {"raw": SweepTiming(), **{timing.source: timing for timing in from_points}}
+    drifting = _drifting_timings(sequence) if is_by_azimuth else []
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
     search, best = Search(settings, pool), None
-    for window in moving_windows(sequence, settings, poses, clock, sources, pool):
+    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting], pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
@@ -109,7 +101,7 @@ def choose_timing(
     if best is None:  # no motion, so no distortion, or too few surfaces
         from_file = [timing for timing in timed if timing.source == "file"]
         return TimingChoice([*from_file, *untimed, *timed, rear_seam()][0])
-    choice = TimingChoice(best, search.misfits, tuple((w.first, w.T_world_sensor) for w in search.windows))
+    choice = TimingChoice(best, search.misfits, [(w.first, w.T_world_sensor) for w in search.windows])
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
@@ -119,7 +111,7 @@ def _best_hypothesis(
     timed: list[SweepTiming],
     untimed: list[SweepTiming],
     is_by_azimuth: bool,
-    drifting: SweepTiming | None,
+    drifting: list[SweepTiming],
     clock: Clock,
 ) -> SweepTiming | None:
     """Return the best hypothesis: recorded times, none, or by azimuth; also over part of the time between scans."""
@@ -127,7 +119,7 @@ def _best_hypothesis(
     known = [*timed, *untimed]  # what the recording itself says comes first, and the others must be clearly better
     best = search.best(known[:1], selected=known[1:], rare=reversed_sweeps)
     if is_by_azimuth and (best is None or best.source == "none"):
-        best = _best_seam(search, untimed) if drifting is None else search.best([drifting], selected=untimed)
+        best = search.best(drifting, selected=untimed) if drifting else _best_seam(search, untimed)
     if best is None or best.source == "none":
         return best
     shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
@@ -160,13 +152,7 @@ def rear_seam() -> SweepTiming:
 
 
 def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
-    """Return the timings from the file's times and from the order of its points, as far as they are requested.
-
-    Raises
-    ------
-    InputError
-        One of them is requested but not available.
-    """
+    """Return the timings from the file's times and from the order of its points, as far as they are requested."""
     found = []
     if wanted in ("auto", "file") and (from_file := _file_timing(sequence, clock)):
         found.append(from_file)
@@ -191,10 +177,10 @@ def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
     return bool((off < SAME_TIME).mean() > MOSTLY)
 
 
-def _drifting_timing(sequence: Sequence) -> SweepTiming | None:
-    """Return the timing from a sector that drifts from scan to scan, None if there is none."""
+def _drifting_timings(sequence: Sequence) -> list[SweepTiming]:
+    """Return the timing from a sector that drifts from scan to scan, if there is one."""
     found = learn_drifting_seam(sequence)
-    return None if found is None else SweepTiming("azimuth", turn=found[0], seam_deg=None, turns=found[1], share=1.0)
+    return [SweepTiming("azimuth", turn=found[0], seam_deg=None, turns=found[1], share=1.0)] if found else []
 
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
@@ -202,9 +188,9 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
     ids = np.unique(np.linspace(0, len(sequence) - 1, 11).round().astype(int))
     scans = [sequence[int(i)] for i in ids]
     durations = [recorded_duration(scan) or 0.0 for scan in scans if scan.time is not None and scan.is_valid.any()]
-    if not durations or np.median(durations) == 0.0:
+    duration = float(np.median(durations or 0.0))
+    if duration == 0.0:
         return None
-    duration = float(np.median(durations))
     period = duration if sequence.stamps is None or len(sequence) < 2 else clock.period
     return SweepTiming("file", duration=duration, share=duration / period)
 

@@ -10,13 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import FARTHEST, inverse, is_rigid
+from automos.geometry import FARTHEST, Array, inverse, is_rigid
 from automos.odometry.drifting_seam import drifting_times
 from automos.odometry.motion import SweepTiming, compensate, sweep_times
-from automos.scan import Frame, Pose, Scan, Sequence
+from automos.scan import Frame, Mask, Pose, Scan, Sequence
 
 REPEAT_DELAY = 1e-3
 """Seconds by which a repeated scan is stamped later than the original, because stamps must increase."""
+ARRAYS = ("T_world_sensor", "stamps", "sweep_motion", "T_level_world")
+"""Attributes of a trajectory that are arrays, as they are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +37,8 @@ class Trajectory:
     """
 
     T_world_sensor: Pose
-    stamps: npt.NDArray[np.float64]
-    sweep_motion: npt.NDArray[np.float64]
+    stamps: Array
+    sweep_motion: Array
     timing: SweepTiming
     T_level_world: Pose
     diagnostics: dict[str, Any] = field(default_factory=dict)
@@ -47,10 +49,8 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         n = len(self.T_world_sensor)
-        shapes = {"T_world_sensor": (n, 4, 4), "stamps": (n,), "sweep_motion": (n, 6), "T_level_world": (4, 4)}
-        for name, shape in shapes.items():
-            got = getattr(self, name).shape
-            if got != shape:
+        for name, shape in zip(ARRAYS, [(n, 4, 4), (n,), (n, 6), (4, 4)], strict=True):
+            if (got := getattr(self, name).shape) != shape:
                 raise ValueError(f"{name} must be {shape}, got shape {got}")
 
     def __len__(self) -> int:
@@ -64,26 +64,15 @@ class Trajectory:
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return everything as arrays, for `numpy.savez` and `from_arrays`."""
         notes = json.dumps({"timing": self.timing.to_dict(), "diagnostics": self.diagnostics})
-        return {
-            "T_world_sensor": self.T_world_sensor,
-            "stamps": self.stamps,
-            "sweep_motion": self.sweep_motion,
-            "T_level_world": self.T_level_world,
-            "notes": np.array(notes),
-        }
+        return {**{name: getattr(self, name) for name in ARRAYS}, "notes": np.array(notes)}
 
     @staticmethod
     def from_arrays(arrays: dict[str, npt.NDArray]) -> Trajectory:
         """Return the trajectory from the arrays of `to_arrays`."""
         notes = json.loads(str(arrays["notes"]))
-        return Trajectory(
-            np.asarray(arrays["T_world_sensor"]),
-            np.asarray(arrays["stamps"]),
-            np.asarray(arrays["sweep_motion"]),
-            SweepTiming.from_dict(notes["timing"]),
-            np.asarray(arrays["T_level_world"]),
-            notes["diagnostics"],
-        )
+        timing = SweepTiming.from_dict(notes["timing"])
+        parts = {name: np.asarray(arrays[name]) for name in ARRAYS}
+        return Trajectory(**parts, timing=timing, diagnostics=notes["diagnostics"])
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
@@ -93,9 +82,7 @@ def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
     return frame_of(scan, trajectory.timing, trajectory.sweep_motion[index], T_level_sensor, stamp)
 
 
-def frame_of(
-    scan: Scan, timing: SweepTiming, motion: npt.NDArray[np.float64], T_level_sensor: Pose, stamp: float
-) -> Frame:
+def frame_of(scan: Scan, timing: SweepTiming, motion: Array, T_level_sensor: Pose, stamp: float) -> Frame:
     """Return the valid points of `scan`, compensated for the sensor's `motion` (6,) during the sweep.
 
     The original points are compensated, in their order, never a cloud returned by a registration: those are clipped and
@@ -120,7 +107,7 @@ def frame_of(
 
 
 def settled_times(
-    scan: Scan, timing: SweepTiming, twist: npt.NDArray[np.float64], rows: npt.NDArray[np.intp]
+    scan: Scan, timing: SweepTiming, twist: Array, rows: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.float32] | None:
     """Return (M,) float32 times of the points in `rows` (M,) of `scan`, one each, or None if unknown.
 
@@ -159,7 +146,7 @@ class SequenceFrames:
         return self.trajectory.T_level_sensor
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64]:
+    def stamps(self) -> Array:
         """(N,) seconds."""
         return self.trajectory.stamps
 
@@ -202,7 +189,7 @@ def checked_poses(poses: Pose, n: int) -> Pose:
 class DistinctScans(Sequence):
     """The scans of a recording without repeats of the previous scan."""
 
-    def __init__(self, sequence: Sequence, is_repeat: npt.NDArray[np.bool_]):
+    def __init__(self, sequence: Sequence, is_repeat: Mask):
         """Take the recording and a mask (N,) of the scans to leave out."""
         self._sequence, self._ids = sequence, np.flatnonzero(~is_repeat)
         self.name, self.source = sequence.name, sequence.source
@@ -220,7 +207,7 @@ class DistinctScans(Sequence):
         return [names[i] for i in self._ids]
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
+    def stamps(self) -> Array | None:
         """Stamps of the distinct scans, seconds."""
         stamps = self._sequence.stamps
         return None if stamps is None else stamps[self._ids]
@@ -231,7 +218,7 @@ class DistinctScans(Sequence):
         return self._sequence.is_compensated
 
 
-def with_repeats(trajectory: Trajectory, is_repeat: npt.NDArray[np.bool_]) -> Trajectory:
+def with_repeats(trajectory: Trajectory, is_repeat: Mask) -> Trajectory:
     """Return the trajectory of all N scans from that of the distinct ones: a repeat has the pose of the original."""
     row = np.cumsum(~is_repeat) - 1
     nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat

@@ -33,4 +33,4 @@ class NearMap:
         local_map = empty_map(self._settings)
         for T, points in self._scans:
             local_map.add(transform(T, points.astype(np.float64)), T[:3, 3])
-        return Icp(local_map, UNKNOWN_MOTION, self._settings.max_range).register(surfels.mean, expected)
+        return Icp(local_map, UNKNOWN_MOTION).register(surfels.mean, expected)

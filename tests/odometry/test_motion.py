@@ -4,7 +4,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from automos.geometry import se3_exp, se3_log, transform
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, recorded_duration, step_twists, sweep_times
+from automos.odometry.motion import (
+    SweepTiming,
+    azimuth_times,
+    can_be_driven,
+    compensate,
+    greatest_acceleration,
+    recorded_duration,
+    step_twists,
+    sweep_times,
+)
 from automos.scan import Scan
 
 AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 1e-4, 0], [0, -1, 0]], np.float32)  # 0, 90, 180, 270 degrees
@@ -97,3 +106,30 @@ def test_step_twists_agree_with_the_logarithm_of_a_constant_motion():
     poses = np.array([se3_exp(k * twist) for k in range(5)])
     np.testing.assert_allclose(step_twists(poses, np.ones(4)), np.tile(twist, (5, 1)), atol=1e-9)
     np.testing.assert_allclose(se3_log(np.linalg.inv(poses[1]) @ poses[2]), twist, atol=1e-9)
+
+
+def driven(speeds, dt=0.1):
+    """Poses of a straight drive at `speeds` (N,) m/s, and their times."""
+    T = np.tile(np.eye(4), (len(speeds), 1, 1))
+    T[1:, 0, 3] = np.cumsum(dt * 0.5 * (np.array(speeds[1:]) + speeds[:-1]))
+    return T, dt * np.arange(len(speeds))
+
+
+def test_the_greatest_acceleration_is_that_of_the_hardest_half_second():
+    braking = [20.0] * 20 + [20.0 - 0.7 * k for k in range(1, 21)] + [6.0] * 20
+    found, at = greatest_acceleration(*driven(braking))
+    assert found == pytest.approx(7.0, abs=0.1)
+    assert 20 <= at <= 40
+    assert can_be_driven(*driven(braking))
+
+
+def test_one_step_that_is_off_is_noise_and_a_speed_that_leaps_is_not():
+    T, times = driven([10.0] * 60)
+    T[30:, 0, 3] += 0.2
+    assert can_be_driven(T, times)
+    assert not can_be_driven(*driven([0.0] * 30 + [10.0] * 30))
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5])
+def test_too_few_scans_tell_no_acceleration(n):
+    assert greatest_acceleration(*driven([0.0, 30.0, 0.0, 30.0, 0.0][:n]))[0] == 0.0
