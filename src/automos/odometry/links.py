@@ -20,6 +20,8 @@ MIN_MATCHED = 50
 """Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
 SAMPLES, SAMPLE_SECONDS = 3, 2.5
 """Parts of a recording in which poses are checked, and the length of each."""
+MIN_BASELINE = 0.1
+"""Metres over which a disagreement is given in percent; shorter ones are a standing sensor's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,7 @@ class Consistency(NamedTuple):
     thickness: Array  # (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square)
     disagreement: Array  # (L,) metres by which the link alone would move the scan
     share: Array  # (L,) of the surfels that match a surface and lie on it
+    distance: Array  # (L,) metres between the scan and the middle of the submap
 
     @property
     def misfit(self) -> float | None:
@@ -145,6 +148,7 @@ def fit_links(
         thickness=np.array([f.thickness for f in good]),
         disagreement=np.linalg.norm(np.reshape(solved, (-1, 3)), axis=1),
         share=np.array([f.n_close / f.n_surfels for f in good]),
+        distance=np.linalg.norm(T[scan, :3, 3] - T[center, :3, 3], axis=1),
     )
 
 
@@ -171,7 +175,11 @@ def summarize(links: Consistency) -> dict[str, float | None]:
 
     wall_thickness_m : distance of surfels from surfaces observed a second before or after.
     baseline_disagreement_m : correction of a scan that a baseline of a second alone would make.
+    baseline_disagreement_percent : the same in percent of the baseline's length; 0 at standstill.
     """
     is_second = (links.lag > 0.6) & (links.lag < 1.5)
-    figures = {"wall_thickness_m": links.thickness, "baseline_disagreement_m": links.disagreement}
-    return {name: float(np.median(of[is_second])) if is_second.any() else None for name, of in figures.items()}
+    names = ("wall_thickness_m", "baseline_disagreement_m", "baseline_disagreement_percent")
+    if not is_second.any():
+        return dict.fromkeys(names)
+    walls, off, along = (float(np.median(of[is_second])) for of in (links.thickness, links.disagreement, links.distance))
+    return dict(zip(names, (walls, off, 100.0 * off / along if along > MIN_BASELINE else 0.0), strict=True))
