@@ -11,27 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.candidates.beam_pattern import Lidar, learn_pattern
 from automos.candidates.ego_body import find_ego_body, is_on_body
-from automos.candidates.free_space_grid import BeamPattern
-from automos.candidates.free_space_image import find_neighbours, make_image, project
-from automos.candidates.free_space_pattern import learn_pattern
-from automos.candidates.free_space_sweep import last_looks, motion_of, raw_points
-from automos.candidates.free_space_vote import Rays
 from automos.candidates.ground import find_ground
+from automos.candidates.range_image import RangeImage, find_neighbours, make_image, project
+from automos.candidates.sweep import last_looks, motion_of, raw_points
 from automos.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
 from automos.settings import EgoBodySettings, GroundSettings
-
-
-@dataclass(frozen=True, eq=False)
-class Lidar:
-    """What is learnt of one LiDAR: its pose in a scan's frame, its beam pattern, and the ego body that its rays meet.
-
-    `body_reach` (H, W) float32, metres, is the range up to which the ego body reaches along each ray, 0 for none.
-    """
-
-    T_scan_sensor: Pose
-    pattern: BeamPattern
-    body_reach: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +29,14 @@ class View:
     rows : (R,) int64 or slice, the frame's points it measured.   is_object : (R,) bool, those that may be objects.
     objects : (3, K) float32, metres, the object points in the LiDAR's frame at mid-sweep.
     is_supported : (K,) bool, object points with neighbours in the same scan above or below, and beside.
-    rays : Rays, of all its points, with the times of this scan.
+    image : RangeImage of all its points.   T_level_sensor : (4, 4) float64, pose of the LiDAR.
     """
 
     rows: npt.NDArray[np.int64] | slice
     is_object: Mask
     objects: npt.NDArray[np.float32]
     is_supported: Mask
-    rays: Rays
+    image: RangeImage
     T_level_sensor: Pose
 
 
@@ -76,37 +62,18 @@ class Seen:
         return replace(self, views=views)
 
 
-class FramesOfLidar:
-    """The frames of one of several LiDARs, each made on demand."""
-
-    def __init__(self, frames: Frames, lidar: int, T_level_sensor: Pose):
-        """Take all frames, the number of the LiDAR, and its poses (N, 4, 4)."""
-        self._frames, self._lidar, self.T_level_sensor = frames, lidar, T_level_sensor
-        self.stamps = frames.stamps
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def __getitem__(self, index: int) -> Frame:
-        return self._frames[index].of_sensor(self._lidar)[1]
-
-
 def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
     """Return the LiDARs in the order of their numbers; patterns are learnt from `sample`, a few of `frames`."""
     lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
     for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
         pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
-        lidars.append(Lidar(T_scan_sensor, pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32)))
+        lidars.append(Lidar(k, T_scan_sensor, pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32)))
     return with_body(lidars, frames, ego_body, threads)
 
 
 def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
     """Return `lidars` with the ego body that `frames` show for each of them."""
-    found = []
-    for k, lidar in enumerate(lidars):
-        own = FramesOfLidar(frames, k, frames.T_level_sensor @ lidar.T_scan_sensor)
-        found.append(replace(lidar, body_reach=find_ego_body(own, lidar.pattern, ego_body, threads)))
-    return found
+    return [replace(lidar, body_reach=find_ego_body(frames, lidar, ego_body, threads)) for lidar in lidars]
 
 
 def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
@@ -118,34 +85,27 @@ def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
     """Return the observations of `frame`."""
     is_ground, height = find_ground(frame.points_level, frame.origin_level, ground)
     kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
-    solidity = np.zeros(len(kind), np.uint8)
-    views = [_view(*frame.of_sensor(k), kind, solidity, lidar) for k, lidar in enumerate(lidars)]
-    return Seen(kind, height, solidity, views)
+    seen = Seen(kind, height, np.zeros(len(kind), np.uint8), [])
+    seen.views.extend(_view(*frame.of_sensor(lidar.number), seen, lidar) for lidar in lidars)
+    return seen
 
 
-def _view(
-    rows: npt.NDArray[np.int64] | slice,
-    part: Frame,
-    kind: npt.NDArray[np.uint8],
-    solidity: npt.NDArray[np.uint8],
-    lidar: Lidar,
-) -> View:
-    """Return the view of one LiDAR, whose points are `rows` of a frame of M points, and are in `part`.
+def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: Lidar) -> View:
+    """Return the view of one LiDAR, whose points are `rows` of the frame `seen`, and are in `part`.
 
-    Ego body and specks are written into `kind` (M,), solidity into `solidity` (M,).
+    Ego body, specks and solidity of these points are written into `seen`.
     """
-    raw, of_here = raw_points(part), kind[rows].copy()
-    of_here[is_on_body(raw, of_here == GROUND, lidar.body_reach, lidar.pattern)] = EGO_BODY
+    raw, kind = raw_points(part), seen.kind[rows].copy()
+    kind[is_on_body(raw, kind == GROUND, lidar)] = EGO_BODY
     sweep_time, is_last = last_looks(raw, part.sweep_time)
     # Points that are neighbours were observed in the same turn.
     turns = [is_last] if is_last.all() else [is_last, ~is_last]
-    projections = [project(raw, lidar.pattern, is_of_turn & (of_here != EGO_BODY)) for is_of_turn in turns]
-    neighbours = [find_neighbours(projection, of_here == OBJECT) for projection in projections]
-    n_directions, solidity[rows] = np.max(neighbours, axis=0)
+    projections = [project(raw, lidar.pattern, is_of_turn & (kind != EGO_BODY)) for is_of_turn in turns]
+    neighbours = [find_neighbours(projection, kind == OBJECT) for projection in projections]
+    n_directions, seen.solidity[rows] = np.max(neighbours, axis=0)
     is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
-    of_here[(n_directions == 0) & (of_here == OBJECT) & is_on_grid] = SPECK
-    kind[rows], is_object = of_here, of_here == OBJECT
-    image = make_image(projections[0], lidar.pattern.pyramid, is_object)
-    rays = Rays(lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), image)
+    kind[(n_directions == 0) & (kind == OBJECT) & is_on_grid] = SPECK
+    seen.kind[rows], is_object = kind, kind == OBJECT
+    image = make_image(projections[0], lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
     objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)
-    return View(rows, is_object, objects, n_directions[is_object] == 2, rays, part.T_level_sensor)
+    return View(rows, is_object, objects, n_directions[is_object] == 2, image, part.T_level_sensor)
