@@ -23,7 +23,7 @@ from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
 from automos.tracking import face_paths, places
-from automos.tracking.completion import paint_objects
+from automos.tracking.object_points import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import iou_3d, points_in_boxes

@@ -29,19 +29,12 @@ _UNKNOWN = np.radians(0.5)  # between rows and columns if no scan shows a patter
 
 
 class Pyramid(NamedTuple):
-    """Memory layout of L levels of a grid, from fine to coarse.
+    """Memory layout of L levels of a grid, from fine to coarse."""
 
-    Attributes
-    ----------
-    shifts : (L, 2) int64, binary logarithms of the numbers of rows and columns in a cell.
-    shapes : (L, 2) int64, rows and columns of each level.   offsets : (L + 1,) int64, start of each level.
-    widths : (L,) float32, longer side of a cell, radians.
-    """
-
-    shifts: npt.NDArray[np.int64]
-    shapes: npt.NDArray[np.int64]
-    offsets: npt.NDArray[np.int64]
-    widths: npt.NDArray[np.float32]
+    shifts: npt.NDArray[np.int64]  # (L, 2) binary logarithms of the numbers of rows and columns in a cell
+    shapes: npt.NDArray[np.int64]  # (L, 2) rows and columns of each level
+    offsets: npt.NDArray[np.int64]  # (L + 1,) start of each level
+    widths: npt.NDArray[np.float32]  # (L,) longer side of a cell, radians
 
 
 class BeamPattern(NamedTuple):

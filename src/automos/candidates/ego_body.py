@@ -1,11 +1,10 @@
 """The ego body: points that keep their place in the sensor's frame while the sensor moves.
 
 A ray that meets the body returns the same range in every scan. So may a ray that meets an even road, a vehicle that
-keeps its distance, or the long side of one that drives alongside. But other scans, before and after, hit the road at
-its place and not the body: a ray of another scan that passes through the place of a point is a vote for the body, one
-that ends there is a vote for the world, and one that meets a possible body counts for neither. Motion of a few
-decimetres, or the rolling of a boat at its quay, suffices. There are no votes inside a wide deck, nor where rays past
-the body meet water and do not return; there the votes on the rest of a part decide.
+keeps its distance, or the long side of one that drives alongside. But other scans hit the road at its place and not the
+body: a ray that passes through the place of a point is a vote for the body, one that ends there is a vote for the
+world, and one that meets a possible body counts for neither. Motion of a few decimetres, or the rolling of a boat at
+its quay, suffices. Where there are no votes (inside a wide deck, before water) those on the rest of a part decide.
 No vehicle keeps its distance to within the sensor's noise: the edges and ranges of the body must be the same in the
 last third of the recording as in the first. Repeated returns from within arm's reach (legs, an operator) are ego body,
 however they move. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the sensor

@@ -5,8 +5,8 @@ observed free (so the point came or went), hit (so the place was still occupied)
 objects, long ones slow walkers and cars that wait. No single observation decides; the sum over all spans does. Memory
 holds only the scans that may still be asked, whatever the length of the recording.
 
-Rays start at their LiDAR. In merged clouds each LiDAR has its own pattern, view and report on every point. These are
-combined into one report per scan, in which a hit by any LiDAR prevails.
+Rays start at their LiDAR. In merged clouds each LiDAR has its own view and report on every point. These are combined
+into one report per scan, in which a hit by any LiDAR prevails, otherwise the strongest free-space observation.
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 Net = npt.NDArray[np.float32]
 _PATTERN_SCANS = 5
-_PARTS, _PART = 4, 6000
-"""Greatest number of parts that a scan's points are split into for threads, and least number of points in a part:
-smaller parts do not pay for their overhead."""
+_PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
 SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
 FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)  # seconds, asked first; points that these scans agree to have hit have stayed
 SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
@@ -159,10 +157,7 @@ def _ask_part(
 def _vote(
     mine: View, points: npt.NDArray[np.float32], about: list[npt.NDArray], other: Seen, settings: FreeSpaceSettings
 ) -> Votes:
-    """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`.
-
-    If that scan has several LiDARs, any hit prevails, otherwise the strongest free-space observation.
-    """
+    """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`."""
     s = settings
     tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
     votes = []

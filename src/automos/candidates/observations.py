@@ -22,21 +22,13 @@ from automos.settings import EgoBodySettings, GroundSettings
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The observations of one LiDAR in a scan.
+    """The observations of one LiDAR in a scan, in its frame at mid-sweep."""
 
-    Attributes
-    ----------
-    rows : (R,) int64 or slice, the frame's points it measured.   is_object : (R,) bool, those that may be objects.
-    objects : (3, K) float32, metres, the object points in the LiDAR's frame at mid-sweep.
-    is_supported : (K,) bool, object points with neighbours in the same scan above or below, and beside.
-    image : RangeImage of all its points.   T_level_sensor : (4, 4) float64, pose of the LiDAR.
-    """
-
-    rows: npt.NDArray[np.int64] | slice
-    is_object: Mask
-    objects: npt.NDArray[np.float32]
-    is_supported: Mask
-    image: RangeImage
+    rows: npt.NDArray[np.int64] | slice  # (R,) the frame's points that it measured
+    is_object: Mask  # (R,) those that may be objects
+    objects: npt.NDArray[np.float32]  # (3, K) metres, these object points
+    is_supported: Mask  # (K,) object points with neighbours in the same scan above or below, and beside
+    image: RangeImage  # of all its points
     T_level_sensor: Pose
 
 

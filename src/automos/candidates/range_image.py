@@ -25,33 +25,21 @@ _Image = npt.NDArray[np.uint16]
 
 
 class RangeImage(NamedTuple):
-    """The ranges of one sweep on its sensor's grid of rays, in units of `UNIT`.
+    """The ranges of one sweep on its sensor's grid of rays, in units of `UNIT`."""
 
-    Attributes
-    ----------
-    pattern : BeamPattern, with the times of this sweep.   motion : (6,) float32, twist of the sensor over the sweep.
-    rays : (H, W, 2) uint16, nearest and farthest range in each cell; `NO_RAY` and 0 where there is no ray.
-    around : (H, W, 2) uint16, the same over the 3 x 3 cells around each cell.
-    clear : (K,) uint16, shortest range of object points in 3 x 3 cells, for each level of the grid's pyramid.
-    """
-
-    pattern: BeamPattern
-    motion: npt.NDArray[np.float32]
-    rays: _Image
-    around: _Image
-    clear: _Image
+    pattern: BeamPattern  # with the times of this sweep
+    motion: npt.NDArray[np.float32]  # (6,) twist of the sensor over the sweep
+    rays: _Image  # (H, W, 2) nearest and farthest range in each cell; `NO_RAY` and 0 where there is no ray
+    around: _Image  # (H, W, 2) the same over the 3 x 3 cells around each cell
+    clear: _Image  # (K,) shortest range of object points in 3 x 3 cells, for each level of the grid's pyramid
 
 
 class Projection(NamedTuple):
-    """The M points of one scan on its sensor's grid of rays.
+    """The M points of one scan on its sensor's grid of rays."""
 
-    `cell` (M,) int32 is row * columns + column, -1 if outside of the grid or left out; `steps` (M,) uint16 is the range
-    in units of `UNIT`; `rays` is that of `RangeImage`.
-    """
-
-    cell: npt.NDArray[np.int32]
-    steps: npt.NDArray[np.uint16]
-    rays: _Image
+    cell: npt.NDArray[np.int32]  # (M,) row * columns + column, -1 if outside of the grid or left out
+    steps: npt.NDArray[np.uint16]  # (M,) range in units of `UNIT`
+    rays: _Image  # as in `RangeImage`
 
 
 def locate(points: Points, pattern: BeamPattern) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
@@ -71,13 +59,10 @@ def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -
 def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Return for each object point (M,) in how many directions it has neighbours, and its solidity.
 
-    Returns
-    -------
-    n_directions : (M,) uint8, vertical and horizontal. 0: only one ray met it, such as a drop of rain, dust or an
-        insect. 1: a twig, a wire or the edge of a slab, which fits between the rays of other scans. 2: it has
-        neighbours above or below and beside it, so rays of other scans would meet it, too.
-    solidity : (M,) uint8, share of the directly adjacent returned rays that ended beside it, from 0 for none to 255
-        for all. Solid faces return the rays that meet them; dust and leaves let most of them through.
+    Without neighbours only one ray met it: a drop of rain, dust, an insect. In one direction, vertical or horizontal,
+    it is a twig, a wire or the edge of a slab, which fits between the rays of other scans. In 2 directions, rays of
+    other scans would meet it, too. Solidity is the share of the directly adjacent returned rays that ended beside it,
+    255 for all: solid faces return the rays that meet them; dust and leaves let most of them through.
     """
     return _count_neighbours(*projection, is_object)
 
@@ -107,10 +92,7 @@ def _merged(image: _Image, axis: int) -> _Image:
 
 
 def over_neighbours(image: npt.NDArray, extreme: np.ufunc) -> npt.NDArray:
-    """Return np.minimum or np.maximum, `extreme`, of the 3 x 3 cells around each cell of `image` (H, W).
-
-    Columns wrap around.
-    """
+    """Return `extreme` (np.minimum, np.maximum) of 3 x 3 cells around each of `image` (H, W); columns wrap around."""
     rows = image.copy()
     extreme(rows[1:], image[:-1], out=rows[1:])
     extreme(rows[:-1], image[1:], out=rows[:-1])

@@ -5,8 +5,8 @@ width, *weakly* if only the rays directly beside it did. It was *hit* if one of 
 ended in front of it (occluded) report nothing; neither do missing returns, which have too many causes.
 
 An object that moved came to its place and left it: its place was hit in between, and observed free before and after.
-The best such interval is found for every point and weighed against "it was always there". Occasional free-space
-observations of foliage, edges and grazing surfaces do not add up, while those of a car that waited do.
+The best such interval is found for every point and weighed against "it was always there". Free-space observations of
+foliage, edges and grazing surfaces do not add up, while those of a car that waited do.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ Votes = npt.NDArray[np.int8]
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 ONE = 64  # a full vote; votes are stored as int8 in fractions of it to save memory
 _BLOCK = 512
-_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
-"""All flags of fast arithmetic except those that assume finite numbers."""
+_FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but for flags that assume finite numbers
 
 
 @kernel
@@ -162,8 +161,7 @@ def weigh_looks(codes, ranges, misses, own_ranges, heights, trusts, row_height, 
     codes, ranges, misses : (K,), the report as `look_through` returns it.
     own_ranges, heights : (K,) float32, metres, range from the points' own sensor and height above the ground.
     trusts : (K,) float64 in [0, 1], factor on the free-space observations of each point.
-    row_height : float32, radians between the sensor's rows.   near_miss : metres, greatest miss for a full vote.
-    weak_weight : factor on a weak observation.
+    row_height, near_miss, weak_weight : radians between rows, greatest miss for a full vote, factor on a weak one.
     """
     votes = np.zeros(len(codes), np.int8)
     for i in range(len(codes)):
@@ -183,7 +181,7 @@ def weigh_looks(codes, ranges, misses, own_ranges, heights, trusts, row_height, 
 def sum_votes(votes: Votes, n_before: int, stay_weight: float) -> npt.NDArray[np.float32]:
     """Return (K,) the evidence that each point came and left: the votes for that, minus `stay_weight` for every hit.
 
-    votes : (P, K) of `weigh_looks`, scans in time order.   n_before : number of scans before the points' own.
+    `votes` (P, K) are those of `weigh_looks`, of scans in time order, `n_before` of them before the points' own.
     """
     came_and_left = _best_sum(votes[:n_before]) + _best_sum(votes[n_before:][::-1])
     return (came_and_left / ONE - stay_weight * count_hits(votes)).astype(np.float32)
