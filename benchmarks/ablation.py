@@ -47,7 +47,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
     "poses not refined": {"odometry.refine": False},
     "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0],
-                             "automos.candidates.free_space_ask:FIRST_SPANS": (0.6, 1.0)},
+                             "automos.candidates.free_space:FIRST_SPANS": (0.6, 1.0)},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
     "a see-through beside a ray counts in full": {"candidates.free_space.near_miss": NEVER},
     "ERASOR instead of free space": {"candidates.method": "erasor"},

@@ -37,7 +37,7 @@ RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m
 PRESETS = ("paper", "default")
 RIVAL_ROOMS = (
     *("baselines/", "evaluation/", "candidates/ground", "paper/erasor", "paper/region_ground"),
-    *("paper/submaps", "paper/voxels", "voxels", "candidates/free_space_pattern"),
+    *("paper/submaps", "paper/voxels", "voxels", "candidates/beam_pattern", "candidates/sweep"),
 )
 """What the other methods are made of. The poses that they are given are those of `default` when they were run."""
 

@@ -30,6 +30,7 @@ BASE = {
     "cells",
     "kernels",
     "voxels",
+    "column_data",
 }
 METHOD = {"candidates", "instances", "tracking"}
 STAGES = {"odometry", "network", *METHOD}

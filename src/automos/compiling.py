@@ -75,9 +75,9 @@ def is_cold() -> bool:
 
     Numba is asked, which knows of what source, by which version and for which processor each file on disk is.
     """
-    from automos.tracking import completion
+    from automos.tracking import object_points
 
-    kernel = completion._find_near
+    kernel = object_points._find_near
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if index is None:  # numba is set not to compile, or has no place to store the result
         return False

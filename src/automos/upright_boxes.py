@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.column_data import Columns
 from automos.geometry import transform, wrap_angle
 from automos.kernels import kernel
 
@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Boxes:
+class Boxes(Columns):
     """Upright oriented boxes, one row each, in one frame (paper III-C: b = (c, theta, l, w, h, s)).
 
     Attributes
@@ -42,37 +42,20 @@ class Boxes:
             if got != shape:
                 raise ValueError(f"{name} must be {shape}, got shape {got}")
 
-    def __len__(self) -> int:
-        return len(self.center)
-
-    def __getitem__(self, rows: npt.NDArray) -> Boxes:
-        return Boxes(*(getattr(self, f.name)[rows] for f in fields(self)))
-
     @property
     def volume(self) -> Array:
         """(M,) cubic metres."""
         return self.size.prod(axis=1)
-
-    def to_arrays(self) -> dict[str, npt.NDArray]:
-        """Return the columns by name, for saving."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Boxes:
-        """Return the boxes saved by `to_arrays`."""
-        return Boxes(*(np.asarray(arrays[f.name]) for f in fields(Boxes)))
 
     @staticmethod
     def empty() -> Boxes:
         """Return no boxes."""
         return Boxes(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
-    @staticmethod
-    def concatenate(parts: list[Boxes]) -> Boxes:
+    @classmethod
+    def concatenate(cls, parts: list[Boxes]) -> Boxes:
         """Return the boxes of all `parts`, in order."""
-        if not parts:
-            return Boxes.empty()
-        return Boxes(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Boxes)))
+        return super().concatenate([cls.empty(), *parts])
 
     def corners(self) -> Array:
         """Return (M, 4, 2) ground corners, counter-clockwise."""

@@ -1,11 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from free_space_worlds import HEIGHT, REACH, ListFrames, spin
 from scipy.spatial.transform import Rotation
 from worlds import Block, cast, van
 
+from automos.candidates.beam_pattern import Lidar, learn_pattern
 from automos.candidates.ego_body import find_ego_body, is_on_body
-from automos.candidates.free_space_pattern import learn_pattern
 from automos.candidates.ground import find_ground
 from automos.geometry import inverse, make_transform
 from automos.scan import Frame
@@ -15,10 +17,17 @@ BONNET = Block((1.6, 0.0, HEIGHT - 0.8), (1.0, 1.4, 0.3))  # beside a sensor at 
 HOUSES = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in range(-3, 8) for side in (-11.0, 12.0))
 
 
-def body_points(frames, pattern, truth):
-    reach = find_ego_body(frames, pattern, EgoBodySettings())
+def lidar_of(frames, sample):
+    """The LiDAR as learnt from the frames `sample`, with the body that all frames show."""
+    pattern = learn_pattern([frames[i] for i in sample])
+    lidar = Lidar(0, np.eye(4), pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32))
+    return replace(lidar, body_reach=find_ego_body(frames, lidar, EgoBodySettings()))
+
+
+def body_points(frames, sample, truth):
+    lidar = lidar_of(frames, sample)
     points = [frames[i].points for i in range(len(frames))]
-    found = np.concatenate([is_on_body(p, np.zeros(len(p), bool), reach, pattern) for p in points])
+    found = np.concatenate([is_on_body(p, np.zeros(len(p), bool), lidar) for p in points])
     return found, np.concatenate(truth)
 
 
@@ -37,7 +46,7 @@ def recording(speed, extra=(), n_scans=40):
 
 def test_the_bonnet_is_found_and_nothing_else():
     frames, truth = recording(speed=8.0)
-    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    found, true = body_points(frames, (0, 20), truth)
     assert true.sum() > 1000
     assert (found & true).sum() > 0.95 * true.sum()
     assert not (found & ~true).any()
@@ -47,14 +56,14 @@ def test_the_bonnet_is_found_though_others_drive_where_it_was():
     top = BONNET.center[2] + 0.5 * BONNET.size[2]
     column = tuple(Block((-9.0 - 5.0 * k, 0.0, 0.5 * top), (4.0, 1.9, top), velocity=(8.0, 0.0, 0.0)) for k in range(5))
     frames, truth = recording(speed=8.0, extra=column)
-    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    found, true = body_points(frames, (0, 20), truth)
     assert (found & true).sum() > 0.95 * true.sum()
 
 
 def test_a_vehicle_alongside_at_the_same_speed_is_no_body():
     bus = Block((0.0, 3.2, 1.5), (11.0, 2.4, 3.0), velocity=(10.0, 0.0, 0.0))  # slides past at 2 m/s
     frames, truth = recording(speed=8.0, extra=(bus,))
-    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    found, true = body_points(frames, (0, 20), truth)
     assert not (found & ~true).any()
 
 
@@ -63,13 +72,13 @@ def test_a_lorry_that_stays_beside_the_sensor_for_long_is_no_body():
         (0.0, 3.2, 1.5), (11.0, 2.4, 3.0), velocity=(8.0, 0.04, 0.0)
     )  # 4 cm/s off the line: who drives straighter?
     frames, truth = recording(speed=8.0, extra=(lorry,))
-    found, true = body_points(frames, learn_pattern([frames[0], frames[20]]), truth)
+    found, true = body_points(frames, (0, 20), truth)
     assert not (found & ~true).any()
 
 
 def test_a_sensor_that_stands_still_finds_no_body():
     frames, truth = recording(speed=0.0)
-    found, _ = body_points(frames, learn_pattern([frames[0]]), truth)
+    found, _ = body_points(frames, (0,), truth)
     assert not found.any()
 
 
@@ -214,12 +223,10 @@ def swinging_arms():
 
 def covered(frames, truth):
     """Return which points are body in every sixth scan of a ride, and what they lie on."""
-    pattern = learn_pattern([frames[i] for i in (0, 15, 30, 45, 59)])
-    reach = find_ego_body(frames, pattern, EgoBodySettings())
-    found = []
+    lidar, found = lidar_of(frames, (0, 15, 30, 45, 59)), []
     for i in range(0, len(frames), 6):
         is_ground, _ = find_ground(frames[i].points_level, frames[i].origin_level, GroundSettings())
-        found.append(is_on_body(frames[i].points, is_ground, reach, pattern))
+        found.append(is_on_body(frames[i].points, is_ground, lidar))
     return np.concatenate(found), np.concatenate(truth[::6])
 
 

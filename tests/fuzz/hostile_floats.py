@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.candidates.free_space_grid import BeamPattern
-from automos.candidates.free_space_grid import make_pattern as pattern_of
+from automos.candidates.beam_pattern import BeamPattern
+from automos.candidates.beam_pattern import make_pattern as pattern_of
 from automos.scan import Frame
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks

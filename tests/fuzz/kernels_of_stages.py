@@ -7,14 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.candidates import (
-    ego_body_ranges,
-    free_space_sweep,
-    free_space_vote,
-    free_space_weigh,
-)
-from automos.candidates.free_space_image import find_neighbours, make_image, project
+from automos.candidates import ego_body, sweep, votes
 from automos.candidates.ground import find_ground
+from automos.candidates.range_image import find_neighbours, make_image, project
 from automos.geometry import transform
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
@@ -28,7 +23,7 @@ from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
 from automos.tracking import face_paths, places
-from automos.tracking.completion import paint_objects
+from automos.tracking.object_points import paint_objects
 from automos.tracking.smoothing import smooth
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import iou_3d, points_in_boxes
@@ -40,24 +35,24 @@ def _ground(points: np.ndarray) -> None:
 
 
 def _free_space(points: np.ndarray) -> None:
-    free_space_sweep.raw_points(make_frame(points))
-    free_space_sweep.last_looks(np.tile(points, (100, 1)), np.tile(points[:, 2], 100))
+    sweep.raw_points(make_frame(points))
+    sweep.last_looks(np.tile(points, (100, 1)), np.tile(points[:, 2], 100))
     n, motion, T = len(points), np.resize(points, 6), np.resize(points, (3, 4))
     for pattern in (make_pattern(np.resize(points[:, 0], 4097)), make_pattern()):
         projection = project(points, pattern, points[:, 0] == points[:, 0])
         find_neighbours(projection, np.ones(n, bool))
-        rays = free_space_vote.Rays(pattern, motion, make_image(projection, pattern.pyramid, np.ones(n, bool)))
+        image = make_image(projection, pattern, motion, np.ones(n, bool))
         for each in (T, np.eye(4, dtype=np.float32)[:3]):
-            looks = free_space_vote.look_through(np.ascontiguousarray(points.T), each, rays, (np.float32(0.1),) * 5)
+            looks = votes.look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 5)
             for ranges in (looks[1], points[:, 0].copy()):
                 about = (ranges, points[:, 1], points[:, 2], points[:, 0], np.ones(n), np.float32(0.02))
-                free_space_weigh.weigh_looks(looks[0], *about, 0.1, 0.5)
+                votes.weigh_looks(looks[0], *about, 0.1, 0.5)
 
 
 def _ego_body(points: np.ndarray) -> None:
-    ego_body_ranges.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
+    ego_body.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body_ranges.cells_within(points, reach, make_pattern())
+        ego_body.cells_within(points, reach, make_pattern())
 
 
 def _erasor(points: np.ndarray) -> None:

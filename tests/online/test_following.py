@@ -5,7 +5,8 @@ import numpy as np
 from automos import load_settings
 from automos.detections import Detections
 from automos.online.following import FEW, PAST_ALONE, TOO_FEW, Comparisons, Following
-from automos.tracking.tracker import Tracker, as_table, track_objects
+from automos.tracking.tracker import Tracker, track_objects, until_last_seen
+from automos.tracking.tracks import Tracks
 from automos.upright_boxes import Boxes
 
 SETTINGS = load_settings("default").tracking
@@ -25,7 +26,7 @@ SCANS = [(0.1 * k, cars(1.0 * k, 40.0 - 0.8 * k)) for k in range(12)]
 
 def test_a_tracker_fed_scan_by_scan_finds_what_one_run_finds():
     tracker = Tracker(SETTINGS)
-    fed = as_table([tracker.step(stamp, found) for stamp, found in SCANS])
+    fed = until_last_seen(Tracks.concatenate([tracker.step(stamp, found) for stamp, found in SCANS]))
     whole = track_objects(SCANS, SETTINGS)
     assert len(whole) == 2
     for name, column in whole.to_arrays().items():
@@ -34,13 +35,14 @@ def test_a_tracker_fed_scan_by_scan_finds_what_one_run_finds():
 
 def test_a_copy_goes_its_own_way():
     tracker = Tracker(SETTINGS)
-    log = [tracker.step(stamp, found) for stamp, found in SCANS[:6]]
+    steps = [tracker.step(stamp, found) for stamp, found in SCANS[:6]]
     other = copy.copy(tracker)
     for k in range(6, 9):  # another future: nothing is seen any more
         other.step(0.1 * k, cars())
-    log += [tracker.step(stamp, found) for stamp, found in SCANS[6:]]
+    steps += [tracker.step(stamp, found) for stamp, found in SCANS[6:]]
+    fed = until_last_seen(Tracks.concatenate(steps))
     for name, column in track_objects(SCANS, SETTINGS).to_arrays().items():
-        np.testing.assert_array_equal(getattr(as_table(log), name), column)
+        np.testing.assert_array_equal(getattr(fed, name), column)
 
 
 def probability(following: Following, stamp: float, *ahead: tuple[float, Detections]) -> float:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from automos.detections import Detections
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 from automos.tracking import filter as kalman
-from automos.tracking.association import assign, association_cost, motion_cost
+from automos.tracking.association import Objects, assign, association_cost, motion_cost
 from automos.upright_boxes import Boxes
 
 OPEN = {"max_distance": 100.0, "max_overlap_cost": 1.0, "max_volume_cost": 1.0}
@@ -71,15 +71,17 @@ def cost_of_seeing(
     share : what the evidence said of it.   n_moving : of the 100 points seen now, that have moved.
     """
     noise = FilterSettings()
-    belief = kalman.start(before, noise)
+    belief = kalman.start(before, noise, noise.initial_velocity_variance)
     for _ in range(10):
         belief = kalman.update(kalman.predict(belief, 0.1, noise), before, noise)
     hundred, nothing = np.full(1, 100.0), np.zeros(1)
     known = nothing if share == 0.5 else hundred
     found = Detections.of_objects(now, hundred, nothing + n_moving, known - n_moving)
     belief = kalman.predict(belief, 0.1, noise)
-    lost = np.full(1, is_lost)
-    return float(motion_cost(belief, np.full(1, share), hundred, found, noise, GateSettings(), lost)[0, 0])
+    one, misses = np.zeros(1, np.int64), np.full(1, 2 if is_lost else 1)  # the current scan is included
+    state = np.full(1, share), hundred, np.full(1, share > 0.5)
+    objects = Objects(belief.mean, belief.covariance, one, nothing, misses, *state)
+    return float(motion_cost(objects, found, noise, GateSettings())[0, 0])
 
 
 @pytest.mark.parametrize(

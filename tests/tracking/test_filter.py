@@ -20,6 +20,10 @@ def boxes(rows) -> Boxes:
     return Boxes(rows[:, :3], rows[:, 4:], rows[:, 3], np.ones(len(rows)))
 
 
+def begin(measured: Boxes) -> kalman.Beliefs:
+    return kalman.start(measured, SETTINGS, PV0)
+
+
 def follow_number(values, steps):
     """Return mean and variance of a number that wanders (variance Q a second) after measuring `values`."""
     mean, P = values[0], P0
@@ -47,7 +51,7 @@ def follow_place(values, steps):
 )
 def test_every_number_is_followed_as_by_a_filter_of_its_own(rows, data):
     steps = data.draw(st.lists(st.sampled_from([0.05, 0.1, 0.3]), min_size=len(rows) - 1, max_size=len(rows) - 1))
-    beliefs = kalman.start(boxes(rows[0]), SETTINGS)
+    beliefs = begin(boxes(rows[0]))
     for row, dt in zip(rows[1:], steps, strict=True):
         beliefs = kalman.update(kalman.predict(beliefs, dt, SETTINGS), boxes(row), SETTINGS)
     mean, covariance = beliefs.mean[0], beliefs.covariance[0]
@@ -64,7 +68,7 @@ def test_every_number_is_followed_as_by_a_filter_of_its_own(rows, data):
 
 
 def test_after_two_sights_the_velocity_is_the_step_over_the_time():
-    beliefs = kalman.start(boxes([0, 0, 0, 0, 4, 2, 1.5]), SETTINGS)
+    beliefs = begin(boxes([0, 0, 0, 0, 4, 2, 1.5]))
     np.testing.assert_array_equal(beliefs.mean[0, 7:], 0.0)
     beliefs = kalman.predict(beliefs, 0.1, SETTINGS)
     # by hand: the place's variance is 10 + 1e6 * 0.01 + 1 = 10011, the gain of velocity 1e5 / 10012 = 9.988
@@ -80,14 +84,14 @@ def test_a_prediction_moves_with_the_velocity_and_changes_nothing_else():
 
 
 def test_no_time_changes_nothing():
-    beliefs = kalman.start(boxes([1, 2, 3, 0.5, 4, 2, 1.5]), SETTINGS)
+    beliefs = begin(boxes([1, 2, 3, 0.5, 4, 2, 1.5]))
     later = kalman.predict(beliefs, 0.0, SETTINGS)
     np.testing.assert_array_equal(later.mean, beliefs.mean)
     np.testing.assert_array_equal(later.covariance, beliefs.covariance)
 
 
 def test_noise_is_per_second_so_that_many_short_steps_are_as_uncertain_as_a_long_one():
-    long = short = kalman.start(boxes([0, 0, 0, 0, 4, 2, 1.5]), SETTINGS)
+    long = short = begin(boxes([0, 0, 0, 0, 4, 2, 1.5]))
     long = kalman.predict(long, 0.4, SETTINGS)
     for _ in range(4):
         short = kalman.predict(short, 0.1, SETTINGS)
@@ -133,7 +137,7 @@ def test_the_nearest_heading_is_within_an_eighth_of_a_turn_and_keeps_the_corners
 
 @pytest.mark.parametrize("quarters", range(-4, 5))
 def test_a_heading_given_any_quarters_of_a_turn_away_updates_the_same(quarters):
-    prior = kalman.predict(kalman.start(boxes([0, 0, 0, 3.0, 4, 2, 1.5]), SETTINGS), 0.1, SETTINGS)
+    prior = kalman.predict(begin(boxes([0, 0, 0, 3.0, 4, 2, 1.5])), 0.1, SETTINGS)
     size = [4.2, 1.9, 1.5] if quarters % 2 == 0 else [1.9, 4.2, 1.5]
     turned = kalman.update(prior, boxes([0.5, 0, 0, 3.1 + quarters * np.pi / 2, *size]), SETTINGS)
     straight = kalman.update(prior, boxes([0.5, 0, 0, 3.1, 4.2, 1.9, 1.5]), SETTINGS)
@@ -141,7 +145,7 @@ def test_a_heading_given_any_quarters_of_a_turn_away_updates_the_same(quarters):
 
 
 def test_a_heading_passes_half_a_turn_without_a_jump():
-    beliefs = kalman.start(boxes([0, 0, 0, np.radians(170), 4, 2, 1.5]), SETTINGS)
+    beliefs = begin(boxes([0, 0, 0, np.radians(170), 4, 2, 1.5]))
     for deg in (174, 178, -178, -174):
         beliefs = kalman.update(
             kalman.predict(beliefs, 0.1, SETTINGS), boxes([0, 0, 0, np.radians(deg), 4, 2, 1.5]), SETTINGS
@@ -155,7 +159,7 @@ def test_a_heading_passes_half_a_turn_without_a_jump():
 # --------------------------------------------------------------------------------------------------------- health
 def test_covariances_stay_symmetric_and_positive_through_thousands_of_updates():
     rng = np.random.default_rng(0)
-    beliefs = kalman.start(boxes(np.tile([0, 0, 0, 0, 4, 2, 1.5], (3, 1))), SETTINGS)
+    beliefs = begin(boxes(np.tile([0, 0, 0, 0, 4, 2, 1.5], (3, 1))))
     for _ in range(3000):
         beliefs = kalman.predict(beliefs, 0.1, SETTINGS)
         beliefs = kalman.update(beliefs, boxes(rng.normal([0, 0, 0, 0, 4, 2, 1.5], 0.1, (3, 7))), SETTINGS)
@@ -165,22 +169,20 @@ def test_covariances_stay_symmetric_and_positive_through_thousands_of_updates():
 
 def test_rows_do_not_know_each_other():
     rows = np.random.default_rng(0).normal([0, 0, 0, 0, 4, 2, 1.5], 0.3, (2, 4, 7))
-    both = kalman.update(
-        kalman.predict(kalman.start(boxes(rows[0]), SETTINGS), 0.1, SETTINGS), boxes(rows[1]), SETTINGS
-    )
+    both = kalman.update(kalman.predict(begin(boxes(rows[0])), 0.1, SETTINGS), boxes(rows[1]), SETTINGS)
     for k in range(4):
-        one = kalman.start(boxes(rows[0, k]), SETTINGS)
+        one = begin(boxes(rows[0, k]))
         one = kalman.update(kalman.predict(one, 0.1, SETTINGS), boxes(rows[1, k]), SETTINGS)
         np.testing.assert_allclose(both.mean[k], one.mean[0], rtol=1e-12)
         np.testing.assert_allclose(both.covariance[k], one.covariance[0], rtol=1e-12)
 
 
 def test_no_boxes_are_no_beliefs():
-    none = kalman.start(Boxes.empty(), SETTINGS)
+    none = begin(Boxes.empty())
     none = kalman.update(kalman.predict(none, 0.1, SETTINGS), Boxes.empty(), SETTINGS)
     assert len(none) == len(none.boxes()) == 0
 
 
 def test_a_box_never_shrinks_to_nothing():
-    beliefs = kalman.start(boxes([0, 0, 0, 0, 1, 0, 0]), SETTINGS)
+    beliefs = begin(boxes([0, 0, 0, 0, 1, 0, 0]))
     assert (beliefs.boxes().size > 0.0).all()

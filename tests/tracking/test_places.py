@@ -58,9 +58,8 @@ def test_only_a_place_that_stays_has_held_in_many_more_scans_is_taken_from_a_mov
 
 def test_what_nobody_knows_of_speaks_for_neither():
     columns, unknown = touched_columns(boxes()), np.zeros(3, bool)
-    moved, stayed = held_places(BIN, unknown, unknown, columns)
-    assert not len(moved)
-    assert not len(stayed)
+    held, _ = held_places(BIN, unknown, unknown, columns)
+    assert not len(held)
 
 
 def test_a_place_that_nothing_moving_ever_held_is_not_remembered():
@@ -82,6 +81,11 @@ def test_every_point_of_a_box_lies_in_a_column_that_it_touches(yaw):
     points = np.column_stack([-3.3 + c * u - s * v, 8.1 + s * u + c * v, rng.uniform(-0.5, 2.5, 500)])
     held, _ = held_places(points.astype(np.float32), *np.ones((2, 500), bool), touched_columns(box))
     assert set(held) == set(held_places(points.astype(np.float32), *np.ones((2, 500), bool), everywhere())[0])
+
+
+def test_a_place_may_contain_both_what_moves_and_what_stays():
+    _, both = held_places(BIN, np.array([True, True, False]), np.array([False, True, True]), everywhere())
+    assert both.tolist() == [[True, False], [True, True], [False, True]]
 
 
 def everywhere():

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from automos.detections import Detections
 from automos.geometry import make_transform, wrap_angle
 from automos.settings import load_settings
-from automos.tracking.tracker import track_objects
+from automos.tracking.tracker import can_follow, track_objects
 from automos.upright_boxes import Boxes
 
 SETTINGS = load_settings("paper").tracking
@@ -171,3 +171,9 @@ def test_one_scan_makes_tracks_of_one_row():
     tracks = track([boxes([[0, 0, 0], [10, 0, 0]])])
     np.testing.assert_array_equal(tracks.segment, [0, 1])
     np.testing.assert_array_equal(tracks.velocity, np.zeros((2, 3)))
+
+
+def test_ten_scans_a_second_are_followed_and_two_are_not():
+    assert can_follow(0.1 * np.arange(20))
+    assert not can_follow(0.5 * np.arange(20))
+    assert can_follow(np.zeros(1))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.beam_pattern import learn_pattern
 from automos.cells import turn_of
 from automos.kernels import kernel
 from automos.scan import Frames

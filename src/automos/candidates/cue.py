@@ -15,28 +15,19 @@ from automos.errors import InputError
 from automos.reading import read_array
 from automos.settings import SelfTrainingSettings
 
-_MOST = 0.98
-"""Upper bound of the network's probabilities: a few in a hundred of the labels it was trained on are wrong."""
+_MOST = 0.98  # upper bound of the network's probabilities: a few in a hundred of the labels of its training are wrong
 
 
 def add_cue(
     log_odds: npt.NDArray[np.floating], probability: npt.NDArray[np.floating], settings: SelfTrainingSettings
 ) -> npt.NDArray[np.float16]:
-    """Return (M,) `log_odds` (has moved, against has stayed) plus the weighted log-odds of the network.
-
-    `probability` (M,) is that of moving, in [0, 1].
-    """
+    """Return (M,) `log_odds` of having moved plus the weighted log-odds of the network's `probability` (M,)."""
     bounded = np.clip(probability.astype(np.float64), 1.0 - _MOST, _MOST)
     return (log_odds + settings.weight * np.log(bounded / (1.0 - bounded))).astype(np.float16)
 
 
 def read_cue(settings: SelfTrainingSettings, name: str, n_points: int) -> npt.NDArray[np.floating]:
-    """Return (n_points,) probabilities of the scan `name`.
-
-    Raises
-    ------
-    InputError : the file is missing, or belongs to another scan.
-    """
+    """Return (n_points,) probabilities of the scan `name`; InputError if they are missing or of another scan."""
     path = Path(settings.folder) / f"{name}.npy"
     try:
         probability = read_array(path)

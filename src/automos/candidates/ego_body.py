@@ -1,9 +1,10 @@
 """The ego body: points that keep their place in the sensor's frame while the sensor moves.
 
 A ray that meets the body returns the same range in every scan. So may a ray that meets an even road, a vehicle that
-keeps its distance, or the long side of one that drives alongside. But other scans, before and after, hit the road at
-its place and not the body, so they vote (`ego_body_votes`): points fixed both in the sensor's frame and in the world
-are world. Motion of a few decimetres, or the rolling of a boat at its quay, suffices.
+keeps its distance, or the long side of one that drives alongside. But other scans hit the road at its place and not the
+body: a ray that passes through the place of a point is a vote for the body, one that ends there is a vote for the
+world, and one that meets a possible body counts for neither. Motion of a few decimetres, or the rolling of a boat at
+its quay, suffices. Where there are no votes (inside a wide deck, before water) those on the rest of a part decide.
 No vehicle keeps its distance to within the sensor's noise: the edges and ranges of the body must be the same in the
 last third of the recording as in the first. Repeated returns from within arm's reach (legs, an operator) are ego body,
 however they move. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the sensor
@@ -16,78 +17,88 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
-from automos.candidates.ego_body_ranges import Ranges, cells_within, find_constant, find_near, nearest_ranges
-from automos.candidates.ego_body_votes import ask_others, decide, parts_of
-from automos.candidates.free_space_grid import BeamPattern, directions
-from automos.candidates.free_space_image import over_neighbours
-from automos.geometry import inverse, se3_log
-from automos.scan import Frames, Mask, Points
+from automos.candidates.beam_pattern import BeamPattern, Lidar, directions
+from automos.candidates.range_image import NO_RAY, UNIT, locate, make_image, over_neighbours, project
+from automos.candidates.sweep import motion_of, raw_points
+from automos.candidates.votes import EDGE, HIT, look_through
+from automos.geometry import inverse, se3_log, transform
+from automos.scan import Frame, Frames, Mask, Points
 from automos.settings import EgoBodySettings
 
-_LOOKS = 16
-"""Number of scans that vote on whether a possible body is world."""
-STEADIEST = 25
-"""Percentile of a part's drift that counts: a hinged part is steady beside its hinge, traffic is steady nowhere."""
-MAX_SCANS = 40
-"""Number of scans evaluated, spread over the recording."""
-MIN_SCANS = 9
-"""With fewer scans at different poses, no body is detected."""
+Array = npt.NDArray[np.float64]
+Ranges = npt.NDArray[np.float32]
+MIN_SCANS, MAX_SCANS = 9, 40
+"""With fewer scans at different poses, no body is detected; of more, so many, spread evenly, are evaluated."""
 MIN_STEP, ARM = 0.25, 5.0
 """Metres: least displacement, between evaluated scans, of a point `ARM` from the sensor and fixed to it."""
 MIN_UNEVENNESS = 0.15
 """Metres, least RMS deviation from even motion: others do not brake, turn and roll along to centimetres. In even motion
 they keep their distance for seconds, so a body must then be nearer than half the distance travelled."""
-MIN_OVERLAP = 0.8
-"""Least share of a part's cells that must be present in both the first and the last third of the recording."""
-MAX_DRIFT = 0.025
-"""Metres: greatest change of a part's range from the first third of the recording to the last."""
-MIN_CELLS = 4
-"""Least number of neighbouring rays that meet a part of the body."""
-GOES_ON = 1.4
-"""Factor on the farthest range of the body, within which points connected to it belong to it."""
-ATTACHED_SHARE = 0.15
-"""Least share of a connected part that must lie on the body for the whole part to belong to it."""
+GRAZING = 0.15
+"""Share of a range by which that of the next ray may differ on a face met at a grazing angle; more is an edge."""
+NEAR_SHARE, NEAR_MARGIN = 0.15, np.float32(0.1)
+"""Least share of scans that return from within arm's reach where an arm swings (other objects pass there once), and
+metres by which the body may reach beyond the farthest of these returns."""
+MIN_OVERLAP = 0.8  # least share of a part's cells that must be present in both the first and the last third
+MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first third of the recording to the last
+STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
+MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
+GOES_ON = 1.4  # factor on the farthest range of the body, within which points connected to it belong to it
+ATTACHED_SHARE = 0.15  # least share of a connected part that must lie on the body for the whole part to belong to it
+_LOOKS = 16  # scans that vote on whether a possible body is world
+_ASKED = 20_000  # greatest number of points of a scan that others vote on
+_TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
+_BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
+_VOXEL = 0.3  # metres: points in neighbouring voxels are connected
+_WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
+_LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
 
-def is_on_body(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPattern) -> Mask:
+def is_on_body(points: Points, is_ground: Mask, lidar: Lidar) -> Mask:
     """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or are connected to it.
 
-    Ground points, `is_ground` (M,) bool, connect nothing.   `reach` (H, W) is that of `find_ego_body`.
+    Ground points, `is_ground` (M,) bool, connect nothing.
     """
-    is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(reach.max())
+    is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(lidar.body_reach.max())
     if farthest == 0.0:
         return is_body
     near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < farthest**2)
-    is_body[near] = cells_within(points[near], reach, pattern) >= 0
+    is_body[near] = cells_within(points[near], lidar.body_reach, lidar.pattern) >= 0
     near = near[is_body[near] | ~is_ground[near]]
     if is_body.any():
-        part, n_parts = parts_of(points[near])
+        part, n_parts = _parts_of(points[near])
         total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
         is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
     return is_body
 
 
-def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySettings, threads: int = 2) -> Ranges:
-    """Return (H, W) the range up to which the body reaches along each ray, metres; 0 where there is no body."""
-    nothing = np.zeros((pattern.n_rows, pattern.n_columns), np.float32)
-    sample = _scans_apart(frames)
+def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threads: int = 2) -> Ranges:
+    """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none."""
+    pattern, nothing = lidar.pattern, np.zeros((lidar.pattern.n_rows, lidar.pattern.n_columns), np.float32)
+    T_level_sensor = frames.T_level_sensor @ lidar.T_scan_sensor
+    sample = _scans_apart(T_level_sensor)
     if len(sample) < MIN_SCANS:
         return nothing
-    T, max_range = frames.T_level_sensor[sample], settings.max_range
+    T, max_range = T_level_sensor[sample], settings.max_range
     if _unevenness(T, frames.stamps[sample]) < MIN_UNEVENNESS:
         max_range = min(max_range, 0.5 * float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))))
     if max_range < settings.near_reach:
         return nothing
+
+    def seen(i: int) -> Frame:
+        return frames[i].of_sensor(lidar.number)[1]
+
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: nearest_ranges(frames[i], pattern, max_range), sample)))
+        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(seen(i), pattern, max_range), sample)))
     first, _, last = np.array_split(ranges, 3)
     ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
-    near = np.stack([find_near(part, settings.near_reach) for part in (first, last)])
+    near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     may_be = np.maximum(ends.max(axis=0), near)
-    asked = [frames[sample[i]] for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
-    is_body = decide(ask_others(asked, pattern, may_be), pattern, may_be)
+    asked = [seen(sample[i]) for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
+    is_body = _decide(_ask_others(asked, pattern, may_be), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     is_world = (may_be > 0.0) & ~is_body
@@ -95,26 +106,55 @@ def find_ego_body(frames: Frames, pattern: BeamPattern, settings: EgoBodySetting
     return np.where(is_world, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
 
 
-def _scans_apart(frames: Frames) -> list[int]:
-    """Return up to `MAX_SCANS` indices of `frames`, evenly spread, each after a displacement or a turn."""
-    T, sample = frames.T_level_sensor, [0]
-    for i in np.unique(np.linspace(0, len(frames) - 1, 2 * MAX_SCANS).astype(int)):
+def _scans_apart(T: Array) -> list[int]:
+    """Return up to `MAX_SCANS` indices of the poses `T`, evenly spread, each after a displacement or a turn."""
+    sample = [0]
+    for i in np.unique(np.linspace(0, len(T) - 1, 2 * MAX_SCANS).astype(int)):
         motion = se3_log(inverse(T[sample[-1]]) @ T[i])
         if np.linalg.norm(motion[:3]) + ARM * np.linalg.norm(motion[3:]) > MIN_STEP:
             sample.append(int(i))
     return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, MAX_SCANS).astype(int))]
 
 
-def _unevenness(T: npt.NDArray[np.float64], stamps: npt.NDArray[np.float64]) -> float:
-    """Return the RMS distance (metres) of a point `ARM` from the sensor from where the mean motion would take it.
-
-    The poses `T` are (K, 4, 4), their `stamps` (K,) seconds.
-    """
+def _unevenness(T: Array, stamps: Array) -> float:
+    """Return the RMS distance (metres) of a point `ARM` from the sensor from where the mean motion would take it."""
     steps = se3_log(inverse(T[:-1]) @ T[1:])
     mean = steps.sum(axis=0) / (stamps[-1] - stamps[0])
     off = np.cumsum(steps - np.diff(stamps)[:, None] * mean, axis=0)
     off -= off.mean(axis=0)
     return float(np.sqrt((off[:, :3] ** 2 + (ARM * off[:, 3:]) ** 2).sum(axis=1).mean()))
+
+
+def _nearest_ranges(frame: Frame, pattern: BeamPattern, max_range: float) -> Ranges:
+    """Return (H, W) the nearest range in each cell, metres; infinite beyond `max_range`, NaN without return."""
+    nearest = project(raw_points(frame), pattern).rays[..., 0]
+    ranges = np.where(nearest < max_range / UNIT, np.float32(UNIT) * nearest, np.float32(np.inf))
+    return np.where(nearest == NO_RAY, np.float32(np.nan), ranges)
+
+
+def find_constant(ranges: Ranges, settings: EgoBodySettings) -> Ranges:
+    """Return (2, H, W): the range up to which a body reaches where most of `ranges` (K, H, W) agree, and its tolerance.
+
+    A face met at a grazing angle (a trailer's long side) changes its range by much when it swings by little, so
+    ranges also agree if they differ by less than half the difference between neighbouring rays.
+    """
+    n = (~np.isnan(ranges)).sum(axis=0)
+    ordered = np.sort(ranges, axis=0)  # NaN last
+    middle = np.take_along_axis(ordered, np.stack([np.maximum(n - 1, 0) // 2, np.minimum(n // 2, len(ranges) - 1)]), 0)
+    with np.errstate(invalid="ignore"):  # of infinities
+        median = np.where(n >= settings.min_share * len(ranges), 0.5 * middle.sum(axis=0), np.float32(np.inf))
+        steps = np.abs(np.stack([np.roll(median, shift, axis=1) for shift in (-1, 1)]) - median)
+        tolerance = settings.tolerance + 0.5 * np.where(steps < GRAZING * median, steps, np.float32(0.0)).max(axis=0)
+        n_same = (np.abs(ranges - median) < tolerance).sum(axis=0)
+    is_same = np.isfinite(median) & (n_same >= settings.min_share * n)
+    return np.where(is_same, np.stack([median + tolerance, tolerance]), np.float32(0.0))
+
+
+def _find_near(ranges: Ranges, near_reach: float) -> Ranges:
+    """Return (H, W) the range up to which a body reaches where scans repeatedly return from within `near_reach`."""
+    is_near = ranges < near_reach
+    farthest = np.where(is_near, ranges, np.float32(0.0)).max(axis=0)
+    return np.where(is_near.mean(axis=0) >= NEAR_SHARE, farthest + NEAR_MARGIN, np.float32(0.0))
 
 
 def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
@@ -124,7 +164,7 @@ def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoB
     """
     is_part = np.logical_or(*(ends > 0.0))
     v, u = np.nonzero(is_part)
-    part, n_parts = parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
+    part, n_parts = _parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
     # Allow an offset of one cell to each side.
     in_both = np.all([over_neighbours(end, np.maximum) > 0.0 for end in ends], axis=0)[v, u]
     size = np.bincount(part, minlength=n_parts)
@@ -137,3 +177,58 @@ def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoB
         is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= MAX_DRIFT
     is_part[v, u] = is_body[part]
     return is_part
+
+
+def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> Array:
+    """Return (3, H, W) the numbers of reports, hits and free-space observations of each cell.
+
+    Each of `frames` reports on the points of all others that are nearer than `reach` (H, W), metres.
+    """
+    raws = [raw_points(frame) for frame in frames]
+    projections = [project(raw, pattern) for raw in raws]
+    images = [make_image(p, pattern, motion_of(f), p.cell >= 0) for f, p in zip(frames, projections, strict=True)]
+    may_be_met = over_neighbours(np.where(reach > 0.0, reach + np.float32(_BEFORE), np.float32(0.0)), np.maximum)
+    votes = np.zeros((3, reach.size))
+    for frame, raw in zip(frames, raws, strict=True):
+        cell = cells_within(raw, reach, pattern)
+        rows = np.flatnonzero(cell >= 0)
+        rows = rows[:: max(len(rows) // _ASKED, 1)]
+        points, of_points = np.take(frame.points, rows, axis=0), np.zeros((3, len(rows)))
+        for other, image in zip(frames, images, strict=True):
+            if other is frame:
+                continue
+            T = inverse(other.T_level_sensor) @ frame.T_level_sensor
+            codes, _, _ = look_through(np.ascontiguousarray(points.T), T[:3].astype(np.float32), image, _TOLERANCES)
+            meets_itself = cells_within(transform(T, points), may_be_met, pattern) >= 0
+            of_points += codes >= EDGE, (codes == HIT) & ~meets_itself, codes > HIT
+        votes += [np.bincount(cell[rows], of_kind, reach.size) for of_kind in of_points]
+    return votes.reshape(3, *reach.shape)
+
+
+def _decide(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
+    """Return (H, W) bool: cells whose `reach` (H, W; 0 for none) is body, according to their `votes` (3, H, W)."""
+    reported, hits, through = votes
+    is_body = (reach > 0.0) & ~((hits > _WORLD_SHARE * reported) & (hits >= through))
+    v, u = np.nonzero(is_body)
+    part, n_parts = _parts_of(directions(pattern, v, u) * reach[v, u][:, None])
+    reported, hits, through = (np.bincount(part, of_cells[v, u], n_parts) for of_cells in votes)
+    is_body[v, u] = ((through > hits) & (through > _LEAST_SHARE * reported))[part]
+    return is_body
+
+
+def cells_within(points: Points, reach: Ranges, pattern: BeamPattern) -> npt.NDArray[np.int32]:
+    """Return (M,) the cell of each of `points` (M, 3) of a raw sweep nearer than its cell's `reach`, -1 for others."""
+    cell, ranges = locate(points, pattern)
+    return np.where(ranges < np.append(reach, np.float32(0.0))[cell], cell, np.int32(-1))
+
+
+def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
+    """Return (M,) the connected part that each of `points` (M, 3) belongs to, and one more than the last part."""
+    if len(points) == 0:
+        return np.zeros(0, np.int32), 0
+    voxels = np.floor(points / _VOXEL).astype(np.int64)
+    voxels -= voxels.min(axis=0)
+    grid = np.zeros(voxels.max(axis=0) + 1, np.bool_)
+    grid[tuple(voxels.T)] = True
+    parts, n_parts = ndimage.label(grid, np.ones((3, 3, 3), bool))
+    return parts[tuple(voxels.T)], n_parts + 1

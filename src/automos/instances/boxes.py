@@ -18,10 +18,9 @@ _MIN_DISTANCE = 0.05  # m: lower bound of the distance to a side, so that closen
 
 
 def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArray) -> Boxes:
-    """Return the boxes of segments 0..S-1; the length is the longer ground side.
+    """Return the boxes of segments 0..S-1, with `scores` (S,) in [0, 1]; the length is the longer ground side.
 
     points : (N, 3) metres, a frame with z up.   ids : (N,) segment of each point, -1 for none; all 0..S-1 occur.
-    scores : (S,) in [0, 1].
     """
     count = len(scores)
     if count == 0:

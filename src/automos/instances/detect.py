@@ -24,29 +24,19 @@ from automos.settings import DetectSettings
 Ids = npt.NDArray[np.int32]
 MIXED_SHARE = 0.1
 """Share of the known points: a segment in which at least this share moved, and at least this share stayed, is mixed."""
-MIXED_POINTS = 20
-"""Least number of moved and of stayed points of a mixed segment."""
-MIXED_GAP = 0.3
-"""Metres: gap at which a mixed segment is split, if its parts are then not mixed."""
-SILENCE = 0.2
-"""Share of stayed points up to which a segment is unknown instead of static."""
+MIXED_POINTS = 20  # least number of moved and of stayed points of a mixed segment
+MIXED_GAP = 0.3  # metres: gap at which a mixed segment is split, if its parts are then not mixed
+SILENCE = 0.2  # share of stayed points up to which a segment is unknown instead of static
 
 
 class ScanPoints(NamedTuple):
-    """The points of one scan that are neither ground nor ego body.
-
-    Attributes
-    ----------
-    points : (M, 3) float32, metres, level frame.   heights : (M,) float32, metres above the ground.
-    solidity : (M,) uint8, share of the rays beside a point that ended beside it, 255 for all.
-    has_moved, has_stayed : (M,) bool, both False where unknown.
-    """
+    """The points of one scan that are neither ground nor ego body, see `detect_objects`."""
 
     points: npt.NDArray
     heights: npt.NDArray[np.float32]
     solidity: npt.NDArray[np.uint8]
     has_moved: Mask
-    has_stayed: Mask
+    has_stayed: Mask  # both False where unknown
 
     def at(self, rows: npt.NDArray[np.int64]) -> ScanPoints:
         """Return the points of `rows`."""
@@ -62,13 +52,13 @@ def detect_objects(
     ray_steps: tuple[float, float],
     settings: DetectSettings,
 ) -> tuple[Ids, Ids, Detections]:
-    """Return the segments of one scan's points and the evidence on every segment.
+    """Return the segments of one scan's points that are neither ground nor ego body, and the evidence on every segment.
 
     Parameters
     ----------
-    points, heights, solidity : (M, 3), (M,), (M,), see `ScanPoints`.
-    origin : (3,) float64, metres, position of the sensor.
-    log_odds : (M,) float, has moved, against has stayed.
+    points : (M, 3) float32, metres, level frame.   origin : (3,) float64, metres, position of the sensor.
+    log_odds : (M,) float, has moved, against has stayed.   heights : (M,) float32, metres above the ground.
+    solidity : (M,) uint8, share of the rays beside a point that ended beside it, 255 for all.
     ray_steps : (2,) float, radians between neighbouring rays, vertically and horizontally.
 
     Returns
@@ -82,14 +72,14 @@ def detect_objects(
     seen = ScanPoints(points, heights, solidity, log_odds > limit, log_odds < -limit)
     seen_from, about = points - origin.astype(np.float32), (ray_steps, settings.segments)
     ids = _split_mixed(segment_points(seen_from, heights, *about), seen_from, seen, ray_steps, settings)
-    count, moved, stayed, extent, _ = _summarise(ids, *seen)
+    count, moved, stayed, extent, _, _ = _summarise(ids, *seen)
     is_consistent = _is_consistent(count, moved, stayed, settings)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
     objects, n_whole = _renumbered(ids, is_compact & is_consistent, 0)
 
     rest = np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed)
     pieces = segment_points(seen_from[rest], heights[rest], *about)
-    count, moved, _, extent, _ = _summarise(pieces, *seen.at(rest))
+    count, moved, _, extent, _, _ = _summarise(pieces, *seen.at(rest))
     is_piece = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
     objects[rest], n_objects = _renumbered(pieces, is_piece, n_whole)
 
@@ -154,9 +144,7 @@ def _split_mixed(
 
 def _describe(ids: Ids, seen: ScanPoints) -> Detections:
     """Return the boxes, counts, lift and solidity of segments 0, 1, ... of `ids`."""
-    count, moved, stayed, _, lift = _summarise(ids, *seen)
-    inside = np.flatnonzero(ids >= 0)
-    solid = np.bincount(ids[inside], seen.solidity[inside], len(count)) / 255.0 / np.maximum(count, 1.0)
+    count, moved, stayed, _, lift, solid = _summarise(ids, *seen)
     return Detections.of_objects(fit_boxes(seen.points, ids, np.ones(len(count))), count, moved, stayed, lift, solid)
 
 
@@ -176,11 +164,11 @@ def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:
 
 @kernel
 def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: ignore[no-untyped-def]
-    """Return count, moved count, stayed count, ground extent and lowest height (metres) of each segment."""
+    """Return count, moved count, stayed count, ground extent, lowest height (metres) and solidity of each segment."""
     n = 0
     for i in range(len(ids)):
         n = max(n, ids[i] + 1)
-    count, moved, stayed = np.zeros(n), np.zeros(n), np.zeros(n)
+    count, moved, stayed, solid = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     low, high = np.full((n, 3), np.inf), np.full((n, 2), -np.inf)
     for i in range(len(ids)):
         s = ids[i]
@@ -189,6 +177,7 @@ def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: 
         count[s] += 1
         moved[s] += has_moved[i]
         stayed[s] += has_stayed[i]
+        solid[s] += solidity[i]
         for a in range(2):
             low[s, a] = min(low[s, a], points[i, a])
             high[s, a] = max(high[s, a], points[i, a])
@@ -196,4 +185,5 @@ def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: 
     extent = np.empty(n)
     for s in range(n):
         extent[s] = max(high[s, 0] - low[s, 0], high[s, 1] - low[s, 1])
-    return count, moved, stayed, extent, low[:, 2]
+        solid[s] = solid[s] / 255.0 / max(count[s], 1.0)
+    return count, moved, stayed, extent, low[:, 2], solid

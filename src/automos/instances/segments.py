@@ -14,11 +14,8 @@ import numpy.typing as npt
 from automos.kernels import kernel
 from automos.settings import SegmentSettings
 
-_BINS = 64
-HEIGHT_BIN = np.float32(0.1)
-"""Metres: resolution in height; there are 64 bins above the ground."""
-DEPTH = 1.5
-"""Metres below the ground: deeper points are mirror images in a window or on a wet road."""
+_BINS, HEIGHT_BIN = 64, np.float32(0.1)  # bins above the ground, and metres, their height
+DEPTH = 1.5  # metres below the ground: deeper points are mirror images in a window or on a wet road
 
 
 def segment_points(
@@ -36,22 +33,13 @@ def segment_points(
     """
     s, (row_height, column_width) = settings, (np.float32(step) for step in ray_steps)
     cell, height_gap, n = np.float32(s.cell), np.float32(s.height_gap), 2 * int(np.ceil(s.max_range / s.cell))
-    slot_of_cell = np.full(n * n, -1, np.int32)
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-    slot_of, bin_of, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n, slot_of_cell)
+    slot_of, bin_of, slot_of_cell, cells, masks, reach = _fill_cells(points, heights, ranges, cell, n)
     allowed = ((height_gap + np.float32(s.height_gap_rows) * row_height * reach) / HEIGHT_BIN).astype(np.int64) + 1
     first, low, high = _stack(masks, allowed, len(points))
-    stack_of = _find_stacks(slot_of, bin_of, first, high)
     radius = np.maximum(np.float32(s.gap), np.float32(s.gap_columns) * column_width * reach) / cell
     root = _join(n, cells, slot_of_cell, radius, allowed, first, low, high)
-    inside = np.flatnonzero(stack_of >= 0)
-    first_point = np.full(len(low), len(points))
-    first_point[root[stack_of[inside[::-1]]]] = inside[::-1]  # duplicates: the last write remains
-    number = np.empty(len(low), np.int32)
-    number[np.argsort(first_point, kind="stable")] = np.arange(len(low))
-    ids = np.full(len(points), -1, np.int32)
-    ids[inside] = number[root[stack_of[inside]]]
-    return ids
+    return _number(slot_of, bin_of, first, high, root)
 
 
 @kernel
@@ -63,12 +51,12 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_cells(points, heights, ranges, cell, n, slot_of_cell):  # type: ignore[no-untyped-def]
-    """Return the slot and height bin of each point (-1 outside), and the cell, occupied bins and range of each slot.
+def _fill_cells(points, heights, ranges, cell, n):  # type: ignore[no-untyped-def]
+    """Return slot and height bin of each point, the slot of each cell, and cell, occupied bins and range of each slot.
 
-    Slots are the cells that hold points, in the order in which they were found; `slot_of_cell` (n * n,) is filled.
+    Slots are the cells that hold points, in the order in which they were found; -1 stands for none.
     """
-    m, n_cells = len(points), 0
+    m, n_cells, slot_of_cell = len(points), 0, np.full(n * n, -1, np.int32)
     slot_of, bin_of = np.full(m, -1, np.int32), np.empty(m, np.int64)
     cells, masks = np.empty(m, np.int32), np.zeros(m, np.uint64)
     # Longer than the diagonal of the area, so the range is exact unless a point is far above the sensor.
@@ -94,7 +82,7 @@ def _fill_cells(points, heights, ranges, cell, n, slot_of_cell):  # type: ignore
         b = int(min(steps, np.float32(_BINS - 1))) if steps > 0.0 else 0
         slot_of[i], bin_of[i] = slot, b
         masks[slot] |= np.uint64(1) << np.uint64(b)
-    return slot_of, bin_of, cells[:n_cells], masks[:n_cells], reach[:n_cells]
+    return slot_of, bin_of, slot_of_cell, cells[:n_cells], masks[:n_cells], reach[:n_cells]
 
 
 @kernel
@@ -119,18 +107,6 @@ def _stack(masks, allowed, most):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find_stacks(slot_of, bin_of, first, high):  # type: ignore[no-untyped-def]
-    """Return the stack of each point, -1 for none."""
-    stack_of = np.full(len(slot_of), -1, np.int32)
-    for i in range(len(slot_of)):
-        if slot_of[i] >= 0:
-            stack_of[i] = first[slot_of[i]]
-            while high[stack_of[i]] < bin_of[i]:
-                stack_of[i] += 1
-    return stack_of
-
-
-@kernel
 def _join(n, cells, slot_of_cell, radius, allowed, first, low, high):  # type: ignore[no-untyped-def]
     """Return the root of each stack; stacks of neighbouring cells are connected if their heights meet."""
     parent = np.arange(len(low))
@@ -150,3 +126,20 @@ def _join(n, cells, slot_of_cell, radius, allowed, first, low, high):  # type: i
     for s in range(len(low)):
         parent[s] = _root(parent, s)
     return parent
+
+
+@kernel
+def _number(slot_of, bin_of, first, high, root):  # type: ignore[no-untyped-def]
+    """Return the segment of each point, -1 for none: roots of stacks, numbered in the order of their first point."""
+    ids, number, n = np.full(len(slot_of), -1, np.int32), np.full(len(root), -1, np.int32), 0
+    for i in range(len(slot_of)):
+        if slot_of[i] < 0:
+            continue
+        stack = first[slot_of[i]]
+        while high[stack] < bin_of[i]:
+            stack += 1
+        if number[root[stack]] < 0:
+            number[root[stack]] = n
+            n += 1
+        ids[i] = number[root[stack]]
+    return ids

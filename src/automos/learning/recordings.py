@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.beam_pattern import learn_pattern
 from automos.datasets import open_recordings
 from automos.errors import InputError
 from automos.evaluation.report import find_predictions

@@ -181,5 +181,6 @@ def summarize(links: Consistency) -> dict[str, float | None]:
     names = ("wall_thickness_m", "baseline_disagreement_m", "baseline_disagreement_percent")
     if not is_second.any():
         return dict.fromkeys(names)
-    walls, off, along = (float(np.median(of[is_second])) for of in (links.thickness, links.disagreement, links.distance))
+    measured = (links.thickness, links.disagreement, links.distance)
+    walls, off, along = (float(np.median(of[is_second])) for of in measured)
     return dict(zip(names, (walls, off, 100.0 * off / along if along > MIN_BASELINE else 0.0), strict=True))

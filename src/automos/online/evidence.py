@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_ask import SPAN_TOLERANCE, ask, partners_of
-from automos.candidates.free_space_view import Seen, View
+from automos.candidates.free_space import SPAN_TOLERANCE, ask, partners_of
+from automos.candidates.observations import Seen, View
 from automos.scan import Pose
 from automos.settings import FreeSpaceSettings
 

@@ -18,9 +18,8 @@ from automos.detections import Detections
 from automos.settings import TrackingSettings
 from automos.tracking.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
 from automos.tracking.smoothing import smooth_tracks
-from automos.tracking.tracker import Log, Tracker, as_table, joined
+from automos.tracking.tracker import Tracker, can_follow, until_last_seen
 from automos.tracking.tracks import Tracks
-from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdict, Verdicts
 
 MEMORY = 8.0
@@ -87,7 +86,7 @@ class Followed:
 class _Step:
     stamp: float
     found: Detections
-    log: Log
+    rows: Tracks
     terms: SegmentTerms
     shift: float
 
@@ -167,9 +166,11 @@ class Following:
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
     """Return all rows of the tracks present in step number `scan`, and the number of each track (T,)."""
-    wanted = np.unique(steps[scan].log.track)
-    log = joined([step.log._replace(scan=np.full(len(step.log.track), k)) for k, step in enumerate(steps)])
-    log = log.at(np.isin(log.track, wanted))
-    tracks = as_table([log._replace(track=np.searchsorted(wanted, log.track))])
+    wanted = np.unique(steps[scan].rows.track)
+    rows = Tracks.concatenate(
+        [replace(step.rows, scan=np.full_like(step.rows.scan, k)) for k, step in enumerate(steps)]
+    )
+    rows = rows[np.isin(rows.track, wanted)]
+    tracks = until_last_seen(replace(rows, track=np.searchsorted(wanted, rows.track)))
     is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0
     return replace(tracks, track=(np.cumsum(is_there) - 1)[tracks.track]), wanted[is_there]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
-from automos.candidates.free_space_view import Lidar, Seen, look
+from automos.candidates.beam_pattern import Lidar
+from automos.candidates.observations import Seen, look
 from automos.online.evidence import EvidenceWindow, as_partner
 from automos.scan import Frame, Pose
 from automos.settings import GroundSettings

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.candidates.free_space_view import Lidar, Seen, ray_steps
+from automos.candidates.beam_pattern import Lidar
+from automos.candidates.observations import Seen, ray_steps
 from automos.detections import Detections
 from automos.instances.detect import recount
 from automos.online.evidence import EvidenceWindow

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.candidates.free_space_view import Lidar, Seen, look
+from automos.candidates.beam_pattern import Lidar
+from automos.candidates.observations import Seen, look
 from automos.geometry import inverse, make_transform
 from automos.odometry.level import level_frame
 from automos.odometry.motion import usable_points

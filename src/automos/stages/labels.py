@@ -3,8 +3,8 @@
 A point is MOVING if its segment is associated with a moving track (decided by `tracking.judge`, or `paper.verdict` in
 the preset `paper`), or if it stands in the box of one, unless static objects occupied its place in many more scans
 (`tracking.places`). At 1 or 2 scans a second nothing can be tracked, so the evidence on a segment decides
-(`tracking.unfollowed`). Points of the ego body, and points of less confidence than required, are UNLABELED. All others
-are STATIC.
+(`tracking.object_points`). Points of the ego body, and points of less confidence than required, are UNLABELED. All
+others are STATIC.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from automos.parallel import map_in_order
 from automos.scan import EGO_BODY, GROUND, Frame
 from automos.settings import Settings
 from automos.stages.tracking import Scans, TrackedObjects
-from automos.tracking.completion import paint_objects, tracks_of_points
-from automos.tracking.confidence import point_confidence
+from automos.tracking.object_points import find_moved, paint_objects, point_confidence, tracks_of_points
+from automos.tracking.tracker import can_follow
 from automos.tracking.tracks import Tracks
-from automos.tracking.unfollowed import can_follow, find_moved
 from automos.workspace import Arrays, PerScan
 
 

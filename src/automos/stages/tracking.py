@@ -13,13 +13,12 @@ from automos.paper.verdict import judge_by_trajectory
 from automos.parallel import map_in_order
 from automos.scan import OBJECT, Frames
 from automos.settings import Settings
-from automos.tracking.completion import tracks_of_points
 from automos.tracking.judge import judge_tracks, segment_terms, without_scenery
+from automos.tracking.object_points import tracks_of_points
 from automos.tracking.places import Places, count_places, held_places, touched_columns
 from automos.tracking.smoothing import smooth_tracks
-from automos.tracking.tracker import track_objects
+from automos.tracking.tracker import can_follow, track_objects
 from automos.tracking.tracks import Tracks
-from automos.tracking.unfollowed import can_follow
 from automos.tracking.verdict import Verdicts
 from automos.workspace import Stage
 
@@ -76,7 +75,7 @@ def find_places(scans: Scans, tracks: Tracks, verdicts: Verdicts, settings: Sett
     columns, n = touched_columns(moving.boxes), len(scans.names)
     rows_of_scan = moving.rows_by_scan(n)
 
-    def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         name = scans.names[i]
         found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
         stands = np.flatnonzero(about["kind"] == OBJECT)

@@ -1,6 +1,8 @@
-"""Data association of detections and tracks: costs, gates and one optimal assignment (paper III-D)."""
+"""Data association of detections and tracked objects: costs, gates and one optimal assignment (paper III-D)."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -15,21 +17,27 @@ from automos.upright_boxes import Boxes, iou_3d
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-MAX_CLIMB = 1.5
-"""Metres: greatest difference between predicted and measured height."""
-MAX_COUNT_RATIO = 5.0
-"""Greatest ratio of the numbers of points."""
+MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
+MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 MIN_OVERLAP = 0.3
 """Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
 are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
-SIZE_WEIGHT = 4.0
-"""Cost of a change of size, in squared standard deviations."""
-COUNT_WEIGHT = 1.0
-"""Cost of a ratio of e between the numbers of points."""
-EVIDENCE_WEIGHT = 2.0
-"""Cost of a change from all points moving to all static."""
-OTHER_EVIDENCE = 0.75
-"""Decrease of the moving share above which a segment is not a mover that was lost: other scans hit it there before."""
+SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
+COUNT_WEIGHT = 1.0  # cost of a ratio of e between the numbers of points
+EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
+OTHER_EVIDENCE = 0.75  # decrease of the moving share above which a segment, hit there before, is not a lost mover
+
+
+@dataclass(frozen=True, eq=False)
+class Objects(kalman.Beliefs):
+    """The K objects that are tracked at one time, and their states."""
+
+    track: Rows  # number
+    unseen: Array  # seconds since the last observation
+    misses: Rows  # scans since then
+    share: Array  # in [0, 1], moving share of the evidence so far
+    count: Array  # of points at the last observation
+    has_moved: Mask  # whether the share ever exceeded a half
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
@@ -44,47 +52,33 @@ def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSetti
     return np.where(is_new, np.inf, cost)
 
 
-def motion_cost(
-    alive: kalman.Beliefs,
-    share: Array,
-    count: Array,
-    seen: Detections,
-    noise: FilterSettings,
-    settings: GateSettings,
-    is_lost: Mask,
-) -> Array:
-    """Return the (K, M) cost of associating object i with detection j, inf where a gate forbids it (`default`).
+def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, settings: GateSettings) -> Array:
+    """Return the (K, M) cost of associating predicted objects with detections, inf where a gate forbids it (`default`).
 
     The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
     one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
     height, number of points and evidence choose among the detections within it. A visible mover may stop, and its
     evidence becomes that of a static object over time. But a lost mover does not become one that has stayed there.
-
-    Parameters
-    ----------
-    alive : (K) Beliefs, the predicted objects.
-    share, count : (K,) float64, their moving share so far, and their last number of points.
-    noise : FilterSettings, of measured boxes.
-    is_lost : (K,) bool, objects that were missed in the previous scan.
     """
-    cost = np.full((len(alive), len(seen)), np.inf)
-    deviation = np.sqrt(alive.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    cost = np.full((len(objects), len(found)), np.inf)
+    deviation = np.sqrt(objects.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
     reach = 1.5 * settings.gate * (deviation + np.sqrt(noise.measurement_variance))[:, None]
-    (x, y), (seen_x, seen_y) = alive.mean[:, :2].T, seen.boxes.center[:, :2].T
+    (x, y), (found_x, found_y) = objects.mean[:, :2].T, found.boxes.center[:, :2].T
     # Most pairs are far apart.
-    k, j = np.nonzero((np.abs(x[:, None] - seen_x) < reach) & (np.abs(y[:, None] - seen_y) < reach))
-    mean, size, offset = alive.mean[k], seen.boxes.size[j], seen.boxes.center[j] - alive.mean[k, :3]
-    squared = _mahalanobis(offset[:, :2], alive.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2))
-    overlap = _overlap(mean, offset, seen.boxes.yaw[j], size)
+    k, j = np.nonzero((np.abs(x[:, None] - found_x) < reach) & (np.abs(y[:, None] - found_y) < reach))
+    mean, size, offset = objects.mean[k], found.boxes.size[j], found.boxes.center[j] - objects.mean[k, :3]
+    squared = _mahalanobis(offset[:, :2], objects.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2))
+    overlap = _overlap(mean, offset, found.boxes.yaw[j], size)
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
     before, now = (np.sort(np.maximum(sides, 0.1), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # For an object of few points, a difference of a few points has no meaning.
-    thinning = np.abs(np.log((count[k] + 3.0) / (seen.n_points[j] + 3.0)))
-    settling = share[k] - seen.moving_share[j]
+    thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
+    settling = objects.share[k] - found.moving_share[j]
+    is_lost = objects.misses[k] > 1  # the current scan is included
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
-    is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~(is_lost[k] & (settling > OTHER_EVIDENCE))
+    is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~(is_lost & (settling > OTHER_EVIDENCE))
     price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost

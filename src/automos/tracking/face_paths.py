@@ -17,13 +17,8 @@ _ENDS, _AROUND = 5, 3
 def follow_faces(first, faces):  # type: ignore[no-untyped-def]
     """Return the displacement of each face of each track, and the mean square of its path about its running median.
 
-    Parameters
-    ----------
-    first : (T + 1,) int64, first observation of each track.   faces : (R, F) float64, metres, coordinates.
-
-    Returns
-    -------
-    displacement, scatter : (T, F) float64, metres and square metres. Medians suppress single outliers at an end.
+    Both are (T, F), metres and square metres; `first` (T + 1,) is the first observation of each track among the
+    coordinates `faces` (R, F). Medians suppress single outliers at an end.
     """
     n_tracks, n_faces = len(first) - 1, faces.shape[1]
     displacement, scatter = np.empty((n_tracks, n_faces)), np.empty((n_tracks, n_faces))

@@ -8,12 +8,13 @@ before the innovation is computed. The noise is AB3DMOT's (Weng et al., IROS 202
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.column_data import Columns
 from automos.geometry import wrap_angle
 from automos.settings import FilterSettings
 from automos.upright_boxes import Boxes
@@ -24,17 +25,11 @@ YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
 
 
 @dataclass(frozen=True, eq=False)
-class Beliefs:
+class Beliefs(Columns):
     """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10); subclasses add columns."""
 
     mean: Array
     covariance: Array
-
-    def __len__(self) -> int:
-        return len(self.mean)
-
-    def __getitem__(self, rows: npt.NDArray) -> Self:
-        return type(self)(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def boxes(self) -> Boxes:
         """Return the expected boxes."""
@@ -45,24 +40,15 @@ class Beliefs:
 Some = TypeVar("Some", bound=Beliefs)
 
 
-def measurements(boxes: Boxes) -> Array:
-    """Return (K, 7) the measurement of each box: x, y, z, yaw, length, width, height."""
-    return np.column_stack([boxes.center, boxes.yaw, boxes.size])
+def start(boxes: Boxes, settings: FilterSettings, velocity_variance: npt.ArrayLike) -> Beliefs:
+    """Return beliefs for new boxes (K): at their measured place, with an unknown velocity around zero.
 
-
-def start(boxes: Boxes, settings: FilterSettings, velocity_variance: npt.ArrayLike | None = None) -> Beliefs:
-    """Return beliefs for new boxes: at their measured place, with an unknown velocity around zero.
-
-    velocity_variance : (K,) or one for all, (m/s)^2; that of the settings if not given.
+    velocity_variance : (K,) or one for all, (m/s)^2.
     """
-    mean = np.zeros((len(boxes), N_STATE))
-    mean[:, :N_MEASURED] = measurements(boxes)
-    variance = np.r_[np.full(N_MEASURED, settings.initial_variance), np.full(3, settings.initial_velocity_variance)]
-    covariance = np.broadcast_to(np.diag(variance), (len(boxes), N_STATE, N_STATE)).copy()
-    if velocity_variance is not None:
-        for axis in range(VELOCITY.start, VELOCITY.stop):
-            covariance[:, axis, axis] = velocity_variance
-    return Beliefs(mean, covariance)
+    mean = np.hstack([_measurements(boxes), np.zeros((len(boxes), 3))])
+    variance = np.full((len(boxes), N_STATE), settings.initial_variance)
+    variance[:, VELOCITY] = np.reshape(velocity_variance, (-1, 1))
+    return Beliefs(mean, variance[:, :, None] * np.eye(N_STATE))
 
 
 def predict(beliefs: Some, dt: float, settings: FilterSettings) -> Some:
@@ -80,13 +66,17 @@ def update(beliefs: Some, boxes: Boxes, settings: FilterSettings) -> Some:
     P, R = beliefs.covariance, settings.measurement_variance * np.eye(N_MEASURED)
     S = P[:, :N_MEASURED, :N_MEASURED] + R
     gain = np.swapaxes(np.linalg.solve(S, P[:, :N_MEASURED, :]), -1, -2)  # (K, 10, 7), both symmetric
-    innovation = same_box_nearest(measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
+    innovation = same_box_nearest(_measurements(boxes), beliefs.mean[:, YAW]) - beliefs.mean[:, :N_MEASURED]
     mean = beliefs.mean + np.einsum("kij,kj->ki", gain, innovation)
     mean[:, YAW] = wrap_angle(mean[:, YAW])
     left = np.eye(N_STATE) - np.concatenate([gain, np.zeros((len(P), N_STATE, 3))], axis=2)
     # Joseph's form stays symmetric and positive definite over thousands of updates.
     covariance = left @ P @ np.swapaxes(left, -1, -2) + gain @ R @ np.swapaxes(gain, -1, -2)
     return replace(beliefs, mean=mean, covariance=covariance)
+
+
+def _measurements(boxes: Boxes) -> Array:
+    return np.column_stack([boxes.center, boxes.yaw, boxes.size])
 
 
 def same_box_nearest(measured: Array, yaw: Array) -> Array:
@@ -96,7 +86,7 @@ def same_box_nearest(measured: Array, yaw: Array) -> Array:
     """
     out = measured.copy()
     quarters = np.round((yaw - measured[:, YAW]) / (0.5 * np.pi))
-    out[:, YAW] = measured[:, YAW] + quarters * 0.5 * np.pi
+    out[:, YAW] += quarters * 0.5 * np.pi
     is_swapped = quarters.astype(np.int64) % 2 == 1
     out[is_swapped, 4], out[is_swapped, 5] = measured[is_swapped, 5], measured[is_swapped, 4]
     return out

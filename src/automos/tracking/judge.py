@@ -5,25 +5,21 @@
 Each term is a weighted log-likelihood ratio, "it moved" against "it stayed"; weights and distributions were fitted
 once, by maximum likelihood, on tracks of simulated worlds, so that the sum is calibrated.
 
-*Evidence*: of a static object, some points are sometimes observed free (an edge, foliage), of a mover more are; and the
-points of one scan are correlated. So the numbers of moved, stayed and unknown points follow a Dirichlet-multinomial
-distribution under either hypothesis, which limits the weight of one scan with many points. A mover may stand for a
-while, so a single scan can hardly speak against it. Scans of the same place are correlated, too, so their mean counts,
-as two observations. Where poses are off, all evidence is wrong, so its weight is limited by the odds of that.
+*Evidence*: the points of a scan are correlated, so the numbers of moved, stayed and unknown ones follow a
+Dirichlet-multinomial distribution under either hypothesis. A mover may stand for a while, so a single scan can hardly
+speak against it. Scans of one place are correlated, too: their mean counts, as two observations. Where poses are off,
+all evidence is wrong, so its weight is limited by the odds of that.
 
-*Displacement*: both faces of a moving object are displaced. A static object of which more comes into sight only extends
-at one face. So on each axis the smaller displacement of the two faces counts, if their signs agree. The noise is the
-scatter of the steadier face about its own path. Segments jump, so the noise has heavy tails (Cauchy): a displacement
-that is large for its scatter counts by its logarithm.
+*Displacement*: a static object of which more comes into sight extends at one face only. So on each axis the smaller
+displacement of the two faces counts, if their signs agree. The noise is the scatter of the steadier face about its own
+path. It has heavy tails (Cauchy), because segments jump.
 
-*Unsteadiness, pieces*: vehicles and people stand on the ground, so the height of their bottom or top is constant from
-scan to scan; that of segments of trees and walls is not. Pieces that the evidence cut out of a segment are seldom
-objects.
+*Unsteadiness, pieces*: what stands on the ground keeps the height of its bottom or top from scan to scan; segments of
+trees and walls do not. Pieces that the evidence cut out of a segment are seldom objects.
 
-*Porosity*: the face of a vehicle or a person returns all rays that meet it. Rain, dust, spray and leaves appear and
-disappear as movers do, but let rays through. On a square face of n rays, the share 1 - 1.5 / sqrt(n) + 0.5 / n of the
-neighbours of a ray are on the face, too; porosity is the missing part of that share. The term is the number of rays let
-through for each returned ray: some are lost at every edge, most in a cloud.
+*Porosity*: the face of a vehicle or a person returns all rays that meet it; rain, dust, spray and leaves let rays
+through. On a square face of n rays, the share 1 - 1.5 / sqrt(n) + 0.5 / n of the neighbours of a ray are on the face,
+too; porosity is the missing part of that share. The term is the number of rays let through for each returned ray.
 """
 
 from __future__ import annotations
@@ -35,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
 
+from automos.column_data import Columns
 from automos.detections import Detections
 from automos.scan import Mask
 from automos.settings import JudgeSettings
@@ -44,50 +41,35 @@ from automos.tracking.verdict import Verdict, Verdicts
 
 Array = npt.NDArray[np.float64]
 
-PRIOR = 1.60
-"""Log-odds of a track of which nothing is known except that a segment was observed twice."""
-WEIGHTS = {
-    "evidence": 0.89,
-    "displacement": 0.41,  # displacement relative to its scatter
-    "unsteady": -0.92,  # change of the heights of bottom and top
-    "pieces": -3.82,  # share of observations that are pieces cut out of a segment
-    "porous": -3.00,  # rays let through for each returned ray
-}
+PRIOR = 1.60  # log-odds of a track of which nothing is known except that a segment was observed twice
+WEIGHTS = {"evidence": 0.89, "displacement": 0.41, "unsteady": -0.92, "pieces": -3.82, "porous": -3.00}
 """Weights of the terms, fitted by `benchmarks/fit_judge.py` on simulated worlds, including rain and specks. The last
 was fitted again beside the others: 2.4 without dust, 3.2 in dust only, 3.0 on all worlds."""
-MOVED = (1.02, 0.49, 0.455)
-"""Dirichlet distribution of the shares of moved, stayed and unknown points in a scan of a mover in motion."""
-STAYED = (0.18, 0.98, 0.455)
-"""The same for a static object."""
-ENOUGH_KNOWN = 0.2
-"""Share of known points that counts in full before other scans were asked; edges reach smaller shares, too."""
-UNDER_WAY = 0.986
-"""Share of a mover's scans in which the evidence shows that it moves."""
-LOOKS = 2.2
-"""Number of independent observations that all scans of a track are equivalent to."""
-MISJUDGED = 0.03
-"""Share of static objects whose evidence is wrong in all scans, because poses are off there or the object is thin."""
-LEAST_SOLID = 0.02
-"""Lower limit of solidity relative to that of a solid face."""
-NOISE = 0.05
-"""Metres, least scatter of a face of a tracked box."""
+MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
+"""Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
+static object."""
+ENOUGH_KNOWN = 0.2  # share of known points that counts in full before other scans were asked; edges reach smaller ones
+UNDER_WAY = 0.986  # share of a mover's scans in which the evidence shows that it moves
+LOOKS = 2.2  # number of independent observations that all scans of a track are equivalent to
+MISJUDGED = 0.03  # share of static objects whose evidence is wrong in all scans: poses are off, or they are thin
+LEAST_SOLID = 0.02  # lower limit of solidity relative to that of a solid face
+NOISE = 0.05  # metres, least scatter of a face of a tracked box
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentTerms:
+class SegmentTerms(Columns):
     """The terms of the M segments of one scan for the tracks they belong to.
 
     Attributes
     ----------
     faces : (M, 6) float64, metres, x, y, z of the low and of the high faces.
-    evidence : (M,) float64, log-likelihood ratio of the points' evidence, moved against stayed.
-    columns : (M, 2) float64, 1 for pieces of a segment, and porosity in [0, 1].
+    means : (M, 3) float64, whose means over a track count: log-likelihood ratio of the points' evidence, moved against
+        stayed; 1 for pieces of a segment; porosity in [0, 1].
     is_known : (M,) bool, segments with a known point, or all if other scans were asked.
     """
 
     faces: Array
-    evidence: Array
-    columns: Array
+    means: Array
     is_known: Mask
 
 
@@ -101,9 +83,11 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
     length, width, height = boxes.size.T
     half = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
-    columns = np.stack([found.part_of >= 0, _porosity(found)], axis=-1)
-    faces = np.hstack([boxes.center - half, boxes.center + half])
-    return SegmentTerms(faces, _evidence(found, is_asked), columns, (known > 0.0) | is_asked)
+    # Relative deficit of solidity from a face of as many rays.
+    n = np.maximum(found.n_points, 2.0)
+    porosity = np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
+    means = np.stack([_evidence(found, is_asked), found.part_of >= 0, porosity], axis=-1)
+    return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), means, (known > 0.0) | is_asked)
 
 
 def judge_tracks(
@@ -135,9 +119,8 @@ def judge_tracks(
 def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
     """Return the tracks and their verdicts without those that have stayed in every scan and do not move."""
     is_kept = ~is_scenery(tracks, verdicts, detections)
-    number = np.cumsum(is_kept) - 1
-    kept = tracks[np.flatnonzero(is_kept[tracks.track])]
-    return replace(kept, track=number[kept.track]), Verdicts(verdicts.verdict[is_kept], verdicts.confidence[is_kept])
+    kept = tracks[is_kept[tracks.track]]
+    return replace(kept, track=(np.cumsum(is_kept) - 1)[kept.track]), verdicts[is_kept]
 
 
 def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> Mask:
@@ -151,15 +134,11 @@ def track_terms(tracks: Tracks, terms: Sequence[SegmentTerms]) -> Array:
     if len(seen) == 0:
         return np.zeros((len(tracks), len(WEIGHTS)))
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    segment = _segments(tracks, seen, [of_scan.evidence for of_scan in terms])
-    faces, evidence, columns = (
-        np.concatenate([getattr(of_scan, name) for of_scan in terms])[segment]
-        for name in ("faces", "evidence", "columns")
-    )
+    of_rows = SegmentTerms.concatenate(list(terms))[_segments(tracks, seen, terms)]
     evidence, piece, porosity = (
-        np.bincount(tracks.track[seen], values, len(tracks)) / np.diff(first) for values in (evidence, *columns.T)
+        np.bincount(tracks.track[seen], values, len(tracks)) / np.diff(first) for values in of_rows.means.T
     )
-    displacement, scatter = follow_faces(first, faces)
+    displacement, scatter = follow_faces(first, of_rows.faces)
     low, high = displacement[:, 0:2], displacement[:, 3:5]
     squared = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)) ** 2, 0.0).sum(axis=1)
     noise = NOISE + np.sqrt(np.minimum(scatter[:, 0] + scatter[:, 1], scatter[:, 3] + scatter[:, 4]))
@@ -192,12 +171,6 @@ def _log_dirichlet(counts: Array, distribution: tuple[float, ...]) -> Array:
     prior = np.array(distribution[: counts.shape[1]])
     total = gammaln(prior.sum()) - gammaln(prior.sum() + counts.sum(axis=1))
     return total + (gammaln(prior + counts) - gammaln(prior)).sum(axis=1)
-
-
-def _porosity(found: Detections) -> Array:
-    """Return (M,) in [0, 1]: the relative deficit of each segment's solidity from a face of as many rays."""
-    n = np.maximum(found.n_points, 2.0)
-    return np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
 
 
 def _seen(tracks: Tracks, is_so: Sequence[Mask]) -> Mask:

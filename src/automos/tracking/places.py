@@ -24,22 +24,18 @@ neighbouring scans no longer meet the same places."""
 OUTNUMBERED = 2
 """A place is static if static points occupied it in more than this many times as many scans as moving points: the
 middle of a tram whose track has a gap "has stayed", too, until the tram has passed."""
-_COLUMN = 4 * SIDE
-"""Metres, side of the columns in which places are counted; only columns in a moving object's box are used."""
+_COLUMN = 4 * SIDE  # metres, side of the columns in which places are counted: only those in a moving object's box
 _BITS = 21
 _FARTHEST = 1 << (_BITS - 1)
-_AT_ONCE = 1_000_000
-"""Number of places that are collected before they are counted."""
+_AT_ONCE = 1_000_000  # places that are collected before they are counted
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
     """Places of the level frame that static points have occupied in more scans than moving points.
 
-    Attributes
-    ----------
-    keys : (P,) int64, sorted.
-    is_moving : (T,) bool, tracks that were moving when places were counted; only their points can become static.
+    `keys` (P,) are sorted. `is_moving` (T,) are the tracks that were moving when places were counted; only their points
+    can become static.
     """
 
     keys: Keys
@@ -49,7 +45,7 @@ class Places:
         """Return (M,) which of `points` (M, 3), of the tracks `track` (M,; -1 for none), are at a static place."""
         stands = np.append(self.is_moving, False)[track]
         mine = np.flatnonzero(stands)
-        stands[mine] = _is_among(_packed(*_cells(points[mine], SIDE)), self.keys)
+        stands[mine] = _is_among(_keys(points[mine], SIDE), self.keys)
         return stands
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
@@ -70,42 +66,35 @@ def touched_columns(boxes: Boxes) -> Keys:
     return np.unique(np.concatenate([np.zeros(0, np.int64), *parts]))
 
 
-def held_places(points: npt.NDArray, moves: Mask, stays: Mask, columns: Keys) -> tuple[Keys, Keys]:
-    """Return the places in `columns` that contain any moving, and any static, of a scan's `points` (M, 3)."""
-    inside = np.flatnonzero((moves | stays) & _is_among(_packed(*_cells(points[:, :2], _COLUMN)), columns))
-    keys = _packed(*_cells(points[inside], SIDE))
-    return np.unique(keys[moves[inside]]), np.unique(keys[stays[inside]])
+def held_places(points: npt.NDArray, moves: Mask, stays: Mask, columns: Keys) -> tuple[Keys, Mask]:
+    """Return the places (P,) in `columns` that a scan's `points` (M, 3) occupy, and which by moving and static ones."""
+    inside = np.flatnonzero((moves | stays) & _is_among(_keys(points[:, :2], _COLUMN), columns))
+    keys, place = np.unique(_keys(points[inside], SIDE), return_inverse=True)
+    held = [np.bincount(place, kind[inside], len(keys)) > 0.0 for kind in (moves, stays)]
+    return keys, np.stack(held, axis=1)
 
 
-def count_places(scans: Iterable[tuple[Keys, Keys]]) -> Keys:
-    """Return the places, sorted, that moving points occupied, and static points in many more of `scans`.
-
-    scans : per scan, the places of moving and of static points, as `held_places` returns them.
-    """
-    keys, counts = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
-    waiting: list[tuple[Keys, Keys]] = []
+def count_places(scans: Iterable[tuple[Keys, Mask]]) -> Keys:
+    """Return the places, sorted, that moving points occupied in `scans`, and static points in many more of them."""
+    counted: list[tuple[Keys, npt.NDArray]] = [(np.zeros(0, np.int64), np.zeros((0, 2)))]
     for held in scans:
-        waiting.append(held)
-        if sum(len(part) for pair in waiting for part in pair) > _AT_ONCE:
-            keys, counts = _added(keys, counts, waiting)
-            waiting = []
-    keys, counts = _added(keys, counts, waiting)
+        counted.append(held)
+        if sum(len(keys) for keys, _ in counted[1:]) > _AT_ONCE:
+            counted = [_added(counted)]
+    keys, counts = _added(counted)
     return keys[(counts[:, 0] > 0) & (counts[:, 1] > OUTNUMBERED * counts[:, 0])]
 
 
-def _added(keys: Keys, counts: Keys, scans: list[tuple[Keys, Keys]]) -> tuple[Keys, Keys]:
-    """Return `keys` (P,), sorted, and the numbers of scans in which moving and static points occupied each (P, 2)."""
-    parts = [np.concatenate([keys[:0], *(held[k] for held in scans)]) for k in (0, 1)]
-    found, where = np.unique(np.concatenate([keys, *parts]), return_inverse=True)
-    before, *held = np.split(where, np.cumsum([len(keys), len(parts[0])]))
-    total = np.stack([np.bincount(rows, minlength=len(found)) for rows in held], axis=1)
-    total[before] += counts
-    return found, total
+def _added(counted: list[tuple[Keys, npt.NDArray]]) -> tuple[Keys, npt.NDArray]:
+    """Return all places, sorted, and the numbers of scans (P, 2) in which moving and static points occupied each."""
+    keys, place = np.unique(np.concatenate([keys for keys, _ in counted]), return_inverse=True)
+    counts = np.concatenate([counts for _, counts in counted])
+    return keys, np.stack([np.bincount(place, kind, len(keys)) for kind in counts.T], axis=1)
 
 
-def _cells(points: npt.NDArray, side: float) -> Keys:
-    """Return (D, M) the cell of `side` metres of each of `points` (M, D) along each axis."""
-    return np.floor(points.T / np.float64(side)).clip(-_FARTHEST, _FARTHEST - 1).astype(np.int64)
+def _keys(points: npt.NDArray, side: float) -> Keys:
+    """Return (M,) the key of the cell of `side` metres, along two or three axes, of each of `points` (M, 2 or 3)."""
+    return _packed(*np.floor(points.T / np.float64(side)).clip(-_FARTHEST, _FARTHEST - 1).astype(np.int64))
 
 
 def _packed(x: Keys, y: Keys, z: Keys | int = 0) -> Keys:

@@ -18,10 +18,8 @@ from automos.kernels import kernel
 from automos.scan import Mask
 from automos.tracking.tracks import Tracks
 
-NOISE = 0.15
-"""Metres, standard deviation of a measured box centre."""
-ACCELERATION = 1.5
-"""m/s per square root of a second, random walk of the velocity."""
+NOISE = 0.15  # metres, standard deviation of a measured box centre
+ACCELERATION = 1.5  # m/s per square root of a second, random walk of the velocity
 
 
 def smooth_tracks(
@@ -37,8 +35,8 @@ def smooth_tracks(
         seen_as = zip(tracks.scan[rows], tracks.segment[rows], strict=True)
         measured = np.array([detections[i].boxes.center[k] if k >= 0 else [np.nan] * 3 for i, k in seen_as]).T.copy()
         for axis, z in enumerate(measured):
-            smoothed = smooth(stamps[tracks.scan[rows]], z, NOISE**2, ACCELERATION**2)
-            center[rows, axis], velocity[rows, axis] = smoothed
+            t = stamps[tracks.scan[rows]]
+            center[rows, axis], velocity[rows, axis] = smooth(t, z, NOISE**2, ACCELERATION**2)
     return replace(tracks, center=center, velocity=velocity)
 
 

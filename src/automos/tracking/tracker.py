@@ -13,76 +13,31 @@ is lost beside it does not continue as the post that comes into sight again.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.detections import Detections
-from automos.scan import Mask
 from automos.settings import TrackingSettings
 from automos.tracking import filter as kalman
-from automos.tracking.association import assign, association_cost, motion_cost
+from automos.tracking.association import Objects, assign, association_cost, motion_cost
 from automos.tracking.tracks import Tracks
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-_MEMORY = 0.7
-"""Weight of an object's earlier evidence when it is observed again."""
-STAYED = 0.1
-"""Moving share up to which an object has stayed, if the share never exceeded a half."""
-REMEMBERED = 10.0
-"""Seconds for which an object that has stayed is remembered at its place while it is out of sight."""
-
-
-@dataclass(frozen=True, eq=False)
-class Objects(kalman.Beliefs):
-    """The objects that are tracked at one time, and their states.
-
-    Attributes
-    ----------
-    track : (K,) int64, track numbers.
-    unseen : (K,) float64, seconds since the last observation.   misses : (K,) int64, scans since then.
-    share : (K,) float64 in [0, 1], moving share of the evidence so far.
-    count : (K,) float64, number of points at the last observation.
-    has_moved : (K,) bool, whether the share ever exceeded a half.
-    """
-
-    track: Rows
-    unseen: Array
-    misses: Rows
-    share: Array
-    count: Array
-    has_moved: Mask
-
-    def joined(self, other: Objects) -> Objects:
-        """Return these objects followed by those of `other`."""
-        return Objects(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
-
-
-class Log(NamedTuple):
-    """The states of objects, one row (R) for each object in each scan, in the order of scans.
-
-    `track` is its number, `segment` the associated segment, -1 if missed, `mean` (R, 10) that of its `kalman.Beliefs`.
-    """
-
-    track: Rows
-    scan: Rows
-    segment: Rows
-    mean: Array
-
-    def at(self, rows: npt.NDArray) -> Log:
-        """Return some of the rows."""
-        return Log._make(column[rows] for column in self)
+_MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
+STAYED = 0.1  # moving share up to which an object has stayed, if the share never exceeded a half
+REMEMBERED = 10.0  # seconds for which an object that has stayed is remembered at its place while it is out of sight
+LONGEST_STEP = 0.4
+"""Seconds between scans from which on there is no tracking: a car of four metres at 10 m/s has left its place, so any
+car of the lane may be associated with it. The evidence on each scan decides instead (`object_points.find_moved`)."""
 
 
 class Tracker:
     """The tracked objects, advanced by one scan at a time. Copies are independent: a step modifies no array in place.
 
-    Attributes
-    ----------
-    next_track : int, number of the next new object.
+    Attribute `next_track` is the number of the next new object.
     """
 
     def __init__(self, settings: TrackingSettings, first_track: int = 0):
@@ -97,8 +52,8 @@ class Tracker:
         """The numbers of all objects that may be observed again."""
         return np.concatenate([self._alive.track, self._resting.track])
 
-    def step(self, stamp: float, found: Detections) -> Log:
-        """Return the state of every object after the next scan, at `stamp` seconds, with the segments `found`."""
+    def step(self, stamp: float, found: Detections) -> Tracks:
+        """Return one row for every object after the next scan, at `stamp` seconds, with the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
         alive = kalman.predict(alive, dt, settings.filter)
@@ -109,7 +64,7 @@ class Tracker:
         is_theirs = ~np.isin(detected, known)
         matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(recalled))])
         detected = np.concatenate([detected[is_theirs], known])
-        alive = alive.joined(resting[recalled])  # new arrays, which may be written to
+        alive = Objects.concatenate([alive, resting[recalled]])  # new arrays, which may be written to
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
@@ -120,26 +75,35 @@ class Tracker:
         self.next_track += len(new)
         rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
         still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), recalled)
-        self._resting = _at_rest(alive[rests], settings).joined(resting[still])
+        self._resting = Objects.concatenate([_at_rest(alive[rests], settings), resting[still]])
         keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
-        self._alive = alive[keep].joined(started)
-        scan = np.full(len(self._alive), self._scan)
+        self._alive = alive = Objects.concatenate([alive[keep], started])
+        scan, boxes = np.full(len(alive), self._scan), alive.boxes()
         self._scan, self._last_stamp = self._scan + 1, stamp
-        return Log(self._alive.track, scan, np.concatenate([segment[keep], new]), self._alive.mean)
+        segment, velocity = np.concatenate([segment[keep], new]), alive.mean[:, kalman.VELOCITY]
+        return Tracks(alive.track, scan, segment, boxes.center, boxes.size, boxes.yaw, velocity)
 
 
 def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
     """Return the tracks of all detected objects.
 
     A missed object is predicted by its motion model and can be associated again for a while; after that, its track
-    ends at its last observation.
-
-    Parameters
-    ----------
-    detections : iterable of (float, Detections), seconds and segments (level frame) of each scan, in time order.
+    ends at its last observation. `detections` are seconds and segments (level frame) of each scan, in time order.
     """
     tracker = Tracker(settings)
-    return as_table([tracker.step(stamp, found) for stamp, found in detections])
+    return until_last_seen(Tracks.concatenate([tracker.step(stamp, found) for stamp, found in detections]))
+
+
+def until_last_seen(tracks: Tracks) -> Tracks:
+    """Return the tracks without misses after the last observation of each."""
+    last_seen, is_seen = np.full(len(tracks), -1), tracks.is_observed
+    last_seen[tracks.track[is_seen]] = tracks.scan[is_seen]  # duplicates: the last write remains
+    return tracks[tracks.scan <= last_seen[tracks.track]]
+
+
+def can_follow(stamps: Array) -> bool:
+    """Return whether the rate of scans at `stamps` (N,), seconds, is high enough for tracking."""
+    return len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
 
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
@@ -157,7 +121,7 @@ def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
     """Return objects that are out of sight at rest: at their last place, with the variance of a new box."""
     boxes = rest.boxes()
     boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
-    belief = kalman.start(boxes, settings.filter, np.zeros(len(rest)))
+    belief = kalman.start(boxes, settings.filter, 0.0)
     return replace(rest, mean=belief.mean, covariance=belief.covariance)
 
 
@@ -177,11 +141,10 @@ def _recognise(
     return assign(np.where(price < limit, price, np.inf))
 
 
-def _cost(alive: Objects, found: Detections, settings: TrackingSettings) -> Array:
+def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> Array:
     if settings.method == "paper":
-        return association_cost(alive.boxes(), found.boxes, settings.association)
-    is_lost = alive.misses > 1  # the current scan is included
-    return motion_cost(alive, alive.share, alive.count, found, settings.filter, settings.gates, is_lost)
+        return association_cost(objects.boxes(), found.boxes, settings.association)
+    return motion_cost(objects, found, settings.filter, settings.gates)
 
 
 def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
@@ -192,21 +155,3 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
     alive.has_moved[matched] |= alive.share[matched] > 0.5
-
-
-def as_table(logs: list[Log]) -> Tracks:
-    """Return the logs of all scans as tracks, without misses after each track's last observation."""
-    none = np.zeros(0, np.int64)
-    log = joined([Log(none, none, none, np.zeros((0, kalman.N_STATE))), *logs])
-    last_seen, is_seen = np.full(log.track.max(initial=-1) + 1, -1), log.segment >= 0
-    last_seen[log.track[is_seen]] = log.scan[is_seen]  # duplicates: the last write remains
-    keep = np.flatnonzero(log.scan <= last_seen[log.track])
-    log = log.at(keep[np.argsort(log.track[keep], kind="stable")])
-    center, size = log.mean[:, :3], np.maximum(log.mean[:, kalman.SIZE], 1e-3)
-    yaw, velocity = log.mean[:, kalman.YAW], log.mean[:, kalman.VELOCITY]
-    return Tracks(log.track, log.scan, log.segment, center, size, yaw, velocity)
-
-
-def joined(logs: list[Log]) -> Log:
-    """Return `logs`, at least one, concatenated."""
-    return Log._make(np.concatenate(column) for column in zip(*logs, strict=True))

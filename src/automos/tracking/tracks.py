@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.column_data import Columns
 from automos.upright_boxes import Boxes
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
+class Tracks(Columns):
     """Tracks as a flat table, sorted by track, then scan.
 
     Attributes
@@ -38,13 +38,11 @@ class Tracks:
     def __repr__(self) -> str:
         return f"<Tracks: {len(self)} objects in {len(self.track)} boxes>"
 
-    def __getitem__(self, rows: npt.NDArray) -> Tracks:
-        return Tracks(*(getattr(self, f.name)[rows] for f in fields(self)))
-
-    @staticmethod
-    def concatenate(parts: list[Tracks]) -> Tracks:
+    @classmethod
+    def concatenate(cls, parts: list[Tracks]) -> Tracks:
         """Return the rows of all `parts`, sorted by track, then scan."""
-        table = Tracks(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Tracks)))
+        none, nowhere = np.zeros(0, np.int64), np.zeros((0, 3))
+        table = super().concatenate([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere), *parts])
         return table[np.lexsort((table.scan, table.track))]
 
     @property
@@ -65,12 +63,3 @@ class Tracks:
     def rows_of(self, track: int) -> slice:
         """Return the rows of one track."""
         return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))
-
-    def to_arrays(self) -> dict[str, npt.NDArray]:
-        """Return the columns by name, for saving."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Tracks:
-        """Return the table saved by `to_arrays`."""
-        return Tracks(**{f.name: arrays[f.name] for f in fields(Tracks)})

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
+
+from automos.column_data import Columns
 
 
 class Verdict(IntEnum):
@@ -19,7 +20,7 @@ class Verdict(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdicts:
+class Verdicts(Columns):
     """One row per track: verdict (T,) int8 of `Verdict`, confidence (T,) float64 in [0, 1]."""
 
     verdict: npt.NDArray[np.int8]
@@ -32,12 +33,3 @@ class Verdicts:
     def is_moving(self) -> npt.NDArray[np.bool_]:
         """(T,) whether each track has moved."""
         return self.verdict == Verdict.MOVING
-
-    def to_arrays(self) -> dict[str, npt.NDArray]:
-        """Return the columns by name, for saving."""
-        return {"verdict": self.verdict, "confidence": self.confidence}
-
-    @staticmethod
-    def from_arrays(arrays: Mapping[str, npt.NDArray]) -> Verdicts:
-        """Return the verdicts saved by `to_arrays`."""
-        return Verdicts(arrays["verdict"], arrays["confidence"])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.candidates.free_space_pattern import learn_pattern
+from automos.candidates.beam_pattern import learn_pattern
 from automos.cells import rough_turn_of
 from automos.scan import Frame
 

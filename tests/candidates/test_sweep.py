@@ -1,6 +1,6 @@
 import numpy as np
 
-from automos.candidates.free_space_sweep import last_looks, raw_points
+from automos.candidates.sweep import last_looks, raw_points
 from automos.cells import rough_turn_of, turn_of
 from automos.geometry import se3_exp, transform
 from automos.scan import Frame

@@ -1,30 +1,76 @@
-"""The beam pattern of a sensor, learnt from its own scans.
+"""The beam pattern of a LiDAR, learnt from its own scans: a grid with about one ray in each cell.
 
 The angles of the returns show the spacing of neighbouring firings of one beam, and the number of beams per degree at
-each elevation. With both, (elevation, azimuth) maps to a grid of rows and columns with about one ray in each cell,
-whether the beams are evenly spaced, in blocks, few, or never repeat. Angles are those of the raw sweep, before motion
-compensation.
+each elevation. With both, (elevation, azimuth) maps to rows and columns, whether the beams are evenly spaced, in
+blocks, few, or never repeat. Angles are those of the raw sweep, before motion compensation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_grid import BeamPattern, make_pattern
-from automos.candidates.free_space_sweep import MIN_POINTS, last_looks, raw_points
-from automos.scan import Frame
+from automos.candidates.sweep import MIN_POINTS, N_DIRECTIONS, last_looks, raw_points
+from automos.scan import Frame, Pose
 
 Array = npt.NDArray[np.float64]
+_SINE_BINS = 4096
+_N_LEVELS = 5
 _MICRO_ROW, _ROUGH_ROW = np.radians(0.05), np.radians(0.1)
 """Radians, height of rows far thinner than the gap between beams, and the same for rounded coordinates."""
 _ELEVATION_BIN = np.radians(0.25)
 _LONGEST_GAP = np.radians(2.5)
 _SECTORS = 90
-_UNKNOWN = np.radians(0.5)
-"""Radians between rows and columns if no scan shows a pattern."""
+_UNKNOWN = np.radians(0.5)  # between rows and columns if no scan shows a pattern
+
+
+class Pyramid(NamedTuple):
+    """Memory layout of L levels of a grid, from fine to coarse."""
+
+    shifts: npt.NDArray[np.int64]  # (L, 2) binary logarithms of the numbers of rows and columns in a cell
+    shapes: npt.NDArray[np.int64]  # (L, 2) rows and columns of each level
+    offsets: npt.NDArray[np.int64]  # (L + 1,) start of each level
+    widths: npt.NDArray[np.float32]  # (L,) longer side of a cell, radians
+
+
+class BeamPattern(NamedTuple):
+    """The grid of rays of one LiDAR.
+
+    Attributes
+    ----------
+    n_rows, n_columns : int, size of the grid; columns cover the full circle, column 0 begins at azimuth -pi.
+    row_height, column_width : float, radians between neighbouring rows (the median) and columns.
+    row_of_sine : (4097,) float32, row at sines of elevation evenly spaced in [-1, 1]; the centre of row k is k + 0.5.
+    sweep_time : (360,) float32, time in the sweep, in [-0.5, 0.5], of directions evenly spaced in
+        `cells.rough_turn_of`; zeros if directions have no fixed time.
+    pyramid : Pyramid, coarser levels of the grid.
+    """
+
+    n_rows: int
+    n_columns: int
+    row_height: float
+    column_width: float
+    row_of_sine: npt.NDArray[np.float32]
+    sweep_time: npt.NDArray[np.float32]
+    pyramid: Pyramid
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """What is learnt of one LiDAR: its pose in a scan's frame, its beam pattern, and the ego body that its rays meet.
+
+    `number` counts the LiDARs of merged clouds. `body_reach` (H, W) float32, metres, is the range up to which the ego
+    body reaches along each ray, 0 for none.
+    """
+
+    number: int
+    T_scan_sensor: Pose
+    pattern: BeamPattern
+    body_reach: npt.NDArray[np.float32]
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
@@ -36,14 +82,15 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     raw = [raw_points(frame) for frame in frames]
     times = [last_looks(points, frame.sweep_time)[0] for points, frame in zip(raw, frames, strict=True)]
     angles = [_angles(points.astype(np.float64)) for points in raw]
+    unknown = make_pattern(np.arange(-60, 60) * _UNKNOWN, _UNKNOWN)
     if not angles:
-        return _unknown_pattern()
+        return unknown
     step, kept = _azimuth_step(angles, _MICRO_ROW)
     if step is None:  # if coordinates were rounded, angles are exact only far away
         step, kept = _azimuth_step([scan[:, scan[2] > np.median(scan[2])] for scan in angles], _ROUGH_ROW)
     density, edges = _row_density(angles, step, kept)
     if not (np.isfinite(density).all() and density.sum() > 0.0):  # all points are on a line or at one place
-        return _unknown_pattern()
+        return unknown
     if step is None:  # no beam repeats: use square cells with one ray in each
         step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
         density = density * step
@@ -53,8 +100,33 @@ def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     return make_pattern(centres, step, next((t for t in times if t.any()), None))
 
 
-def _unknown_pattern() -> BeamPattern:
-    return make_pattern(np.arange(-60, 60) * _UNKNOWN, _UNKNOWN)
+def make_pattern(centres: Array, step: float, sweep_time: npt.NDArray[np.float32] | None = None) -> BeamPattern:
+    """Return the grid of rows at elevations `centres` (H,), radians, and columns `step` radians apart."""
+    gaps = np.maximum(np.diff(centres), 1e-4)
+    padded = np.concatenate([[centres[0] - gaps[0]], centres, [centres[-1] + gaps[-1]]])
+    rows = np.arange(-1, len(centres) + 1) + 0.5
+    elevation = np.arcsin(np.linspace(-1.0, 1.0, _SINE_BINS + 1))
+    row_of_sine = np.interp(elevation, padded, rows, left=-2.0, right=len(centres) + 2.0).astype(np.float32)
+    n_columns = 8 * max(round(2.0 * np.pi / step / 8), 1)
+    cell = float(np.median(gaps)), 2.0 * np.pi / n_columns
+    times = np.zeros(N_DIRECTIONS, np.float32) if sweep_time is None else sweep_time
+    # Columns are merged first, until cells are about square.
+    lead = max(round(float(np.log2(cell[0] / cell[1]))), 0)
+    shifts = np.array([[max(level - lead, 0), level] for level in range(_N_LEVELS)])
+    shapes = -(-np.array([(len(centres), n_columns)]) // (1 << shifts))
+    offsets = np.concatenate([[0], np.cumsum(shapes.prod(axis=1))])
+    pyramid = Pyramid(shifts, shapes, offsets, ((1 << shifts) * cell).max(axis=1).astype(np.float32))
+    return BeamPattern(len(centres), n_columns, *cell, row_of_sine, times, pyramid)
+
+
+def directions(pattern: BeamPattern, rows: npt.NDArray, columns: npt.NDArray) -> Array:
+    """Return the (M, 3) unit vectors through the centres of cells (`rows`, `columns`), sensor frame."""
+    known = (pattern.row_of_sine > -1.0) & (pattern.row_of_sine < pattern.n_rows + 1.0)
+    sines = np.linspace(-1.0, 1.0, len(known))[known]
+    sine = np.interp(rows + 0.5, pattern.row_of_sine[known], sines)
+    azimuth = 2.0 * np.pi * (columns + 0.5) / pattern.n_columns - np.pi
+    cosine = np.sqrt(1.0 - sine**2)
+    return np.column_stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), sine])
 
 
 def _angles(points: Array) -> Array:
@@ -116,15 +188,10 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
         density /= full
         # Motion that cannot be undone smears angles into the gaps between beams; a sector's total is unchanged.
         density *= min(1.0, np.percentile(per_bin.sum(axis=0), 95) / full / density.sum())
-    _fill_silent_bins(density)
-    return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
-
-
-def _fill_silent_bins(density: Array) -> None:
-    """Give long runs of empty bins (beams into the sky) the mean density, so that rows keep their spacing there."""
+    # Long runs of empty bins (beams into the sky) get the mean density, so that rows keep their spacing there.
     is_empty = np.concatenate([[False], density == 0.0, [False]])
-    starts, ends = np.flatnonzero(np.diff(is_empty.astype(np.int8))).reshape(-1, 2).T
     mean = density[density > 0.0].mean() * (density > 0.0).mean() if (density > 0.0).any() else 0.0
-    for a, b in zip(starts, ends, strict=True):
+    for a, b in np.flatnonzero(np.diff(is_empty.astype(np.int8))).reshape(-1, 2):
         if (b - a) * _ELEVATION_BIN > _LONGEST_GAP:
             density[a:b] = mean
+    return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)

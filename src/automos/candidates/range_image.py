@@ -12,101 +12,75 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_grid import BeamPattern, Pyramid
+from automos.candidates.beam_pattern import BeamPattern
 from automos.cells import sine_bin, turn_of
 from automos.kernels import kernel
 from automos.scan import Mask, Points
 
-UNIT = 0.01
-"""Metres per step of the stored ranges."""
-NO_RAY = 65535
-"""Shortest range stored in cells without a ray."""
+UNIT = 0.01  # metres per step of the stored ranges
+NO_RAY = 65535  # shortest range stored in cells without a ray
 SUPPORT, SUPPORT_PER_METRE = 0.3, 0.02
 """Metres, and metres per metre of range: neighbouring rays that differ by less have met the same object."""
-
 _Image = npt.NDArray[np.uint16]
 
 
 class RangeImage(NamedTuple):
-    """Ranges of one scan on its sensor's grid of rays, in units of `UNIT`.
+    """The ranges of one sweep on its sensor's grid of rays, in units of `UNIT`."""
 
-    Attributes
-    ----------
-    rays : (H, W, 2) uint16, nearest and farthest range in each cell; 65535 and 0 where there is no ray.
-    around : (H, W, 2) uint16, the same over the 3 x 3 cells around each cell.
-    clear : (K,) uint16, shortest range of object points in 3 x 3 cells, for each level of the grid's pyramid.
-    """
-
-    rays: _Image
-    around: _Image
-    clear: _Image
+    pattern: BeamPattern  # with the times of this sweep
+    motion: npt.NDArray[np.float32]  # (6,) twist of the sensor over the sweep
+    rays: _Image  # (H, W, 2) nearest and farthest range in each cell; `NO_RAY` and 0 where there is no ray
+    around: _Image  # (H, W, 2) the same over the 3 x 3 cells around each cell
+    clear: _Image  # (K,) shortest range of object points in 3 x 3 cells, for each level of the grid's pyramid
 
 
 class Projection(NamedTuple):
-    """The points of one scan on its sensor's grid of rays.
+    """The M points of one scan on its sensor's grid of rays."""
 
-    Attributes
-    ----------
-    cell : (M,) int32, row * columns + column of each point; -1 if outside of the grid or left out.
-    steps : (M,) uint16, range in units of `UNIT`.
-    rays : (H, W, 2) uint16, nearest and farthest range in each cell; 65535 and 0 where there is none.
-    """
-
-    cell: npt.NDArray[np.int32]
-    steps: npt.NDArray[np.uint16]
-    rays: _Image
+    cell: npt.NDArray[np.int32]  # (M,) row * columns + column, -1 if outside of the grid or left out
+    steps: npt.NDArray[np.uint16]  # (M,) range in units of `UNIT`
+    rays: _Image  # as in `RangeImage`
 
 
 def locate(points: Points, pattern: BeamPattern) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """Return the grid cell (row * columns + column) and the range (metres) of each point.
-
-    points : (M, 3) float32, sensor frame of the raw sweep. The cell is -1 for points outside of the grid.
-    """
-    cell, ranges = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
-    _locate(points, pattern.row_of_sine, pattern.n_rows, pattern.n_columns, cell, ranges)
-    return cell, ranges
+    """Return the cell (see `Projection`) and the range (metres) of each of `points` (M, 3), frame of the raw sweep."""
+    return _locate(points, pattern.row_of_sine, pattern.n_rows, pattern.n_columns)
 
 
 def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -> Projection:
-    """Return the projection of `points` (M, 3), sensor frame of the raw sweep; all of them, or those `is_seen` (M,)."""
+    """Return the projection of `points` (M, 3), frame of the raw sweep; all of them, or those `is_seen` (M,)."""
     cell, ranges = locate(points, pattern)
     steps = np.minimum(ranges * np.float32(1.0 / UNIT), np.float32(NO_RAY - 1)).astype(np.uint16)
     if is_seen is not None:
         cell[~is_seen] = -1
-    rays = np.zeros((pattern.n_rows, pattern.n_columns, 2), np.uint16)
-    rays[..., 0] = NO_RAY
-    _fill_rays(cell, steps, rays.reshape(-1, 2))
-    return Projection(cell, steps, rays)
+    return Projection(cell, steps, _extreme_ranges(cell, steps, pattern.n_rows, pattern.n_columns))
 
 
 def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Return for each object point (M,) in how many directions it has neighbours, and its solidity.
 
-    Returns
-    -------
-    n_directions : (M,) uint8, vertical and horizontal. 0: only one ray met it, such as a drop of rain, dust or an
-        insect. 1: a twig, a wire or the edge of a slab, which fits between the rays of other scans. 2: it has
-        neighbours above or below and beside it, so rays of other scans would meet it, too.
-    solidity : (M,) uint8, share of the directly adjacent returned rays that ended beside it, from 0 for none to 255
-        for all. Solid faces return the rays that meet them; dust and leaves let most of them through.
+    Without neighbours only one ray met it: a drop of rain, dust, an insect. In one direction, vertical or horizontal,
+    it is a twig, a wire or the edge of a slab, which fits between the rays of other scans. In 2 directions, rays of
+    other scans would meet it, too. Solidity is the share of the directly adjacent returned rays that ended beside it,
+    255 for all: solid faces return the rays that meet them; dust and leaves let most of them through.
     """
-    n_directions, solidity = np.zeros((2, len(is_object)), np.uint8)
-    _count_neighbours(*projection, is_object, n_directions, solidity)
-    return n_directions, solidity
+    return _count_neighbours(*projection, is_object)
 
 
-def make_image(projection: Projection, pyramid: Pyramid, is_object: Mask) -> RangeImage:
+def make_image(
+    projection: Projection, pattern: BeamPattern, motion: npt.NDArray[np.float32], is_object: Mask
+) -> RangeImage:
     """Return the range image of projected points (M,); `clear` ignores all but object points."""
     nearest = np.full(projection.rays.shape[:2], NO_RAY, np.uint16)
     seen = np.flatnonzero(is_object & (projection.cell >= 0))
     np.minimum.at(nearest.reshape(-1), projection.cell[seen], projection.steps[seen])
     clear = [over_neighbours(nearest, np.minimum).reshape(-1)]
-    for is_merged in np.diff(pyramid.shifts, axis=0):
+    for is_merged in np.diff(pattern.pyramid.shifts, axis=0):
         for axis in np.flatnonzero(is_merged):
             nearest = _merged(nearest, int(axis))
         clear.append(over_neighbours(nearest, np.minimum).reshape(-1))
     around = [over_neighbours(projection.rays[..., k], extreme) for k, extreme in enumerate((np.minimum, np.maximum))]
-    return RangeImage(projection.rays, np.stack(around, axis=-1), np.concatenate(clear))
+    return RangeImage(pattern, motion, projection.rays, np.stack(around, axis=-1), np.concatenate(clear))
 
 
 def _merged(image: _Image, axis: int) -> _Image:
@@ -118,10 +92,7 @@ def _merged(image: _Image, axis: int) -> _Image:
 
 
 def over_neighbours(image: npt.NDArray, extreme: np.ufunc) -> npt.NDArray:
-    """Return the `extreme` (np.minimum or np.maximum) of the 3 x 3 cells around each cell of `image` (H, W).
-
-    Columns wrap around.
-    """
+    """Return `extreme` (np.minimum, np.maximum) of 3 x 3 cells around each of `image` (H, W); columns wrap around."""
     rows = image.copy()
     extreme(rows[1:], image[:-1], out=rows[1:])
     extreme(rows[:-1], image[1:], out=rows[:-1])
@@ -129,25 +100,32 @@ def over_neighbours(image: npt.NDArray, extreme: np.ufunc) -> npt.NDArray:
 
 
 @kernel
-def _locate(points, row_of_sine, h, w, cell, ranges):  # type: ignore[no-untyped-def]
+def _locate(points, row_of_sine, h, w):  # type: ignore[no-untyped-def]
+    cell, ranges = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         ranges[i] = np.sqrt(x * x + y * y + z * z)
         row = row_of_sine[sine_bin(z, ranges[i], len(row_of_sine))]
         cell[i] = int(row) * w + int(turn_of(x, y) * np.float32(w)) if 0.0 <= row < h else -1
+    return cell, ranges
 
 
 @kernel
-def _fill_rays(cell, steps, rays):  # type: ignore[no-untyped-def]
+def _extreme_ranges(cell, steps, h, w):  # type: ignore[no-untyped-def]
+    """Return (h, w, 2) the `rays` of the projection."""
+    rays = np.zeros((h * w, 2), np.uint16)
+    rays[:, 0] = NO_RAY
     for i in range(len(cell)):
         if cell[i] >= 0:
             rays[cell[i], 0] = min(rays[cell[i], 0], steps[i])
             rays[cell[i], 1] = max(rays[cell[i], 1], steps[i])
+    return rays.reshape((h, w, 2))
 
 
 @kernel
-def _count_neighbours(cell, steps, rays, is_object, n_directions, solidity):  # type: ignore[no-untyped-def]
+def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
+    n_directions, solidity = np.zeros(len(cell), np.uint8), np.zeros(len(cell), np.uint8)
     for i in range(len(cell)):
         if cell[i] < 0 or not is_object[i]:
             continue
@@ -174,3 +152,4 @@ def _count_neighbours(cell, steps, rays, is_object, n_directions, solidity):  # 
                         n_beside += 1
         n_directions[i] = 2 if goes_up and goes_sideways else (1 if has_neighbour else 0)
         solidity[i] = 255 * n_near // max(n_beside, 1)
+    return n_directions, solidity

@@ -9,20 +9,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space_grid import N_DIRECTIONS
 from automos.cells import rough_turn_of
 from automos.geometry import se3_exp
 from automos.kernels import kernel
 from automos.scan import Frame, Mask, Points
 
-MIN_POINTS = 100
-"""Least number of points of a scan that anything is learnt from."""
-_STEPS = 64
-"""Parts of a sweep, each with its own pose: sweeps turn by a few degrees, so the error is under 1 cm at 50 m."""
-_SAME_LOOK = 0.5
-"""Share of a sweep: points of a direction that are older than its last by more than this are from an earlier turn."""
-_FIXED = 0.1
-"""Share of a sweep: with a greater standard deviation of a direction's times, directions have no fixed time."""
+MIN_POINTS = 100  # least number of points of a scan that anything is learnt from
+N_DIRECTIONS = 360  # azimuth directions for which the time in the sweep is known
+_STEPS = 64  # parts of a sweep, each with its own pose: sweeps turn by a few degrees, an error under 1 cm at 50 m
+_SAME_LOOK = 0.5  # share of a sweep: points of a direction older than its last by more are from an earlier turn
+_FIXED = 0.1  # share of a sweep: with a greater standard deviation of its times, a direction has no fixed time
 
 
 def raw_points(frame: Frame) -> Points:
@@ -31,13 +27,11 @@ def raw_points(frame: Frame) -> Points:
         return frame.points
     steps = (np.arange(_STEPS) + 0.5) / _STEPS - 0.5
     T_raw_frame = se3_exp(-steps[:, None] * frame.sweep_motion).astype(np.float32)
-    out = np.empty_like(frame.points)
-    _transform_by_step(frame.points, frame.sweep_time, T_raw_frame, out)
-    return out
+    return _transform_by_step(frame.points, frame.sweep_time, T_raw_frame)
 
 
 def motion_of(frame: Frame) -> npt.NDArray[np.float32]:
-    """Return (6,) float32, twist of the sensor over the sweep; zeros if that or the points' times are unknown."""
+    """Return (6,) the twist of the sensor over the sweep; zeros if that or the points' times are unknown."""
     is_known = frame.sweep_motion is not None and frame.sweep_time is not None
     return np.asarray(frame.sweep_motion if is_known else np.zeros(6), np.float32)
 
@@ -46,21 +40,20 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
     """Return the time at which a scan last observed each direction, and which of its points are from then.
 
     A scan of more than a turn observes a sector twice, from two places. One range image can hold only one of them.
+    If directions have no fixed time, all times are 0, and all points are from then.
 
     Parameters
     ----------
-    raw : (M, 3) float32, the scan's `raw_points`.
-    times : (M,) float32 in [-0.5, 0.5], or None.
+    raw : (M, 3) float32, the scan's `raw_points`.   times : (M,) float32 in [-0.5, 0.5], or None.
 
     Returns
     -------
-    sweep_time : (360,) float32, mean time of each direction's last observation; zeros if times are not fixed.
-    is_last : (M,) bool, all true if times are not fixed, or if no sector was observed twice.
+    sweep_time : (360,) float32, mean time of each direction's last observation.   is_last : (M,) bool.
     """
     unknown = np.zeros(N_DIRECTIONS, np.float32), np.ones(len(raw), np.bool_)
     if times is None or len(raw) < MIN_POINTS:
         return unknown
-    direction = _directions_of(raw, N_DIRECTIONS)
+    direction = _directions_of(raw)
     latest = np.full(N_DIRECTIONS, np.float32(-1.0))
     np.maximum.at(latest, direction, times)
     is_last = times > latest[direction] - np.float32(_SAME_LOOK)
@@ -76,19 +69,20 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
 
 
 @kernel
-def _directions_of(raw, n):  # type: ignore[no-untyped-def]
+def _directions_of(raw):  # type: ignore[no-untyped-def]
     out = np.empty(len(raw), np.int64)
     for i in range(len(raw)):
-        out[i] = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(n))
+        out[i] = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(N_DIRECTIONS))
     return out
 
 
 @kernel
-def _transform_by_step(points, time, T, out):  # type: ignore[no-untyped-def]
-    n = len(T)
+def _transform_by_step(points, time, T):  # type: ignore[no-untyped-def]
+    out, n = np.empty_like(points), len(T)
     for i in range(len(points)):
         step = (time[i] + 0.5) * n
         M = T[int(min(step, n - 1.0)) if step > 0.0 else 0]
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for k in range(3):
             out[i, k] = M[k, 0] * x + M[k, 1] * y + M[k, 2] * z + M[k, 3]
+    return out

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from automos.candidates.free_space_grid import make_pattern
-from automos.candidates.free_space_image import NO_RAY, locate, make_image, over_neighbours, project
+from automos.candidates.beam_pattern import make_pattern
+from automos.candidates.range_image import NO_RAY, locate, make_image, over_neighbours, project
 
 PATTERN = make_pattern(np.radians(np.arange(-4.0, 5.0, 1.0)), np.radians(1.0))
 
@@ -37,7 +37,7 @@ def test_of_several_points_in_a_cell_the_nearest_and_the_farthest_are_kept():
 
 def test_what_is_no_object_is_transparent_to_the_clear_levels():
     points = np.array([ray(0.5, 0.0, 8.0), ray(0.5, 1.0, 10.0)], np.float32)
-    image = make_image(project(points, PATTERN), PATTERN.pyramid, np.array([False, True]))
+    image = make_image(project(points, PATTERN), PATTERN, np.zeros(6, np.float32), np.array([False, True]))
     assert image.around[4, 180, 0] == pytest.approx(800, abs=1)
     for start, (rows, columns) in zip(PATTERN.pyramid.offsets, PATTERN.pyramid.shapes, strict=False):
         assert image.clear[start : start + rows * columns].min() == pytest.approx(1000, abs=1)

@@ -1,0 +1,103 @@
+"""The observations of each LiDAR in one scan: the ranges of its rays, and its object points in its own frame.
+
+A scan of one LiDAR has one view. Merged clouds have one for each LiDAR that a scan names, with its own origin and
+pattern; the ground is that of all points together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.candidates.beam_pattern import Lidar, learn_pattern
+from automos.candidates.ego_body import find_ego_body, is_on_body
+from automos.candidates.ground import find_ground
+from automos.candidates.range_image import RangeImage, find_neighbours, make_image, project
+from automos.candidates.sweep import last_looks, motion_of, raw_points
+from automos.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
+from automos.settings import EgoBodySettings, GroundSettings
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The observations of one LiDAR in a scan, in its frame at mid-sweep."""
+
+    rows: npt.NDArray[np.int64] | slice  # (R,) the frame's points that it measured
+    is_object: Mask  # (R,) those that may be objects
+    objects: npt.NDArray[np.float32]  # (3, K) metres, these object points
+    is_supported: Mask  # (K,) object points with neighbours in the same scan above or below, and beside
+    image: RangeImage  # of all its points
+    T_level_sensor: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The observations of a frame of M points, kept while others may use them.
+
+    Attributes
+    ----------
+    kind : (M,) uint8, OBJECT, GROUND, EGO_BODY or SPECK.   height : (M,) float32, metres above the ground.
+    solidity : (M,) uint8, share of the rays beside an object point that ended beside it, 255 for all.
+    views : list of View, one for each LiDAR.
+    """
+
+    kind: npt.NDArray[np.uint8]
+    height: npt.NDArray[np.float32]
+    solidity: npt.NDArray[np.uint8]
+    views: list[View]
+
+    def moved(self, T_after_before: Pose) -> Seen:
+        """Return the same with all poses moved by `T_after_before` (4, 4) in the level frame."""
+        views = [replace(view, T_level_sensor=T_after_before @ view.T_level_sensor) for view in self.views]
+        return replace(self, views=views)
+
+
+def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
+    """Return the LiDARs in the order of their numbers; patterns are learnt from `sample`, a few of `frames`."""
+    lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
+    for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
+        pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
+        lidars.append(Lidar(k, T_scan_sensor, pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32)))
+    return with_body(lidars, frames, ego_body, threads)
+
+
+def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
+    """Return `lidars` with the ego body that `frames` show for each of them."""
+    return [replace(lidar, body_reach=find_ego_body(frames, lidar, ego_body, threads)) for lidar in lidars]
+
+
+def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
+    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`."""
+    return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
+
+
+def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
+    """Return the observations of `frame`."""
+    is_ground, height = find_ground(frame.points_level, frame.origin_level, ground)
+    kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
+    seen = Seen(kind, height, np.zeros(len(kind), np.uint8), [])
+    seen.views.extend(_view(*frame.of_sensor(lidar.number), seen, lidar) for lidar in lidars)
+    return seen
+
+
+def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: Lidar) -> View:
+    """Return the view of one LiDAR, whose points are `rows` of the frame `seen`, and are in `part`.
+
+    Ego body, specks and solidity of these points are written into `seen`.
+    """
+    raw, kind = raw_points(part), seen.kind[rows].copy()
+    kind[is_on_body(raw, kind == GROUND, lidar)] = EGO_BODY
+    sweep_time, is_last = last_looks(raw, part.sweep_time)
+    # Points that are neighbours were observed in the same turn.
+    turns = [is_last] if is_last.all() else [is_last, ~is_last]
+    projections = [project(raw, lidar.pattern, is_of_turn & (kind != EGO_BODY)) for is_of_turn in turns]
+    neighbours = [find_neighbours(projection, kind == OBJECT) for projection in projections]
+    n_directions, seen.solidity[rows] = np.max(neighbours, axis=0)
+    is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
+    kind[(n_directions == 0) & (kind == OBJECT) & is_on_grid] = SPECK
+    seen.kind[rows], is_object = kind, kind == OBJECT
+    image = make_image(projections[0], lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
+    objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)
+    return View(rows, is_object, objects, n_directions[is_object] == 2, image, part.T_level_sensor)
