@@ -275,6 +275,14 @@ def test_a_nan_that_signals_is_a_nan_and_nothing_is_said_of_it(tmp_path):
     assert [int(scan.is_valid.sum()) for scan in sequence] == [50, 49, 50]
 
 
+@pytest.mark.parametrize("to", ["pcd", "ply", "laz", "instances", "panoptic", "cvat", "sustech"])
+def test_an_export_may_be_written_anew(lane_run, tmp_path, to):
+    words = ["export", str(lane_run), str(lane_run.parent / "lane"), "--to", to, "--out", str(tmp_path / "exported")]
+    for _ in range(2):
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.exception
+
+
 def test_of_what_cannot_be_read_in_a_folder_the_name_is_told(tmp_path):
     with pytest.raises(InputError, match="secret cannot be read: Permission denied"), reading.damage_reported(tmp_path):
         raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "secret"))
@@ -286,11 +294,19 @@ def test_no_command_replaces_a_file_of_the_recording_or_writes_among_its_scans(l
     fleet = shutil.copytree(log, tmp_path / "fleet" / "a").parent
     shutil.copytree(log, fleet / "b")
     scan, times = next(iter(sorted((log / "velodyne").iterdir()))), log / "times.txt"
+    with_poses = shutil.copytree(log / "velodyne", tmp_path / "with_poses")
+    (with_poses / "poses").mkdir()
     for words, told in (
         (["report", run, log, "--out", times], "is a file of the recording"),
         (["evaluate", run, log, "--json", scan], "is a file of the recording"),
         (["label", fleet, "--out", log], "holds the scans of a recording"),
         (["label", log, "--out", run / "predictions"], "holds the results of a run"),
+        (["label", log, "--out", with_poses], "holds the scans of a recording"),
+        (["export", run, log, "--to", "pcd", "--out", fleet / "a"], "holds the scans of a recording"),
+        (["export", run, log, "--to", "pcd", "--out", with_poses], "holds the scans of a recording"),
+        (["export", run, log, "--to", "panoptic", "--out", fleet / "a" / "labels"], "holds the labels of a recording"),
+        (["map", log, "--out", with_poses], "holds the scans of a recording"),
+        (["compare", log, "--out", fleet / "a"], "holds the scans of a recording"),
     ):
         before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
         result = CliRunner().invoke(app, list(map(str, words)))

@@ -95,7 +95,8 @@ class Scan:
         stamp = np.asarray(0.0 if self.stamp is None else self.stamp)
         is_time = isinstance(self.stamp, SupportsFloat | None) and stamp.ndim == 0 and stamp.dtype.kind in "fiubO"
         if not isinstance(self.name, str) or not is_time:
-            raise InputError(f"a scan's name is a text and its stamp seconds, got {self.name!r} and {self.stamp!r}")
+            given = f"{self.name!r:.80} and {self.stamp!r:.80}"
+            raise InputError(f"a scan's name is a text and its stamp seconds, got {given}")
 
     def __len__(self) -> int:
         return len(self.points)

@@ -63,3 +63,9 @@ def test_a_scan_without_a_message_of_the_other_has_the_points_of_one(tmp_path):
 def test_lidars_that_sit_nowhere_are_told(tmp_path, joints, why):
     with pytest.raises(InputError, match=why):
         open_sequence(write(tmp_path / "log.mcap", joints) / BOTH)
+
+
+@pytest.mark.parametrize("topics", ["front/points+front/points", "front/points+rear/points+front/points/"])
+def test_a_topic_that_is_named_twice_is_told(tmp_path, topics):
+    with pytest.raises(InputError, match="names the topic /front/points twice"):
+        open_sequence(f"{write(tmp_path / 'log.mcap')}/{topics}")

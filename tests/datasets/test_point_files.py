@@ -313,6 +313,8 @@ def test_text_that_holds_no_points_is_told(tmp_path, text, message):
         ("x;y;z;intensity;t;ring\n1,5;2,5;0,5", "divides numbers by commas and by something else"),
         ("1.5,,2.5,0.5", "has cells without a number"),
         ("x,y,z\n,1.5,2.5,0.5", "has cells without a number"),
+        ("x,,y,z,i\n1.5,2.5,0.5,0.1", "has a column without a name"),
+        (",x,y\n1.5,2.5,0.5", "has a column without a name"),
         ("1;2;3\n;4;5;6", "has cells without a number"),
     ],
 )

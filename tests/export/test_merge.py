@@ -202,6 +202,23 @@ def test_a_box_that_was_added_makes_its_points_move(run, root, tmp_path):
     assert merged.points["static to moving"] == (again.instances(4, len(scan)) == new).sum()
 
 
+def test_boxes_whose_id_is_null_are_objects_of_their_own(run, root, tmp_path):
+    scene, at = Scene("sustech", root, tmp_path), dict.fromkeys("xyz", 9.0)
+    box = {"position": at, "scale": at, "rotation": dict.fromkeys("xyz", 0.0)}
+    for scan in (2, 3):
+        scene.scans[scan].append({"psr": box, "obj_type": "static", "obj_id": None})
+    merge(run, scene.save(), tmp_path / "out")
+    again = RunFiles(tmp_path / "out", run.sequence)
+    assert len(set(again.tracks) - set(run.tracks)) == 2
+
+
+def test_an_id_of_too_many_digits_is_told_with_its_file(run, root, tmp_path):
+    scene = Scene("sustech", root, tmp_path)
+    next(boxes for boxes in scene.scans if boxes)[0]["obj_id"] = "9" * 30
+    with pytest.raises(InputError, match=r"\.json has a box with obj_id 99999999999999999999\.\.\.; ids have up to"):
+        merge(run, scene.save(), tmp_path / "out")
+
+
 def test_objects_with_names_never_share_a_number_with_one_that_was_numbered_by_hand(run, root, tmp_path):
     scene, taken = Scene("sustech", root, tmp_path), str(max(run.tracks) + 1)
     at = dict.fromkeys("xyz", 9.0)

@@ -59,6 +59,8 @@ def test_a_form_of_another_site_cannot_decide_even_without_an_origin(server):
         ({"track": 9999, "verdict": "moving"}, "there is no object 9999"),
         ({"track": 1, "verdict": "parked"}, "'parked' is not a verdict"),
         ({"track": None, "verdict": "moving"}, "None is not the number of an object"),
+        ({"track": 1.5, "verdict": "moving"}, "1.5 is not the number of an object"),
+        ({"track": True, "verdict": "moving"}, "True is not the number of an object"),
     ],
 )
 def test_a_decision_that_makes_no_sense_is_refused_in_a_sentence(server, body, why):
@@ -66,6 +68,13 @@ def test_a_decision_that_makes_no_sense_is_refused_in_a_sentence(server, body, w
     assert status == 400
     assert why in json.loads(text)["error"]
     assert read_decisions(server.session.run.folder) == []
+
+
+@pytest.mark.parametrize("x", [1e308, -1e30])
+def test_a_click_beyond_the_earth_is_refused_in_a_sentence(server, x):
+    status, text = ask(server, "/api/propose", {"index": 1, "x": x, "y": 0.0})
+    assert status == 400
+    assert "is not a number of metres" in json.loads(text)["error"]
 
 
 @pytest.mark.parametrize("path", ["/../run.json", "/page/review.html", "/api/nothing", "/%2e%2e/run.json"])

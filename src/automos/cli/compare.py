@@ -140,13 +140,14 @@ def _runs(
     from automos.comparison.runs import MethodRuns
     from automos.datasets import open_sequence
     from automos.labeling import given_poses
-    from automos.results.claiming import refuse_folders_of
+    from automos.results.claiming import refuse_folders_of, refuse_scans
     from automos.settings import read_overrides
 
     sequence = open_sequence(recording, format)
     given = given_poses(sequence, poses, calib)
     folder = out / sequence.name if is_default else out
     refuse_folders_of(sequence, folder)
+    refuse_scans(folder)
     return MethodRuns(sequence, folder, read_overrides(overrides), given, workers, _say_when_started(), **more)
 
 

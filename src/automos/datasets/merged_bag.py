@@ -34,6 +34,10 @@ class MergedBagSequence(Sequence):
             Those of a single topic; clouds without times; a LiDAR that /tf_static does not join to the first.
         """
         self.source, self._address = bag, bag / "+".join(topics)
+        plain = [topic.strip("/") for topic in topics]
+        twice = next((topic for topic in plain if plain.count(topic) > 1), None)
+        if twice is not None:
+            raise InputError(f"{self._address} names the topic /{twice} twice; name each topic once")
         self._parts = [RosbagSequence(bag / topic) for topic in topics]
         self.name = f"{bag.resolve().stem}_{'+'.join(topics).replace('/', '_')}"
         self._mounts = _find_mounts(self._parts, topics)

@@ -11,6 +11,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -110,10 +111,21 @@ def read_mounts(folder: Path) -> Mounts | None:
     rings = [entry.get("rings") for entry in entries]
     if all(ring is None for ring in rings):
         return Mounts(names, T)
+    return Mounts(names, T, _checked_rings(rings, names, path))
+
+
+def _checked_rings(rings: list[Any], names: list[str], path: Path) -> npt.NDArray[np.int64]:
+    """Return (K, 2) the first and last ring of each LiDAR; InputError where they are none, or one has two LiDARs."""
     for ring, name in zip(rings, names, strict=True):
-        if not isinstance(ring, list) or len(ring) != 2 or not all(r in range(1 << 16) for r in ring):
-            raise InputError(f"{path}: the rings of {name} must be its first and last, [0, 31], but are {ring}")
-    return Mounts(names, T, np.array(rings, np.int64))
+        is_pair = isinstance(ring, list) and len(ring) == 2 and all(r in range(1 << 16) for r in ring)
+        if not is_pair or ring[0] > ring[1]:
+            raise InputError(f"{path}: the rings of {name} must be its first and last, [0, 31], but are {ring!r:.80}")
+    order = sorted(range(len(rings)), key=lambda k: rings[k])
+    for one, next_one in pairwise(order):
+        if rings[next_one][0] <= rings[one][1]:
+            shared = rings[next_one][0]
+            raise InputError(f"{path}: ring {shared} is of both {names[one]} and {names[next_one]}; give it to one")
+    return np.array(rings, np.int64)
 
 
 def _transform_of(entry: dict[str, Any], name: str, path: Path) -> Pose:

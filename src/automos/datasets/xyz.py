@@ -34,6 +34,8 @@ def read(path: Path) -> Columns:
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
+    if names and _has_empty_cell(first_line):
+        raise InputError(f"{path} has a column without a name in its first line; write a name, or leave the column out")
     numbers = _without_comments(rest if names else text)
     _require_one_divider(numbers, path)
     try:
@@ -57,8 +59,12 @@ def _require_one_divider(numbers: bytes, path: Path) -> None:
     line = numbers.lstrip().partition(b"\n")[0]
     if (commas and semicolons) or (_COMMA_WITHIN.search(line) and _BLANK_BETWEEN.search(line)):
         raise InputError(f"{path} divides numbers by commas and by something else; write decimals with a point")
-    if numbers.startswith((b",", b";")) or any(empty in numbers for empty in _EMPTY):
+    if _has_empty_cell(numbers):
         raise InputError(f"{path} has cells without a number; write nan in them, or leave the column out")
+
+
+def _has_empty_cell(lines: bytes) -> bool:
+    return lines.startswith((b",", b";")) or any(empty in lines for empty in _EMPTY)
 
 
 def _without_comments(text: bytes) -> bytes:

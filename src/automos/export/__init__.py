@@ -109,13 +109,15 @@ def _require_points(export: Export, format: str) -> None:
 
 def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
     """Raise InputError if `place` is part of a recording or of a run's results, or is of another kind."""
-    from automos.results.claiming import refuse_folders_of, refuse_results
+    from automos.results.claiming import refuse_anyones, refuse_folders_of, refuse_results
 
     if place.exists() and not (place.is_file() if is_file else place.is_dir()):
         kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
         raise InputError(f"{place} is {kind}: choose another --out")
     refuse_folders_of(sequence, place.parent if is_file else place)
     refuse_results(place)
+    if not is_file:
+        refuse_anyones(place)
 
 
 def _place(out: Path, export: Export, name: str, n_recordings: int) -> Path:

@@ -97,12 +97,20 @@ def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
         for box in document["objs"] if isinstance(document, dict) else document:
             position, scale, rotation = (_xyz(box["psr"][key]) for key in ("position", "scale", "rotation"))
             made = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
-            boxes.append((str(box.get("obj_id", "")), made))
+            boxes.append((_name_of(box.get("obj_id"), path), made))
         return boxes
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(f"{path} is not a label file of SUSTechPOINTS ({error}); save the scene again") from None
+
+
+def _name_of(obj_id: Any, path: Path) -> str:
+    """Return what a tool calls the object of a box; "" where it has no name."""
+    name = "" if obj_id is None else str(obj_id)
+    if name.isascii() and name.isdecimal() and len(name) > _ID_DIGITS:
+        raise InputError(f"{path} has a box with obj_id {name[:20]}...; ids have up to {_ID_DIGITS} digits")
+    return name
 
 
 def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
@@ -128,11 +136,7 @@ class _Ids:
     @staticmethod
     def _number(name: str) -> int:
         """Return `name` as a number, 0 where it is none."""
-        if not (name.isascii() and name.isdecimal()):
-            return 0
-        if len(name) > _ID_DIGITS:
-            raise InputError(f"there is a box with obj_id {name[:20]}...; ids have up to {_ID_DIGITS} digits")
-        return int(name)
+        return int(name) if name.isascii() and name.isdecimal() else 0
 
 
 # ---------------------------------------------------------------------------------------------------------- CVAT

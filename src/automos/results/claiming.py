@@ -11,7 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from automos.atomic import faults_reported, held, remove_parts
-from automos.datasets.files import holds_scans
+from automos.datasets.codecs import read_columns
+from automos.datasets.files import holds_scans, list_scans
 from automos.errors import InputError
 from automos.scan import Sequence
 from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
@@ -55,6 +56,37 @@ def refuse_scans(folder: Path) -> None:
         raise InputError(f"{folder} holds the scans of a recording: choose another --out")
 
 
+def refuse_anyones(folder: Path) -> None:
+    """Raise InputError where an export must not go into `folder`: it holds scans or labels that no export of ours is.
+
+    Some other recording would get points of ours among its scans, or lose the labels that it came with.
+    """
+    if not folder.is_dir() or _is_any_of_ours(folder):
+        return
+    if _holds_others_scans(folder) or _holds_others_scans(folder / "velodyne"):
+        raise InputError(f"{folder} holds the scans of a recording: choose another --out")
+    beside = (folder.parent, folder.parent / "velodyne")
+    if any(folder.glob("*.label")) and not _is_any_of_ours(folder.parent) and any(map(_holds_others_scans, beside)):
+        raise InputError(f"{folder} holds the labels of a recording: choose another --out")
+
+
+def _holds_others_scans(folder: Path) -> bool:
+    """Return whether `folder` holds scans; points that we exported have columns for their label and object."""
+    if not folder.is_dir() or not holds_scans(folder):
+        return False
+    try:
+        files, codec, _ = list_scans(folder)
+    except InputError:
+        return True  # of several kinds, or damaged
+    if codec == "bin":
+        return True
+    try:
+        columns = read_columns(folder / files[0], codec)
+    except InputError:
+        return codec != "npy"  # objects of points, which `--to instances` writes, are no points
+    return not {"label", "instance"} <= columns.keys()
+
+
 def refuse_results(folder: Path) -> None:
     """Raise InputError where `folder` is one that a run's labels lie in: corrections may be among them."""
     if folder.name in {Path(pattern).parts[0] for pattern in PER_SCAN} | {"stages"} and _is_ours(folder.parent):
@@ -85,7 +117,7 @@ def refuse_file_of(sequence: Sequence, path: Path) -> None:
 
 def _is_any_of_ours(folder: Path) -> bool:
     """Return whether a command of ours wrote into `folder`, or began to: label, segment, compare or map."""
-    return _is_ours(folder) or any((folder / name).exists() for name in ("compare.json", "map.json", "poses"))
+    return _is_ours(folder) or any((folder / name).exists() for name in ("compare.json", "map.json", "poses/stages"))
 
 
 def _is_ours(folder: Path) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from automos.errors import InputError
+from automos.geometry import FARTHEST
 from automos.review.looking import Looking
 from automos.review.session import Session
 
@@ -109,9 +110,12 @@ def _look(body: Mapping[str, Any]) -> int:
 def number(value: Any, what: str = "an object") -> int:
     """Return `value` as the number of an object, a scan or a place; InputError if it is none."""
     try:
-        return int(value)
+        found = int(value)
+        if isinstance(value, bool) or found != float(value):
+            raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{value!r} is not the number of {what}") from None
+        raise InputError(f"{value!r:.80} is not the number of {what}") from None
+    return found
 
 
 def _metres(value: Any) -> float:
@@ -119,8 +123,8 @@ def _metres(value: Any) -> float:
         found = float(value)
     except (TypeError, ValueError, OverflowError):
         found = math.nan
-    if not math.isfinite(found):
-        raise InputError(f"{value!r} is not a number of metres")
+    if not abs(found) < FARTHEST:
+        raise InputError(f"{value!r:.80} is not a number of metres")
     return found
 
 
