@@ -52,6 +52,10 @@ _UNCERTAIN_CHOICES = (
     *("objects may climb", "what was lost may have stayed", "numbers of points do not choose"),
     "what overlaps may be another",
 )
+_COSTLY = (
+    *("two scans merged", "cut every 1.09 turns, beam by beam", "cut every 1.09 turns, shuffled"),
+    *("rain", "dust"),
+)
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
 
@@ -124,6 +128,12 @@ JOBS = {
             "conventions.py",
             (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city", "junction"),
             (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city"),
+        ),
+        Job(
+            "conventions-costly",
+            "conventions.py",
+            (*_STORE, "--conventions", *_COSTLY),
+            (*_STORE, "--conventions", *_COSTLY, "--scenarios", "city", "junction"),
         ),
         Job("trust", "trust.py", (*_STORE, "--seed", "30"), (*_STORE, "--seed", "30", "--only", "VLP-16")),
         Job(
