@@ -86,7 +86,7 @@ def given_poses(sequence: Sequence, pose_file: Path | None, calib_file: Path | N
 def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) -> str:
     """Return a summary of a run in a few lines; `was_there` if all its results existed before."""
     points, moving = run["points"], run["tracks"]["moving"]
-    total = max(sum(points.values()), 1)
+    total = sum(points.values())
     scans = run["recording"]["scans"]
     if was_there:
         effort = f"nothing to do: labelled before with these settings, in {sum(run['seconds'].values()):.1f} s"
@@ -96,7 +96,7 @@ def summary(run: dict[str, Any], folder: Path, seconds: float, was_there: bool) 
     on_body = f" ({riding:,} on what rides along with the sensor)" if riding else ""
     lines = [
         f"{run['recording']['name']}: {scans} scan{'s' * (scans != 1)}, {total:,} points, {points['moving']:,} moving "
-        f"({100 * points['moving'] / total:.2f} %) on {moving} object{'s' * (moving != 1)}, "
+        f"({100 * points['moving'] / max(total, 1):.2f} %) on {moving} object{'s' * (moving != 1)}, "
         f"{points['unlabeled']:,} unlabeled{on_body}",
         *timing_line(run),
         *(f"warning: {sentence}" for sentence in sentences_of(run)),

@@ -66,6 +66,14 @@ def test_an_mcap_file_of_another_kind_than_ros_is_told(tmp_path):
         open_sequence(tmp_path / "log.mcap")
 
 
+def test_a_bag_that_is_compressed_as_a_whole_is_to_be_unpacked(tmp_path):
+    bag = write_bag(tmp_path / "log", {"/points": messages_of(street_log())})
+    file = next(bag.glob("*.mcap"))
+    file.rename(f"{file}.zstd")
+    with pytest.raises(InputError, match=rf"{file.name}.zstd is compressed as a whole.* unpack it \(zstd -d "):
+        open_sequence(bag)
+
+
 @pytest.mark.parametrize("options", [{"big_endian": True}, {"gap": 0}, {"height": 2, "row_padding": 7}])
 def test_clouds_may_be_big_endian_packed_or_padded(tmp_path, options):
     scan = street_log().scans[0]

@@ -33,6 +33,7 @@ from automos.scan import Mask, Scan, Sequence
 logger = logging.getLogger(__name__)
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
+_PACKED = ".zstd"
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 _TYPES = (_CLOUD, *livox_message.TYPES)
 
@@ -40,7 +41,9 @@ _TYPES = (_CLOUD, *livox_message.TYPES)
 def is_bag(path: Path) -> bool:
     """Return whether `path` is a bag: a file of one of its kinds, or ROS 2's folder."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists() and any(p.suffix in _SUFFIXES for p in path.iterdir())
+        return (path / "metadata.yaml").exists() and any(
+            p.suffix in _SUFFIXES or (p.suffix == _PACKED and Path(p.stem).suffix in _SUFFIXES) for p in path.iterdir()
+        )
     return path.suffix in _SUFFIXES and path.is_file()
 
 
@@ -55,12 +58,19 @@ class RosbagSequence(Sequence):
         Raises
         ------
         InputError
-            A damaged bag, no or several topics of PointCloud2, or stamps that run backwards.
+            A bag that is damaged or compressed as a whole, no or several topics of point clouds, or stamps that run
+            backwards.
         """
         bag = path if path.exists() else next(parent for parent in path.parents if is_bag(parent))
         wanted = None if path == bag else path.relative_to(bag).as_posix()
         self.source, self._address = bag, path
         self._threads = threading.local()
+        packed = next((file for file in _files(bag) if file.suffix == _PACKED), None)
+        if packed is not None:  # the library would unpack all of it for every scan, with no limit on its size
+            raise InputError(
+                f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "
+                f"{packed.name}) and give the unpacked file"
+            )
         with _reported(bag):
             self._topic = _choose_topic(self._reader, bag, wanted)
             self._recorded, headers, self._sizes, self._digests = self._index()
