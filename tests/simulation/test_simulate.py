@@ -36,7 +36,8 @@ def test_unknown_names_are_listed():
 
 
 @pytest.mark.parametrize(
-    ("n_scans", "seed", "message"), [(0, 0, "n_scans is 0"), (-3, 0, "n_scans is -3"), (1, -1, "seed is -1")]
+    ("n_scans", "seed", "message"),
+    [(0, 0, "n_scans is 0"), (-3, 0, "n_scans is -3"), (10**20, 0, "has 1 to 1,000,000"), (1, -1, "seed is -1")],
 )
 def test_lengths_and_seeds_out_of_range_are_refused(n_scans, seed, message):
     with pytest.raises(InputError, match=message):

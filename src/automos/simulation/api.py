@@ -16,6 +16,8 @@ SCENARIOS: tuple[str, ...] = tuple(_SCENARIOS)
 """Names of the scenarios."""
 SENSORS: tuple[str, ...] = tuple(_SENSORS)
 """Names of the sensors."""
+MAX_SCANS = 1_000_000
+"""More than a day of ten scans a second; worlds are built for all of their time at once."""
 
 
 def simulate(
@@ -93,8 +95,8 @@ def _sequence(
 ) -> SimulatedSequence:
     _check_name("scenario", scenario, SCENARIOS)
     _check_name("sensor", sensor, SENSORS)
-    if n_scans < 1:
-        raise InputError(f"n_scans is {n_scans}; a simulation needs at least 1 scan.")
+    if not 1 <= n_scans <= MAX_SCANS:
+        raise InputError(f"n_scans is {n_scans}; a simulation has 1 to {MAX_SCANS:,} scans.")
     if seed < 0:
         raise InputError(f"seed is {seed}; give 0 or a positive integer.")
     return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated, conditions)
