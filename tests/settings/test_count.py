@@ -48,6 +48,12 @@ class Readers(ast.NodeVisitor):
         for _ in range(2):  # what __init__ keeps may be read in a method above it
             self.generic_visit(node)
 
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        for field in node.body:  # of a data class
+            if isinstance(field, ast.AnnAssign) and (kind := self._named(field.annotation)):
+                self.attributes[field.target.id] = kind
+        self.generic_visit(node)
+
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         everything = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
         self.names.append({a.arg: kind for a in everything if (kind := self._named(a.annotation))})
