@@ -62,7 +62,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
     "what overlaps may be another": {f"{PAIRS}:MIN_OVERLAP": 2.0},
     "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
-    "objects may grow": {f"{PAIRS}:MAX_SIZE_CHANGE": NEVER},
     "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},
     "sizes do not choose": {f"{PAIRS}:SIZE_WEIGHT": 0.0},
     "numbers of points do not choose": {f"{PAIRS}:COUNT_WEIGHT": 0.0},

@@ -18,7 +18,6 @@ from automos.upright_boxes import Boxes, iou_3d
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
-MAX_SIZE_CHANGE = 0.7  # greatest change of a ground side, as a share of the longer one plus 1 m
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 MIN_OVERLAP = 0.3
 """Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
@@ -78,7 +77,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
     settling = objects.share[k] - found.moving_share[j]
     is_lost = objects.misses[k] > 1  # the current scan is included
-    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB) & (growth < MAX_SIZE_CHANGE)
+    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~(is_lost & (settling > OTHER_EVIDENCE))
     price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
