@@ -2,11 +2,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 
 
 @dataclass(frozen=True, eq=False)
-class Posts(Columns):
+class Posts(ColumnData):
     number: np.ndarray
     place: np.ndarray
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class ColumnData:
     """Base of a data class of columns: some of its rows, several of them joined, saving and loading."""
 
     def __len__(self) -> int:

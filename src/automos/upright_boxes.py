@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 from automos.geometry import transform, wrap_angle
 from automos.kernels import kernel
 
@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Boxes(Columns):
+class Boxes(ColumnData):
     """Upright oriented boxes, one row each, in one frame (paper III-C: b = (c, theta, l, w, h, s)).
 
     Attributes

@@ -33,7 +33,6 @@ from automos.scan import Mask, Scan, Sequence
 logger = logging.getLogger(__name__)
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
-_PACKED = ".zstd"
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 _TYPES = (_CLOUD, *livox_message.TYPES)
 
@@ -41,10 +40,14 @@ _TYPES = (_CLOUD, *livox_message.TYPES)
 def is_bag(path: Path) -> bool:
     """Return whether `path` is a bag: a file of one of its kinds, or ROS 2's folder."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists() and any(
-            p.suffix in _SUFFIXES or (p.suffix == _PACKED and Path(p.stem).suffix in _SUFFIXES) for p in path.iterdir()
-        )
+        holds = (path / "metadata.yaml").exists()
+        return holds and any(p.suffix in _SUFFIXES or _is_packed(p) for p in path.iterdir())
     return path.suffix in _SUFFIXES and path.is_file()
+
+
+def _is_packed(file: Path) -> bool:
+    """Return whether `file` is one of a bag, compressed as a whole."""
+    return file.suffix == ".zstd" and Path(file.stem).suffix in _SUFFIXES
 
 
 class RosbagSequence(Sequence):
@@ -65,7 +68,7 @@ class RosbagSequence(Sequence):
         wanted = None if path == bag else path.relative_to(bag).as_posix()
         self.source, self._address = bag, path
         self._threads = threading.local()
-        packed = next((file for file in _files(bag) if file.suffix == _PACKED), None)
+        packed = next(filter(_is_packed, _files(bag)), None)
         if packed is not None:  # the library would unpack all of it for every scan, with no limit on its size
             raise InputError(
                 f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 from automos.geometry import wrap_angle
 from automos.settings import FilterSettings
 from automos.upright_boxes import Boxes
@@ -25,7 +25,7 @@ YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
 
 
 @dataclass(frozen=True, eq=False)
-class Beliefs(Columns):
+class Beliefs(ColumnData):
     """Gaussian beliefs about K boxes: mean (K, 10), covariance (K, 10, 10); subclasses add columns."""
 
     mean: Array

@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 from automos.detections import Detections
 from automos.scan import Mask
 from automos.settings import JudgeSettings
@@ -57,7 +57,7 @@ NOISE = 0.05  # metres, least scatter of a face of a tracked box
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentTerms(Columns):
+class SegmentTerms(ColumnData):
     """The terms of the M segments of one scan for the tracks they belong to.
 
     Attributes

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 from automos.upright_boxes import Boxes
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks(Columns):
+class Tracks(ColumnData):
     """Tracks as a flat table, sorted by track, then scan.
 
     Attributes

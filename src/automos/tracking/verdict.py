@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from automos.column_data import Columns
+from automos.column_data import ColumnData
 
 
 class Verdict(IntEnum):
@@ -20,7 +20,7 @@ class Verdict(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Verdicts(Columns):
+class Verdicts(ColumnData):
     """One row per track: verdict (T,) int8 of `Verdict`, confidence (T,) float64 in [0, 1]."""
 
     verdict: npt.NDArray[np.int8]
