@@ -64,22 +64,22 @@ def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
 
 # --------------------------------------------------------------------------------------------- cost of the default
 def cost_of_seeing(
-    before: Boxes, now: Boxes, share: float = 0.5, n_moving: float = 0.0, is_lost: bool = False
+    before: Boxes, now: Boxes, share: float = 0.5, n_moving: float = 0.0, is_lost: bool = False, n_points: float = 100.0
 ) -> float:
     """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later.
 
-    share : what the evidence said of it.   n_moving : of the 100 points seen now, that have moved.
+    share : what the evidence said of it.   n_moving : of the `n_points` seen now, that have moved.
     """
     noise = FilterSettings()
     belief = kalman.start(before, noise, noise.initial_velocity_variance)
     for _ in range(10):
         belief = kalman.update(kalman.predict(belief, 0.1, noise), before, noise)
-    hundred, nothing = np.full(1, 100.0), np.zeros(1)
-    known = nothing if share == 0.5 else hundred
-    found = Detections.of_objects(now, hundred, nothing + n_moving, known - n_moving)
+    count, nothing = np.full(1, n_points), np.zeros(1)
+    known = nothing if share == 0.5 else count
+    found = Detections.of_objects(now, count, nothing + n_moving, known - n_moving)
     belief = kalman.predict(belief, 0.1, noise)
     one, misses = np.zeros(1, np.int64), np.full(1, 2 if is_lost else 1)  # the current scan is included
-    state = np.full(1, share), hundred, np.full(1, share > 0.5)
+    state = np.full(1, share), count, np.full(1, share > 0.5)
     objects = Objects(belief.mean, belief.covariance, one, nothing, misses, *state)
     return float(motion_cost(objects, found, noise, GateSettings())[0, 0])
 
@@ -105,6 +105,11 @@ def test_what_is_where_an_object_must_be_is_that_object_if_it_is_of_its_size(bef
 )
 def test_a_mover_that_was_lost_is_not_what_has_been_standing_there(share, n_moving, is_lost, is_possible):
     assert np.isfinite(cost_of_seeing(box(), box(0.1), share, n_moving, is_lost)) == is_possible
+
+
+def test_a_lost_mover_of_five_points_is_not_what_has_been_standing_there_either():
+    assert cost_of_seeing(box(), box(0.1), 0.86, 0, is_lost=True, n_points=5) == np.inf
+    assert cost_of_seeing(box(), box(0.1), 0.60, 0, is_lost=True, n_points=5) < np.inf  # it was halting when lost
 
 
 def test_the_nearer_of_two_that_overlap_is_the_cheaper():
