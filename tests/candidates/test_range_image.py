@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.candidates.beam_pattern import make_pattern
-from automos.candidates.range_image import NO_RAY, locate, make_image, over_neighbours, project
+from automos.candidates.range_image import NO_RAY, find_neighbours, locate, make_image, over_neighbours, project
 
 PATTERN = make_pattern(np.radians(np.arange(-4.0, 5.0, 1.0)), np.radians(1.0))
 
@@ -41,3 +41,20 @@ def test_what_is_no_object_is_transparent_to_the_clear_levels():
     assert image.around[4, 180, 0] == pytest.approx(800, abs=1)
     for start, (rows, columns) in zip(PATTERN.pyramid.offsets, PATTERN.pyramid.shapes, strict=False):
         assert image.clear[start : start + rows * columns].min() == pytest.approx(1000, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("sides", "is_between"),
+    [
+        ([(-1.0, 0.0, 10.2), (1.0, 0.0, 9.9)], True),
+        ([(0.0, -1.0, 10.2), (0.0, 1.0, 9.9)], True),
+        ([(-2.0, 0.0, 10.2), (2.0, 0.0, 9.9)], True),  # cells without a ray are passed over
+        ([(-1.0, 0.0, 14.0), (-2.0, 0.0, 10.0), (1.0, 0.0, 10.0)], False),  # but no ray is
+        ([(-1.0, 0.0, 10.0), (0.0, 1.0, 10.0)], False),  # a corner
+        ([(-1.0, 0.0, 10.0), (1.0, 0.0, 12.0)], False),  # a vertical edge
+    ],
+)
+def test_a_point_is_between_rays_that_ended_beside_it_on_opposite_sides(sides, is_between):
+    points = np.array([ray(0.5, 0.0, 10.0), *(ray(0.5 + a, e, r) for a, e, r in sides)], np.float32)
+    found = find_neighbours(project(points, PATTERN), np.ones(len(points), bool))
+    assert found[2][0] == is_between

@@ -119,10 +119,11 @@ def test_a_drop_in_the_air_is_met_by_one_ray_only_and_a_post_by_several():
     points = frame.points.copy()
     drops = np.flatnonzero(np.abs(frame.points_level[:, 0] - 19.5) < 0.1)[::200]
     points[drops] *= 0.3
-    n_directions, solidity = find_neighbours(project(points, image.pattern), np.ones(len(points), bool))
+    n_directions, solidity, is_between = find_neighbours(project(points, image.pattern), np.ones(len(points), bool))
     assert len(drops) > 10
     assert (n_directions[drops] == 0).all()
     assert (solidity[drops] == 0).all()
+    assert not is_between[drops].any()
     assert np.median(solidity[np.abs(frame.points_level[:, 0] - 19.5) < 0.1]) == 255
     assert (n_directions[np.linalg.norm(frame.points_level[:, :2] - (10.0, 5.0), axis=1) < 0.25] > 0).all()
 

@@ -8,6 +8,7 @@ import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
 from automos.candidates import ego_body, sweep, votes
+from automos.candidates.clouds import in_clouds
 from automos.candidates.ground import find_ground
 from automos.candidates.range_image import find_neighbours, make_image, project
 from automos.geometry import transform
@@ -40,7 +41,7 @@ def _free_space(points: np.ndarray) -> None:
     n, motion, T = len(points), np.resize(points, 6), np.resize(points, (3, 4))
     for pattern in (make_pattern(np.resize(points[:, 0], 4097)), make_pattern()):
         projection = project(points, pattern, points[:, 0] == points[:, 0])
-        find_neighbours(projection, np.ones(n, bool))
+        in_clouds(points, find_neighbours(projection, np.ones(n, bool))[2], np.ones(n, bool))
         image = make_image(projection, pattern, motion, np.ones(n, bool))
         for each in (T, np.eye(4, dtype=np.float32)[:3]):
             looks = votes.look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 5)

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.beam_pattern import Lidar, learn_pattern
+from automos.candidates.clouds import in_clouds
 from automos.candidates.ego_body import find_ego_body, is_on_body
 from automos.candidates.ground import find_ground
 from automos.candidates.range_image import RangeImage, find_neighbours, make_image, project
@@ -94,10 +95,11 @@ def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: L
     turns = [is_last] if is_last.all() else [is_last, ~is_last]
     projections = [project(raw, lidar.pattern, is_of_turn & (kind != EGO_BODY)) for is_of_turn in turns]
     neighbours = [find_neighbours(projection, kind == OBJECT) for projection in projections]
-    n_directions, seen.solidity[rows] = np.max(neighbours, axis=0)
+    n_directions, seen.solidity[rows], is_between = np.max(neighbours, axis=0)
     is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
     kind[(n_directions == 0) & (kind == OBJECT) & is_on_grid] = SPECK
-    seen.kind[rows], is_object = kind, kind == OBJECT
+    is_object = kind == OBJECT
+    seen.kind[rows] = np.where(in_clouds(raw, is_between, is_object & is_on_grid), np.uint8(SPECK), kind)
     image = make_image(projections[0], lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
     objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)
     return View(rows, is_object, objects, n_directions[is_object] == 2, image, part.T_level_sensor)

@@ -56,13 +56,14 @@ def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -
     return Projection(cell, steps, _extreme_ranges(cell, steps, pattern.n_rows, pattern.n_columns))
 
 
-def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return for each object point (M,) in how many directions it has neighbours, and its solidity.
+def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], ...]:
+    """Return for each object point (M,) the number of directions with neighbours, solidity, and if it is between two.
 
     Without neighbours only one ray met it: a drop of rain, dust, an insect. In one direction, vertical or horizontal,
     it is a twig, a wire or the edge of a slab, which fits between the rays of other scans. In 2 directions, rays of
     other scans would meet it, too. Solidity is the share of the directly adjacent returned rays that ended beside it,
-    255 for all: solid faces return the rays that meet them; dust and leaves let most of them through.
+    255 for all: solid faces return the rays that meet them; dust and leaves let most of them through. A point is
+    between two neighbours if the rays next to it on the left and on the right, or above and below, ended beside it.
     """
     return _count_neighbours(*projection, is_object)
 
@@ -125,7 +126,7 @@ def _extreme_ranges(cell, steps, h, w):  # type: ignore[no-untyped-def]
 @kernel
 def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
-    n_directions, solidity = np.zeros(len(cell), np.uint8), np.zeros(len(cell), np.uint8)
+    n_directions, solidity, is_between = np.zeros((3, len(cell)), np.uint8)
     for i in range(len(cell)):
         if cell[i] < 0 or not is_object[i]:
             continue
@@ -152,4 +153,24 @@ def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-
                         n_beside += 1
         n_directions[i] = 2 if goes_up and goes_sideways else (1 if has_neighbour else 0)
         solidity[i] = 255 * n_near // max(n_beside, 1)
-    return n_directions, solidity
+        is_between[i] = _is_between(rays, v, u, q, near)
+    return n_directions, solidity, is_between
+
+
+@kernel
+def _is_between(rays, v, u, q, near):  # type: ignore[no-untyped-def]
+    """Return whether the nearest rays on two opposite sides ended within `near` of the range `q` of cell (v, u)."""
+    h, w, _ = rays.shape
+    for down, right in ((0, 1), (1, 0)):
+        n_near = 0
+        for side in (-1, 1):
+            for step in range(1, 3):  # rays at the border of two cells leave every second one empty
+                b, a = v + side * step * down, (u + side * step * right) % w
+                if not 0 <= b < h or rays[b, a, 1] == 0:
+                    continue
+                first, last = np.float32(rays[b, a, 0]), np.float32(rays[b, a, 1])
+                n_near += abs(first - q) < near or abs(last - q) < near
+                break
+        if n_near == 2:
+            return True
+    return False
