@@ -64,11 +64,18 @@ def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
 
 # --------------------------------------------------------------------------------------------- cost of the default
 def cost_of_seeing(
-    before: Boxes, now: Boxes, share: float = 0.5, n_moving: float = 0.0, is_lost: bool = False, n_points: float = 100.0
+    before: Boxes,
+    now: Boxes,
+    share: float = 0.5,
+    n_moving: float = 0.0,
+    is_lost: bool = False,
+    n_points: float = 100.0,
+    speed: float = 0.0,
 ) -> float:
     """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later.
 
     share : what the evidence said of it.   n_moving : of the `n_points` seen now, that have moved.
+    speed : along x, m/s.
     """
     noise = FilterSettings()
     belief = kalman.start(before, noise, noise.initial_velocity_variance)
@@ -77,6 +84,7 @@ def cost_of_seeing(
     count, nothing = np.full(1, n_points), np.zeros(1)
     known = nothing if share == 0.5 else count
     found = Detections.of_objects(now, count, nothing + n_moving, known - n_moving)
+    belief.mean[:, 7] = speed
     belief = kalman.predict(belief, 0.1, noise)
     one, misses = np.zeros(1, np.int64), np.full(1, 2 if is_lost else 1)  # the current scan is included
     state = np.full(1, share), count, np.full(1, share > 0.5)
@@ -107,9 +115,17 @@ def test_a_mover_that_was_lost_is_not_what_has_been_standing_there(share, n_movi
     assert np.isfinite(cost_of_seeing(box(), box(0.1), share, n_moving, is_lost)) == is_possible
 
 
-def test_a_lost_mover_of_five_points_is_not_what_has_been_standing_there_either():
-    assert cost_of_seeing(box(), box(0.1), 0.86, 0, is_lost=True, n_points=5) == np.inf
-    assert cost_of_seeing(box(), box(0.1), 0.60, 0, is_lost=True, n_points=5) < np.inf  # it was halting when lost
+@pytest.mark.parametrize(
+    ("share", "speed", "length", "is_possible"),
+    [(0.86, 7.0, 1.0, False), (0.86, 0.5, 1.0, True), (0.86, 7.0, 12.0, True), (0.6, 7.0, 1.0, True)],
+    ids=["it has been elsewhere", "it is slow", "the middle of a lorry", "it was halting when lost"],
+)
+def test_a_few_points_that_have_stayed_are_no_lost_mover_that_passes_its_length_in_a_second(
+    share, speed, length, is_possible
+):
+    before, now = box(size=(length, 1, 1)), box(0.1 + 0.1 * speed, (length, 1, 1))
+    cost = cost_of_seeing(before, now, share, 0, is_lost=True, n_points=5, speed=speed)
+    assert np.isfinite(cost) == is_possible
 
 
 def test_the_nearer_of_two_that_overlap_is_the_cheaper():

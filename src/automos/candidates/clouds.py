@@ -18,6 +18,9 @@ MAX_BETWEEN = 0.3
 most of the dust is in such cells, and hardly anything solid but what is seen through windows."""
 MIN_POINTS = 50
 """Points in cells of a cloud that a column holds at least: fewer are a thin object, or too far away to decide."""
+MIN_SHARE = 0.5
+"""Least ratio of these points to all others in a column and the eight around: what is seen through a car's or a tram's
+windows is like a cloud, but there is less of it than of the car."""
 CELL = 1.0  # metres, side of a cell; a column has twice its side
 _REACH, _LAYERS = 64, 16
 """Cells from the sensor to each side, and above one another: farther away, rays are too far apart for a cloud."""
@@ -38,19 +41,24 @@ def in_clouds(points: Points, is_between: npt.NDArray[np.uint8], is_object: Mask
             cell_of[i] = cell
             count[cell] += 1
             between[cell] += is_between[i] != 0
-    in_column = np.zeros(_REACH * _REACH, np.int32)
+    hazy, solid = np.zeros((2, _REACH, _REACH), np.int32)
     for cell in range(len(count)):
+        x, y = _column_of(cell)
         if between[cell] <= MAX_BETWEEN * count[cell]:
-            in_column[_column_of(cell)] += count[cell]
+            hazy[x, y] += count[cell]
+        else:
+            solid[x, y] += count[cell]
     is_in_cloud = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         cell = cell_of[i]
         if cell >= 0 and between[cell] <= MAX_BETWEEN * count[cell]:
-            is_in_cloud[i] = in_column[_column_of(cell)] >= MIN_POINTS
+            x, y = _column_of(cell)
+            around = (slice(max(x - 1, 0), x + 2), slice(max(y - 1, 0), y + 2))
+            is_in_cloud[i] = hazy[x, y] >= MIN_POINTS and hazy[around].sum() > MIN_SHARE * solid[around].sum()
     return is_in_cloud
 
 
 @kernel
 def _column_of(cell):  # type: ignore[no-untyped-def]
     x, y = cell // _LAYERS // (2 * _REACH), cell // _LAYERS % (2 * _REACH)
-    return x // 2 * _REACH + y // 2
+    return x // 2, y // 2
