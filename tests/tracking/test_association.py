@@ -84,7 +84,7 @@ def cost_of_seeing(
     count, nothing = np.full(1, n_points), np.zeros(1)
     known = nothing if share == 0.5 else count
     found = Detections.of_objects(now, count, nothing + n_moving, known - n_moving)
-    belief.mean[:, 7] = speed
+    belief.mean[:, kalman.VELOCITY] = speed, 0.0, 0.0
     belief = kalman.predict(belief, 0.1, noise)
     one, misses = np.zeros(1, np.int64), np.full(1, 2 if is_lost else 1)  # the current scan is included
     state = np.full(1, share), count, np.full(1, share > 0.5)

@@ -18,7 +18,7 @@ MAX_BETWEEN = 0.3
 most of the dust is in such cells, and hardly anything solid but what is seen through windows."""
 MIN_POINTS = 50
 """Points in cells of a cloud that a column holds at least: fewer are a thin object, or too far away to decide."""
-MIN_SHARE = 0.5
+MIN_RATIO = 0.5
 """Least ratio of these points to all others in a column and the eight around: what is seen through a car's or a tram's
 windows is like a cloud, but there is less of it than of the car."""
 CELL = 1.0  # metres, side of a cell; a column has twice its side
@@ -42,19 +42,22 @@ def in_clouds(points: Points, is_between: npt.NDArray[np.uint8], is_object: Mask
             count[cell] += 1
             between[cell] += is_between[i] != 0
     hazy, solid = np.zeros((2, _REACH, _REACH), np.int32)
-    for cell in range(len(count)):
-        x, y = _column_of(cell)
-        if between[cell] <= MAX_BETWEEN * count[cell]:
-            hazy[x, y] += count[cell]
-        else:
-            solid[x, y] += count[cell]
+    for i in range(len(points)):
+        if cell_of[i] >= 0:
+            x, y = _column_of(cell_of[i])
+            is_hazy = between[cell_of[i]] <= MAX_BETWEEN * count[cell_of[i]]
+            hazy[x, y] += is_hazy
+            solid[x, y] += not is_hazy
+    is_cloud = np.zeros((_REACH, _REACH), np.bool_)
+    for x in range(_REACH):
+        for y in range(_REACH):
+            if hazy[x, y] >= MIN_POINTS:
+                around = (slice(max(x - 1, 0), x + 2), slice(max(y - 1, 0), y + 2))
+                is_cloud[x, y] = hazy[around].sum() > MIN_RATIO * solid[around].sum()
     is_in_cloud = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
-        cell = cell_of[i]
-        if cell >= 0 and between[cell] <= MAX_BETWEEN * count[cell]:
-            x, y = _column_of(cell)
-            around = (slice(max(x - 1, 0), x + 2), slice(max(y - 1, 0), y + 2))
-            is_in_cloud[i] = hazy[x, y] >= MIN_POINTS and hazy[around].sum() > MIN_SHARE * solid[around].sum()
+        if cell_of[i] >= 0 and between[cell_of[i]] <= MAX_BETWEEN * count[cell_of[i]]:
+            is_in_cloud[i] = is_cloud[_column_of(cell_of[i])]
     return is_in_cloud
 
 

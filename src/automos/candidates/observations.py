@@ -99,6 +99,7 @@ def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: L
     is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
     kind[(n_directions == 0) & (kind == OBJECT) & is_on_grid] = SPECK
     is_object = kind == OBJECT
+    # Clouds are no objects, but other scans do not look through them as through single specks.
     seen.kind[rows] = np.where(in_clouds(raw, is_between, is_object & is_on_grid), np.uint8(SPECK), kind)
     image = make_image(projections[0], lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
     objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)

@@ -143,7 +143,7 @@ def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-
                     first, last = rays[b, a - w if a >= w else a]
                     if last == 0 or (b == v and a == u and first == last):  # no ray, or the point itself
                         continue
-                    is_near = abs(np.float32(first) - q) < near or abs(np.float32(last) - q) < near
+                    is_near = _is_near(first, last, q, near)
                     if is_near:
                         has_neighbour = True
                         goes_up |= b != v and abs(a - u) < 2
@@ -168,9 +168,14 @@ def _is_between(rays, v, u, q, near):  # type: ignore[no-untyped-def]
                 b, a = v + side * step * down, (u + side * step * right) % w
                 if not 0 <= b < h or rays[b, a, 1] == 0:
                     continue
-                first, last = np.float32(rays[b, a, 0]), np.float32(rays[b, a, 1])
-                n_near += abs(first - q) < near or abs(last - q) < near
+                n_near += _is_near(rays[b, a, 0], rays[b, a, 1], q, near)
                 break
         if n_near == 2:
             return True
     return False
+
+
+@kernel
+def _is_near(first, last, q, near):  # type: ignore[no-untyped-def]
+    """Return whether the nearest or the farthest range in a cell differs from `q` by less than `near`."""
+    return abs(np.float32(first) - q) < near or abs(np.float32(last) - q) < near

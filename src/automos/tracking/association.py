@@ -24,8 +24,8 @@ MIN_OVERLAP = 0.3
 are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 COUNT_WEIGHT = 1.0  # cost of a ratio of e between the numbers of points
-EVIDENCE_TIME = 1.0  # seconds between a scan and those that say at least whether its points have stayed
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
+EVIDENCE_TIME = 1.0  # seconds between a scan and those that say at least whether its points have stayed
 OTHER_EVIDENCE = 0.75
 """What has stayed is no lost mover if its moving share is lower by more than this; or if more than this share of the
 mover has moved, and of the segment has stayed, and the segment is shorter than the mover's way in the time that the
@@ -81,9 +81,9 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
     settling = objects.share[k] - found.moving_share[j]
     is_lost = objects.misses[k] > 1  # the current scan is included
-    has_stopped = np.minimum(objects.share[k], 1.0 - found.moving_share[j]) > OTHER_EVIDENCE
+    is_contrary = np.minimum(objects.share[k], 1.0 - found.moving_share[j]) > OTHER_EVIDENCE
     is_short = size[:, 0] < EVIDENCE_TIME * np.hypot(*mean[:, kalman.VELOCITY].T[:2])
-    is_other = is_lost & ((settling > OTHER_EVIDENCE) | has_stopped & is_short)
+    is_other = is_lost & ((settling > OTHER_EVIDENCE) | is_contrary & is_short)
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~is_other
     price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
