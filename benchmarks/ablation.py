@@ -8,10 +8,10 @@ A recording is a path or, with --store, a simulated world as scenario:sensor:sca
 --gate takes all worlds of the gate's seed, without looking at them: the table gives what taking each choice back costs
 each sensor on the mean, and the world that it costs, and gains, most. Scores of worlds are kept in FOLDER by the
 contents of the package.
-A choice is a setting, or a constant beside its code ("module:NAME" or "module:NAME.key"); one that a compiled kernel
-reads as a global cannot be taken back so. The poses are estimated once a recording; only `poses not refined` has
-others. The table gives the IoU of the moving class, and in brackets the false points, with everything and with each
-choice taken back.
+A choice is a setting, or a constant or function beside its code ("module:NAME" or "module:NAME.key"); a constant that
+a compiled kernel reads as a global cannot be taken back so. The poses are estimated once a recording; only `poses not
+refined` has others. The table gives the IoU of the moving class, and in brackets the false points, with everything and
+with each choice taken back.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 from robustness import Altered
@@ -37,11 +38,18 @@ from automos import Workspace, label, load_settings, open_sequence
 from automos.atomic import write_text
 from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
-from automos.scan import Sequence
+from automos.scan import Mask, Points, Sequence
 from automos.settings import PRESETS
 from automos.simulation import SCENARIOS
 
 NEVER = 1e9
+
+
+def no_clouds(points: Points, is_between: npt.NDArray, is_object: Mask) -> Mask:
+    """Return (M,) that no point is in a cloud, as `automos.candidates.clouds.in_clouds` does where there is none."""
+    return np.zeros(len(points), np.bool_)
+
+
 JUDGE, PAIRS = "automos.tracking.judge", "automos.tracking.association"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
@@ -52,6 +60,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "a see-through beside a ray counts in full": {"candidates.free_space.near_miss": NEVER},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
+    "clouds are objects": {"automos.candidates.observations:in_clouds": no_clouds},
     "the walk on the ground begins level": {"automos.candidates.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},
@@ -67,6 +76,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "numbers of points do not choose": {f"{PAIRS}:COUNT_WEIGHT": 0.0},
     "evidence does not choose": {f"{PAIRS}:EVIDENCE_WEIGHT": 0.0},
     "what was lost may have stayed": {f"{PAIRS}:OTHER_EVIDENCE": NEVER},
+    "a lost mover may pass its length in a second": {f"{PAIRS}:EVIDENCE_TIME": 0.0},
     "what has stayed is forgotten": {"automos.tracking.tracker:STAYED": -1.0},
     "nothing is out of sight for long": {"tracking.max_gap": 0.0},
     "what movers pass by moves, too": {"automos.tracking.places:OUTNUMBERED": NEVER},

@@ -50,7 +50,7 @@ _FEW_CHOICES = ("everything", "evidence of 1 s only", "where it went does not co
 _UNCERTAIN_CHOICES = (
     *("what has stayed is forgotten", "objects may lose their points", "mixed segments stay whole"),
     *("objects may climb", "what was lost may have stayed", "numbers of points do not choose"),
-    "what overlaps may be another",
+    *("what overlaps may be another", "a lost mover may pass its length in a second"),
 )
 _COSTLY = (
     *("two scans merged", "cut every 1.09 turns, beam by beam", "cut every 1.09 turns, shuffled"),
