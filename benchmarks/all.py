@@ -1,11 +1,12 @@
 """Every table of README and docs from one command, run again only where the method has changed since.
 
     python benchmarks/all.py --drive DRIVE_0005 [--store STORE] [--only NAME ...] [--force] [--cache FOLDER]
-                                                                                         run what is out of date
+                             [--at-once 1]                                               run what is out of date
     python benchmarks/all.py --drive DRIVE_0005 --quick                                     the short form of each
     python benchmarks/all.py --list                                               what there is, and what is out of date
     python benchmarks/all.py --write                                   stored results into the tables of README and docs
 
+Jobs that measure seconds or memory run first, each alone; of the others, --at-once run side by side.
 Jobs about the recordings of `docs/quality.md` need the environment variable AUTOMOS_RECORDINGS, as `gate.py` does.
 A job is one script of this folder with fixed arguments. Its result is stored as JSON in benchmarks/results/tables/ with
 the commit and a digest of the code that made it; one that is there for today's code is not made again, so the command
@@ -20,6 +21,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -33,24 +35,58 @@ from automos.atomic import write_text
 HERE = Path(__file__).parent
 
 
-def run(job: Job, drive: Path | None, store: Path, cache: Path, is_quick: bool) -> None:
-    """Run `job`'s script on the drive and the gate's worlds in `store`, and keep what it found."""
+def run(job: Job, arguments: argparse.Namespace) -> None:
+    """Run `job`'s script, and store what it found with the state of the code."""
+    code = code_digest(job.rooms)
+    cache = arguments.cache / code  # nothing of another state is taken
     report = cache / f"{job.name}.json"
     report.parent.mkdir(parents=True, exist_ok=True)
-    arguments = job.quick if is_quick else job.arguments
-    places = {"DRIVE_0005": str(drive), "STORE": str(store)}
-    words = [places.get(word, word.replace("CACHE", str(cache))) for word in arguments]
+    places = {"DRIVE_0005": str(arguments.drive), "STORE": str(arguments.store)}
+    words = job.quick if arguments.quick else job.arguments
+    words = tuple(places.get(word, word.replace("CACHE", str(cache))) for word in words)
     subprocess.run([sys.executable, HERE / job.script, *words, "--json", report], check=True)
     stored = {
         "job": job.name,
-        "is_quick": is_quick,
+        "is_quick": arguments.quick,
         "commit": commit(),
-        "code": code_digest(job.rooms),
+        "code": code,
         "date": datetime.now(UTC).date().isoformat(),
         "result": json.loads(report.read_text()),
     }
     RESULTS.mkdir(parents=True, exist_ok=True)
     write_text(RESULTS / f"{job.name}.json", json.dumps(stored, indent=1) + "\n")
+
+
+def run_each(jobs: list[Job], arguments: argparse.Namespace) -> list[str]:
+    """Run `jobs`, those that are timed first and alone; return the names of those that failed."""
+    failed = []
+
+    def tried(job: Job) -> None:
+        try:
+            run(job, arguments)
+        except subprocess.CalledProcessError as error:
+            failed.append(job.name)
+            Console().print(f"{job.name} failed with exit code {error.returncode}; the others go on", markup=False)
+
+    for job in jobs:
+        if job.is_timed:
+            tried(job)
+    with ThreadPoolExecutor(arguments.at_once) as pool:
+        list(pool.map(tried, [job for job in jobs if not job.is_timed]))
+    return failed
+
+
+def due(arguments: argparse.Namespace) -> list[Job]:
+    """Return the jobs of `arguments.only` that are out of date, all with --force; print what there is."""
+    jobs = []
+    for name in arguments.only:
+        job = JOBS[name]
+        state = state_of(job, code_digest(job.rooms))
+        is_made = state == "up to date" or (arguments.quick and state.startswith("up to date"))
+        Console().print(f"{name}: {state}; {job.command(arguments.quick)}", markup=False, soft_wrap=True)
+        if arguments.force or not is_made:
+            jobs.append(job)
+    return jobs
 
 
 def main() -> None:
@@ -62,35 +98,27 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(JOBS), default=list(JOBS), metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="the short form of each job")
     parser.add_argument("--force", action="store_true", help="run again what is up to date")
+    parser.add_argument("--at-once", type=int, default=1, help="jobs that run side by side, none of them timed")
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--cache", type=Path, default=Path.home() / ".cache" / "automos" / "all")
     arguments = parser.parse_args()
-    console, failed = Console(), []
-    for name in arguments.only:
-        job = JOBS[name]
-        code = code_digest(job.rooms)
-        state = state_of(job, code)
-        is_made = state == "up to date" or (arguments.quick and state.startswith("up to date"))
-        console.print(f"{name}: {state}; {job.command(arguments.quick)}", markup=False, soft_wrap=True)
-        if arguments.list or arguments.write or (is_made and not arguments.force):
-            continue
-        if job.needs_drive and arguments.drive is None:
-            parser.error(f"{name} is scored on a real drive: give --drive FOLDER, or others with --only")
-        if job.needs_recordings and not os.environ.get("AUTOMOS_RECORDINGS"):
-            parser.error(f"{name} is about real recordings: let AUTOMOS_RECORDINGS name their folder, or see --only")
-        try:
-            # nothing of another state is taken
-            run(job, arguments.drive, arguments.store, arguments.cache / code, arguments.quick)
-        except subprocess.CalledProcessError as error:
-            failed.append(name)
-            console.print(f"{name} failed with exit code {error.returncode}; the others go on", markup=False)
-    if not arguments.list:
-        results = {name: found for name in JOBS if (found := read_result(name)) is not None}
-        for page in pages():
-            write_text(page, with_tables(page.read_text(), results))
-        if len(states := {found["commit"] for found in results.values()}) > 1:
-            console.print(f"the tables are of {len(states)} states: {', '.join(sorted(states))}; run all of them again")
+    jobs = due(arguments)
+    if arguments.list:
+        return
+    failed = []
+    if not arguments.write:
+        for job in jobs:
+            if job.needs_drive and arguments.drive is None:
+                parser.error(f"{job.name} is scored on a real drive: give --drive FOLDER, or others with --only")
+            if job.needs_recordings and not os.environ.get("AUTOMOS_RECORDINGS"):
+                parser.error(f"{job.name} is about real recordings: AUTOMOS_RECORDINGS names no folder; see --only")
+        failed = run_each(jobs, arguments)
+    results = {name: found for name in JOBS if (found := read_result(name)) is not None}
+    for page in pages():
+        write_text(page, with_tables(page.read_text(), results))
+    if len(states := {found["commit"] for found in results.values()}) > 1:
+        Console().print(f"the tables are of {len(states)} states: {', '.join(sorted(states))}; run all of them again")
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
 

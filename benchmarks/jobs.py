@@ -16,6 +16,7 @@ class Job:
     quick : arguments of a short form, which `--quick` runs instead.
     rooms : the parts of the package that its result is of, all where none are named.
     needs_recordings : whether it is about the real recordings in the folder that AUTOMOS_RECORDINGS names.
+    is_timed : whether its result has seconds or memory, so that nothing else may run beside it.
     """
 
     name: str
@@ -24,6 +25,7 @@ class Job:
     quick: tuple[str, ...]
     rooms: tuple[str, ...] = ()
     needs_recordings: bool = False
+    is_timed: bool = False
 
     @property
     def needs_drive(self) -> bool:
@@ -69,6 +71,7 @@ JOBS = {
                 (*_DRIVE, "--repeat", "3", "--methods", rival),
                 (*_DRIVE, "--methods", rival),
                 RIVAL_ROOMS,
+                is_timed=True,
             )
             for rival in RIVALS
         ),
@@ -77,6 +80,7 @@ JOBS = {
             "table1.py",
             (*_DRIVE, "--repeat", "3", "--methods", *PRESETS),
             (*_DRIVE, "--methods", *PRESETS),
+            is_timed=True,
         ),
         *(
             Job(
@@ -94,12 +98,13 @@ JOBS = {
             (*_WORLDS, "--methods", *PRESETS),
             (*_WORLDS, *_FEW_WORLDS, "--methods", *PRESETS),
         ),
-        Job("speed", "speed.py", ("DRIVE_0005", "--repeat", "3"), ("DRIVE_0005",)),
+        Job("speed", "speed.py", ("DRIVE_0005", "--repeat", "3"), ("DRIVE_0005",), is_timed=True),
         Job(
             "speed-paper",
             "speed.py",
             ("DRIVE_0005", "--repeat", "3", "--preset", "paper"),
             ("DRIVE_0005", "--preset", "paper"),
+            is_timed=True,
         ),
         Job("robustness", "robustness.py", ("DRIVE_0005",), ("DRIVE_0005", "--scans", "60")),
         Job("ablation", "ablation.py", ("DRIVE_0005",), ("DRIVE_0005", "--scans", "60")),
@@ -164,7 +169,13 @@ JOBS = {
             needs_recordings=True,
         ),
         Job("simulator-odometry", "simulator_odometry.py", (), ("--scenarios", "city", "canyon")),
-        Job("online", "online.py", (*_ONLINE, "--lags", "0", "0.5"), (*_ONLINE, "--lags", "0", "--scans", "60")),
+        Job(
+            "online",
+            "online.py",
+            (*_ONLINE, "--lags", "0", "0.5"),
+            (*_ONLINE, "--lags", "0", "--scans", "60"),
+            is_timed=True,
+        ),
         Job(
             "online-suite",
             "online_suite.py",

@@ -1,6 +1,10 @@
 """The tables of README and docs show what is stored, and nothing else."""
 
+import argparse
+import importlib
+import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -47,7 +51,6 @@ def test_every_table_stands_on_a_page_or_was_never_run():
 @pytest.mark.parametrize("job", jobs.JOBS.values(), ids=lambda job: job.name)
 def test_a_job_names_a_script_that_takes_its_arguments(job, monkeypatch):
     """Both forms are parsed by the script itself, which then would run."""
-    import argparse
     import runpy
 
     class ParsedError(Exception):
@@ -123,6 +126,24 @@ def test_a_result_of_other_code_is_out_of_date(tmp_path, monkeypatch):
     (tmp_path / "presets.json").write_text('{"code": "now", "commit": "abc", "date": "2026-01-01", "is_quick": false}')
     assert tables.state_of(job, "now") == "up to date"
     assert "abc" in tables.state_of(job, "later")
+
+
+def test_timed_jobs_run_first_and_alone_and_a_failure_stops_no_other_job(monkeypatch):
+    run_all = importlib.import_module("all")
+    both_run, order = threading.Barrier(2, timeout=30), []
+
+    def run(job, arguments):
+        order.append(job.name)
+        if not job.is_timed:
+            both_run.wait()  # breaks, unless they run side by side
+        if job.name in ("speed", "gate"):
+            raise subprocess.CalledProcessError(3, job.script)
+
+    monkeypatch.setattr(run_all, "run", run)
+    asked = [jobs.JOBS[name] for name in ("gate", "speed", "trust", "presets")]
+    assert run_all.run_each(asked, argparse.Namespace(at_once=2)) == ["speed", "gate"]
+    assert order[:2] == ["speed", "presets"]
+    assert set(order[2:]) == {"gate", "trust"}
 
 
 def gate_row(moving: int, false: int) -> dict:
