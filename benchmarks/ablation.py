@@ -4,7 +4,9 @@
                                   [--json FILE]
     python benchmarks/ablation.py --gate 100 --store FOLDER [--sensors ...] [--json FILE]
 
-A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`).
+A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`). Either
+may be followed by @ and a case of `conventions.py` (`DRIVE@cut every 1.09 turns`, `city:VLP-16:40:2@dust`): then it is
+kept and read as that recorder would, and the world needs no --store.
 --gate takes all worlds of the gate's seed, without looking at them: the table gives what taking each choice back costs
 each sensor on the mean, and the world that it costs, and gains, most. Scores of worlds are kept in FOLDER by the
 contents of the package.
@@ -28,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from conventions import CASES
 from rich.console import Console
 from rich.table import Table
 from robustness import Altered
@@ -40,7 +43,8 @@ from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
 from automos.scan import Mask, Points, Sequence
 from automos.settings import PRESETS
-from automos.simulation import SCENARIOS
+from automos.simulation import SCENARIOS, record, write_recorded
+from automos.simulation.recorders import Recorded, TurnsByAzimuth
 
 NEVER = 1e9
 
@@ -110,8 +114,18 @@ def changed(constants: dict[str, Any]) -> Iterator[None]:
             holder[at] = value
 
 
-def opened(recording: str, store: Path | None) -> Sequence:
-    """Return a recording by its path, or a simulated world of `store` by its name."""
+def opened(recording: str, store: Path | None, cache: Path) -> Sequence:
+    """Return a recording by its path, or a simulated world of `store` by its name; with @ as a recorder keeps it."""
+    recording, _, name = recording.partition("@")
+    if name:
+        case, folder = CASES[name], cache / f"{recording.split('/')[-1].replace(':', '-')}, {name}"
+        if Path(recording).exists():
+            recorded = Recorded(TurnsByAzimuth(open_sequence(Path(recording))), case.convention)
+        else:
+            scenario, sensor, n_scans, seed = recording.split(":")
+            about = {"convention": case.convention, "conditions": case.conditions, "n_lidars": case.n_lidars}
+            recorded = record(scenario, sensor, int(n_scans), int(seed), **about)  # type: ignore[arg-type]
+        return open_sequence(write_recorded(recorded, folder))
     if store is None or Path(recording).exists():
         return open_sequence(Path(recording))
     scenario, sensor, n_scans, seed = recording.split(":")
@@ -201,9 +215,10 @@ def main() -> None:
         if arguments.json:
             arguments.json.write_text(json.dumps(lines, indent=1))
         return
-    sequences = [opened(recording, arguments.store) for recording in arguments.recordings]
-    table, rows = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)"), []
+    rows = []
     with tempfile.TemporaryDirectory() as cache:
+        sequences = [opened(recording, arguments.store, Path(cache) / "kept") for recording in arguments.recordings]
+        table = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)")
         for choice in arguments.choices:
             cells = []
             for sequence in sequences:

@@ -41,9 +41,10 @@ def run(job: Job, arguments: argparse.Namespace) -> None:
     cache = arguments.cache / code  # nothing of another state is taken
     report = cache / f"{job.name}.json"
     report.parent.mkdir(parents=True, exist_ok=True)
-    places = {"DRIVE_0005": str(arguments.drive), "STORE": str(arguments.store)}
+    places = {"DRIVE_0005": str(arguments.drive), "STORE": str(arguments.store), "CACHE": str(cache)}
     words = job.quick if arguments.quick else job.arguments
-    words = tuple(places.get(word, word.replace("CACHE", str(cache))) for word in words)
+    for name, place in places.items():
+        words = tuple(word.replace(name, place) for word in words)
     subprocess.run([sys.executable, HERE / job.script, *words, "--json", report], check=True)
     stored = {
         "job": job.name,

@@ -29,7 +29,7 @@ class Job:
 
     @property
     def needs_drive(self) -> bool:
-        return "DRIVE_0005" in self.arguments
+        return any("DRIVE_0005" in word for word in self.arguments)
 
     def command(self, is_quick: bool) -> str:
         return f"python benchmarks/{self.script} {shlex.join(self.quick if is_quick else self.arguments)}"
@@ -53,6 +53,14 @@ _UNCERTAIN_CHOICES = (
     *("what has stayed is forgotten", "objects may lose their points", "mixed segments stay whole"),
     *("objects may climb", "what was lost may have stayed", "numbers of points do not choose"),
     *("what overlaps may be another", "a lost mover may pass its length in a second"),
+)
+_RECORDERS = (
+    *("DRIVE_0005@cut every 1.09 turns", "DRIVE_0005@cut every 1.09 turns, shuffled"),
+    *("DRIVE_0005@cut every 0.92 turns", "city:VLP-16:40:101@dust", "junction:HDL-64E:40:101@dust"),
+)
+_OF_RECORDERS = (
+    *("everything", "clouds are objects", "mixed segments stay whole", "what was lost may have stayed"),
+    *("a lost mover may pass its length in a second", "what has stayed is forgotten"),
 )
 _COSTLY = (
     *("two scans merged", "cut every 1.09 turns, beam by beam", "cut every 1.09 turns, shuffled"),
@@ -152,6 +160,12 @@ JOBS = {
             "ablation.py",
             (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES),
             (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES[:2]),
+        ),
+        Job(
+            "ablation-recorders",
+            "ablation.py",
+            (*_RECORDERS, "--choices", *_OF_RECORDERS),
+            (*_RECORDERS[2:4], "--choices", *_OF_RECORDERS),
         ),
         Job(
             "ablation-odometry",

@@ -127,6 +127,14 @@ def ablation(result: list[dict]) -> Rows:
     return [["", "IoU", "false points"], *([r["choice"], _percent(r["iou"]), f"{r['false']:,}"] for r in result)]
 
 
+def ablation_of_recordings(result: list[dict]) -> Rows:
+    """One row a choice, one column a recording: IoU, and the false points."""
+    recordings = list(dict.fromkeys(row["recording"] for row in result))
+    cells = {(r["choice"], r["recording"]): f"{_percent(r['iou'])} ({r['false']:,})" for r in result}
+    choices = list(dict.fromkeys(row["choice"] for row in result))
+    return [["", *recordings], *([choice, *(cells[choice, of] for of in recordings)] for choice in choices)]
+
+
 def speed(result: list[dict]) -> Rows:
     rows = [["stage", *(f"{row['scans']} scans" for row in result)]]
     for stage in result[0]["seconds_per_scan"]:

@@ -35,6 +35,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "trust": (("trust",), make_rows.trust),
     "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
     "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
+    "ablation-recorders": (("ablation-recorders",), make_rows.ablation_of_recordings),
     "ablation-odometry": (("ablation-odometry",), make_rows.as_it_is),
     "online": (("online",), make_rows.online),
     "online-suite": (("online-suite",), make_rows.online_suite),

@@ -174,6 +174,16 @@ def test_a_recording_without_truth_has_points_that_move_and_one_that_is_not_read
     ]
 
 
+def test_an_ablation_has_a_row_a_choice_and_a_column_a_recording():
+    cells = [("everything", "a"), ("everything", "b"), ("no rule", "a"), ("no rule", "b")]
+    result = [{"choice": c, "recording": r, "iou": 0.5, "false": 1200} for c, r in cells]
+    assert rows.ablation_of_recordings(result) == [
+        ["", "a", "b"],
+        ["everything", "50.0 (1,200)", "50.0 (1,200)"],
+        ["no rule", "50.0 (1,200)", "50.0 (1,200)"],
+    ]
+
+
 def test_drives_that_are_off_or_warned_of_are_named_and_the_others_counted():
     found = {"a": {"off": 0.001, "said": []}, "b": {"off": 0.2, "said": []}, "c": {"off": 0.002, "said": ["poses"]}}
     assert rows.trust(found)[1:] == [
