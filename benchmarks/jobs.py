@@ -62,10 +62,6 @@ _OF_RECORDERS = (
     *("everything", "clouds are objects", "mixed segments stay whole", "what was lost may have stayed"),
     *("a lost mover may pass its length in a second", "what has stayed is forgotten"),
 )
-_COSTLY = (
-    *("two scans merged", "cut every 1.09 turns, beam by beam", "cut every 1.09 turns, shuffled"),
-    *("rain", "dust"),
-)
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
 
@@ -135,18 +131,6 @@ JOBS = {
             "conventions.py",
             _STORE,
             (*_STORE, "--scenarios", "city", "junction"),
-        ),
-        Job(
-            "conventions-carriers",
-            "conventions.py",
-            (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city", "junction"),
-            (*_STORE, "--conventions", "boat", "truck", "backpack", "--scenarios", "city"),
-        ),
-        Job(
-            "conventions-costly",
-            "conventions.py",
-            (*_STORE, "--conventions", *_COSTLY),
-            (*_STORE, "--conventions", *_COSTLY, "--scenarios", "city", "junction"),
         ),
         Job("trust", "trust.py", (*_STORE, "--seed", "30"), (*_STORE, "--seed", "30", "--only", "VLP-16")),
         Job(

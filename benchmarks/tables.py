@@ -30,8 +30,6 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "gate": (("gate",), make_rows.gate),
     "gate-recordings": (("gate-recordings",), make_rows.gate_recordings),
     "conventions": (("conventions",), make_rows.as_it_is),
-    "conventions-carriers": (("conventions-carriers",), make_rows.as_it_is),
-    "conventions-costly": (("conventions-costly",), make_rows.as_it_is),
     "trust": (("trust",), make_rows.trust),
     "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
     "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
