@@ -117,19 +117,18 @@ def changed(constants: dict[str, Any]) -> Iterator[None]:
 def opened(recording: str, store: Path | None, cache: Path) -> Sequence:
     """Return a recording by its path, or a simulated world of `store` by its name; with @ as a recorder keeps it."""
     recording, _, name = recording.partition("@")
-    if name:
-        case, folder = CASES[name], cache / f"{recording.split('/')[-1].replace(':', '-')}, {name}"
-        if Path(recording).exists():
-            recorded = Recorded(TurnsByAzimuth(open_sequence(Path(recording))), case.convention)
-        else:
-            scenario, sensor, n_scans, seed = recording.split(":")
-            about = {"convention": case.convention, "conditions": case.conditions, "n_lidars": case.n_lidars}
-            recorded = record(scenario, sensor, int(n_scans), int(seed), **about)  # type: ignore[arg-type]
-        return open_sequence(write_recorded(recorded, folder))
-    if store is None or Path(recording).exists():
+    is_world = not Path(recording).exists() and recording.count(":") == 3
+    if not name and (not is_world or store is None):
         return open_sequence(Path(recording))
-    scenario, sensor, n_scans, seed = recording.split(":")
-    return stored_world(store, scenario, sensor, int(n_scans), int(seed))
+    if not is_world:
+        kept = Recorded(TurnsByAzimuth(open_sequence(Path(recording))), CASES[name].convention)
+    else:
+        scenario, sensor, n_scans, seed = recording.split(":")
+        if not name:
+            return stored_world(store, scenario, sensor, int(n_scans), int(seed))
+        about = {key: getattr(CASES[name], key) for key in ("convention", "conditions", "n_lidars")}
+        kept = record(scenario, sensor, int(n_scans), int(seed), **about)
+    return open_sequence(write_recorded(kept, cache / f"{recording.split('/')[-1].replace(':', '-')}, {name}"))
 
 
 def scores(

@@ -293,16 +293,19 @@ def test_real_drives_are_read_whole(recordings):
 
 
 @pytest.mark.recordings
-def test_reading_a_real_scan_takes_a_few_milliseconds(recordings):
+def test_reading_a_real_scan_takes_less_than_the_ranges_of_its_points(recordings):
     drive = open_sequence(recordings / "sequences" / "kitti_0005")
-    times = []
+    reading, measuring = [], []
     for i in range(20):
         start = time.perf_counter()
         scan = drive[i]
-        times.append(time.perf_counter() - start)
+        reading.append(time.perf_counter() - start)
         assert len(scan) > 100_000
-    # The best of twenty: what reading costs, not what else the machine is doing.
-    assert min(times) < 0.005
+        start = time.perf_counter()
+        np.linalg.norm(scan.points.astype(np.float64), axis=1)
+        measuring.append(time.perf_counter() - start)
+    # The best of twenty, beside other work on the same machine: what reading costs, not how fast the machine is.
+    assert min(reading) < min(measuring)
 
 
 # ------------------------------------------------------------------------------------------- order and time of scans
