@@ -3,9 +3,11 @@ import pytest
 
 from automos import load_settings
 from automos.candidates.clouds import MIN_POINTS, in_clouds
-from automos.candidates.observations import learn_lidars, look
+from automos.candidates.observations import Seen, learn_lidars, look
+from automos.candidates.range_image import UNIT, locate
+from automos.candidates.sweep import raw_points
 from automos.pipeline import Steps
-from automos.scan import OBJECT, SPECK
+from automos.scan import GROUND, OBJECT, SPECK, Frame
 from automos.simulation import Conditions, record
 
 
@@ -41,18 +43,29 @@ def test_far_points_and_no_numbers_are_in_no_cloud():
     assert not in_clouds(points, np.zeros(180, bool), np.ones(180, bool)).any()
 
 
-def speck_shares(weather: str, sensor: str) -> tuple[float, float]:
-    """Return the shares of the points in the air, and of what stands in a street, that are specks."""
+def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
+    """Return a scan of a simulated street, what is observed in it, and which of its points are in the air."""
     recording = record("city", sensor, 4, 5, conditions=Conditions(weather=weather))
     settings = load_settings("default")
     frames, about = Steps(recording, settings, recording.reference_poses, workers=1).frames, settings.candidates
     lidars = learn_lidars(frames, [frames[0], frames[3]], about.ego_body, 1)
-    kind, truth = look(frames[2], lidars, about.ground).kind, recording.truth(2)[frames[2].kept] & 0xFFFF
-    stands, is_air = (kind == OBJECT) | (kind == SPECK), truth == 1
-    return tuple(float((kind[stands & part] == SPECK).mean()) if part.any() else 0.0 for part in (is_air, ~is_air))
+    return frames[2], look(frames[2], lidars, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
 
 
 @pytest.mark.parametrize("sensor", ["VLP-16", "HDL-64E"])
 def test_most_of_the_dust_is_specks_and_hardly_anything_else_is(sensor):
-    assert speck_shares("dust", sensor)[0] > 0.5
-    assert speck_shares("clear", sensor)[1] < 0.01
+    _, dusty, is_air = look_at_street("dust", sensor)
+    _, clear, _ = look_at_street("clear", sensor)
+    stands = (clear.kind == OBJECT) | (clear.kind == SPECK)
+    assert (dusty.kind[is_air & (dusty.kind != GROUND)] == SPECK).mean() > 0.5
+    assert (clear.kind[stands] == SPECK).mean() < 0.01
+
+
+def test_rays_that_end_in_a_cloud_are_in_no_range_image():
+    frame, seen, is_air = look_at_street("dust", "HDL-64E")
+    image = seen.views[0].image
+    cell, ranges = locate(raw_points(frame), image.pattern)
+    difference = np.abs(image.rays.reshape(-1, 2)[cell] * UNIT - ranges[:, None]).min(axis=1)
+    is_there = (difference < 2.0 * UNIT) & (cell >= 0)
+    assert is_there[seen.kind == OBJECT].mean() > 0.95
+    assert is_there[is_air & (seen.kind == SPECK)].mean() < 0.2

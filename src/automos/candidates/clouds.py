@@ -2,7 +2,8 @@
 
 On a surface, a ray's neighbours to both sides (left and right, or above and below) end beside it, even at grazing
 incidence and along edges. In a cloud they seldom do. Such points belong to no object: a car that drives through dust
-would be one segment with it, as large as the cloud, of which no motion can be seen.
+would be one segment with it, as large as the cloud, of which no motion can be seen. Nor do they report on the places of
+other scans' points: where dust was, a car may pass at any time, and what is behind is observed between them.
 """
 
 from __future__ import annotations

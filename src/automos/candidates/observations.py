@@ -91,16 +91,21 @@ def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: L
     raw, kind = raw_points(part), seen.kind[rows].copy()
     kind[is_on_body(raw, kind == GROUND, lidar)] = EGO_BODY
     sweep_time, is_last = last_looks(raw, part.sweep_time)
+    projection = project(raw, lidar.pattern, is_last & (kind != EGO_BODY))
+    neighbours, is_on_grid = find_neighbours(projection, kind == OBJECT), projection.cell >= 0
     # Points that are neighbours were observed in the same turn.
-    turns = [is_last] if is_last.all() else [is_last, ~is_last]
-    projections = [project(raw, lidar.pattern, is_of_turn & (kind != EGO_BODY)) for is_of_turn in turns]
-    neighbours = [find_neighbours(projection, kind == OBJECT) for projection in projections]
-    n_directions, seen.solidity[rows], is_between = np.max(neighbours, axis=0)
-    is_on_grid = np.max([projection.cell for projection in projections], axis=0) >= 0
+    earlier = np.flatnonzero(~is_last)
+    if len(earlier):
+        of_turn = project(np.take(raw, earlier, axis=0), lidar.pattern, kind[earlier] != EGO_BODY)
+        neighbours[:, earlier] = find_neighbours(of_turn, kind[earlier] == OBJECT)
+        is_on_grid[earlier] = of_turn.cell >= 0
+    n_directions, seen.solidity[rows], is_between = neighbours
     kind[(n_directions == 0) & (kind == OBJECT) & is_on_grid] = SPECK
     is_object = kind == OBJECT
-    # Clouds are no objects, but other scans do not look through them as through single specks.
-    seen.kind[rows] = np.where(in_clouds(raw, is_between, is_object & is_on_grid), np.uint8(SPECK), kind)
-    image = make_image(projections[0], lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
+    is_cloud = in_clouds(raw, is_between, is_object & is_on_grid)
+    seen.kind[rows] = np.where(is_cloud, np.uint8(SPECK), kind)
+    if is_cloud.any():  # a cloud occupies no place, and hides nothing between its rays
+        projection = project(raw, lidar.pattern, is_last & (kind != EGO_BODY) & ~is_cloud)
+    image = make_image(projection, lidar.pattern._replace(sweep_time=sweep_time), motion_of(part), is_object)
     objects = np.ascontiguousarray(np.take(part.points, np.flatnonzero(is_object), axis=0).T)
     return View(rows, is_object, objects, n_directions[is_object] == 2, image, part.T_level_sensor)

@@ -56,8 +56,8 @@ def project(points: Points, pattern: BeamPattern, is_seen: Mask | None = None) -
     return Projection(cell, steps, _extreme_ranges(cell, steps, pattern.n_rows, pattern.n_columns))
 
 
-def find_neighbours(projection: Projection, is_object: Mask) -> tuple[npt.NDArray[np.uint8], ...]:
-    """Return for each object point (M,) the number of directions with neighbours, solidity, and if it is between two.
+def find_neighbours(projection: Projection, is_object: Mask) -> npt.NDArray[np.uint8]:
+    """Return (3, M) the number of directions in which object points have neighbours, solidity, and if between two.
 
     Without neighbours only one ray met it: a drop of rain, dust, an insect. In one direction, vertical or horizontal,
     it is a twig, a wire or the edge of a slab, which fits between the rays of other scans. In 2 directions, rays of
@@ -126,7 +126,8 @@ def _extreme_ranges(cell, steps, h, w):  # type: ignore[no-untyped-def]
 @kernel
 def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-def]
     h, w, _ = rays.shape
-    n_directions, solidity, is_between = np.zeros((3, len(cell)), np.uint8)
+    counted = np.zeros((3, len(cell)), np.uint8)
+    n_directions, solidity, is_between = counted
     for i in range(len(cell)):
         if cell[i] < 0 or not is_object[i]:
             continue
@@ -154,7 +155,7 @@ def _count_neighbours(cell, steps, rays, is_object):  # type: ignore[no-untyped-
         n_directions[i] = 2 if goes_up and goes_sideways else (1 if has_neighbour else 0)
         solidity[i] = 255 * n_near // max(n_beside, 1)
         is_between[i] = _is_between(rays, v, u, q, near)
-    return n_directions, solidity, is_between
+    return counted
 
 
 @kernel

@@ -53,12 +53,7 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
     unknown = np.zeros(N_DIRECTIONS, np.float32), np.ones(len(raw), np.bool_)
     if times is None or len(raw) < MIN_POINTS:
         return unknown
-    direction = _directions_of(raw)
-    latest = np.full(N_DIRECTIONS, np.float32(-1.0))
-    np.maximum.at(latest, direction, times)
-    is_last = times > latest[direction] - np.float32(_SAME_LOOK)
-    t, of = times[is_last].astype(np.float64), direction[is_last]
-    n, total, squares = (np.bincount(of, weights, N_DIRECTIONS) for weights in (None, t, t**2))
+    is_last, n, total, squares = _last_of_directions(raw, times)
     mean = (total / np.maximum(n, 1)).astype(np.float32)
     spread = np.sqrt(np.maximum(squares / np.maximum(n, 1) - mean.astype(np.float64) ** 2, 0.0))
     if not (n > 1).any() or np.median(spread[n > 1]) > _FIXED:
@@ -69,11 +64,22 @@ def last_looks(raw: Points, times: npt.NDArray[np.float32] | None) -> tuple[npt.
 
 
 @kernel
-def _directions_of(raw):  # type: ignore[no-untyped-def]
-    out = np.empty(len(raw), np.int64)
+def _last_of_directions(raw, times):  # type: ignore[no-untyped-def]
+    """Return which points are of the last turn, and per direction the number, sum and squared sum of their times."""
+    direction, latest = np.empty(len(raw), np.int32), np.full(N_DIRECTIONS, np.float32(-1.0))
     for i in range(len(raw)):
-        out[i] = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(N_DIRECTIONS))
-    return out
+        direction[i] = int(rough_turn_of(raw[i, 0], raw[i, 1]) * np.float32(N_DIRECTIONS))
+        latest[direction[i]] = max(latest[direction[i]], times[i])
+    is_last, n = np.empty(len(raw), np.bool_), np.zeros(N_DIRECTIONS, np.int64)
+    total, squares = np.zeros((2, N_DIRECTIONS))
+    for i in range(len(raw)):
+        k, t = direction[i], np.float64(times[i])
+        is_last[i] = times[i] > latest[k] - np.float32(_SAME_LOOK)
+        if is_last[i]:
+            n[k] += 1
+            total[k] += t
+            squares[k] += t * t
+    return is_last, n, total, squares
 
 
 @kernel
