@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +33,9 @@ print(made.scores.iou)
 """
 
 
-def _run(folder: Path, *n_scans: str, **environment: str) -> float:
+def _run(folder: Path, *n_scans: str) -> float:
     command = [sys.executable, "-c", ALONE, str(folder), *n_scans]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return float(done.stdout)
 
@@ -54,12 +55,11 @@ def test_it_draws_and_reports_without_a_network_or_torch(tmp_path):
 
 @pytest.mark.slow
 def test_its_first_run_fits_into_a_minute(tmp_path):
-    """In processor time, everything compiled anew; neighbours on the machine cannot spoil it much."""
-    resource = pytest.importorskip("resource", reason="Windows does not tell the processor time of ended processes")
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert _run(tmp_path / "demo", NUMBA_CACHE_DIR=str(tmp_path / "cache"), OMP_NUM_THREADS="1") > 0.9
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 60.0
+    """As a user runs it, everything compiled anew; the minute is that of two cores that do nothing else."""
+    command = [sys.executable, "-m", "automos", "demo", "--out", str(tmp_path / "demo")]
+    begin = time.monotonic()
+    subprocess.run(command, capture_output=True, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, check=True)
+    assert time.monotonic() - begin < 60.0
 
 
 def test_a_file_in_the_folders_place_is_told_before_anything_is_simulated(tmp_path):
