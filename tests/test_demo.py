@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -60,6 +61,9 @@ def test_its_first_run_fits_into_a_minute(tmp_path):
     begin = time.monotonic()
     subprocess.run(command, capture_output=True, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, check=True)
     assert time.monotonic() - begin < 60.0
+    iou = re.search(r"IoU of the moving class \| ([0-9.]+) %", (tmp_path / "demo" / "report.md").read_text())
+    assert iou is not None
+    assert float(iou[1]) > 90.0
 
 
 def test_a_file_in_the_folders_place_is_told_before_anything_is_simulated(tmp_path):

@@ -121,10 +121,7 @@ def assign(cost: Array) -> tuple[Rows, Rows]:
     cost : (K, M), inf where a pair is forbidden. SciPy rejects rows of inf, so a large finite cost replaces inf.
     """
     is_allowed = np.isfinite(cost)
-    some_rows, some_columns = (np.flatnonzero(is_allowed.any(axis=axis)) for axis in (1, 0))
-    some = np.ix_(some_rows, some_columns)
-    cost, is_allowed = cost[some], is_allowed[some]
     forbidden = (cost.max(initial=0.0, where=is_allowed) + 1.0) * (min(cost.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))
     keep = is_allowed[rows, columns]
-    return some_rows[rows[keep]], some_columns[columns[keep]]
+    return rows[keep], columns[keep]

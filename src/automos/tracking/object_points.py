@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.cells import whole_below
 from automos.detections import Detections
 from automos.kernels import kernel
 from automos.scan import OBJECT, SPECK, Mask
@@ -24,8 +23,6 @@ MIN_GROUND = 10  # least number of ground points beside an object for a plane
 ROUGHNESS, CLEARANCE = 3.0, (0.03, 0.1)
 """Height above the ground plane from which points belong to the object, in standard deviations of the ground about its
 plane, and limits of that height, metres: on a floor a few centimetres separate a shoe, on cobbles they do not."""
-_CELL, _CELLS = 2.0, 128
-"""Side of the cells in which points near moving objects are found, metres, and number after which they repeat."""
 _MIN_SHARE, _MIN_MOVED, _MAX_LIFT = 0.5, 5, 2.5
 """Limits for a moving segment: least share and number of moved points, and greatest height of its lowest, metres."""
 _PRIOR, _WEIGHT = -4.0, 2.0
@@ -53,25 +50,22 @@ def paint_objects(
     moving : Tracks, the rows of moving tracks in this scan, observed or predicted.
     """
     track_of, margin = tracks_of_points(ids, stayed, moving), settings.margin
-    turn = np.column_stack([np.cos(moving.yaw), np.sin(moving.yaw)])
-    low, high = -0.5 * moving.size, 0.5 * moving.size
     owned = np.flatnonzero(track_of >= 0)
-    owned = owned[np.argsort(track_of[owned], kind="stable")]
-    first, last = (np.searchsorted(track_of[owned], moving.track, side) for side in ("left", "right"))
-    for k in np.flatnonzero(first < last).tolist():
-        # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
-        own = _in_box(points[owned[first[k] : last[k]]], moving.center[k], turn[k])
-        low[k], high[k] = own.min(axis=1), own.max(axis=1)
-    reach = np.hypot(*np.maximum(-low[:, :2], high[:, :2]).T) + RING + margin
-    near = _find_near_any(points, moving.center, reach)
-    nearby = points[near]
     for k in range(len(moving.track)):
-        rows = near[_find_near(nearby, moving.center[k], reach[k])]
-        local = _in_box(points[rows], moving.center[k], turn[k])
-        outside = np.maximum(low[k, :2, None] - local[:2], local[:2] - high[k, :2, None]).max(axis=0)
-        is_mine = (outside <= margin) & (local[2] <= high[k, 2] + margin) & may_move[rows] & (track_of[rows] < 0)
+        segment, center, size = moving.segment[k], moving.center[k], moving.size[k]
+        turn = np.cos(moving.yaw[k]), np.sin(moving.yaw[k])
+        # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
+        low, high = np.array([-0.5, 0.5])[:, None] * size
+        if segment >= 0:
+            own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
+            own = _in_box(points[own], center, turn)
+            low, high = own.min(axis=1), own.max(axis=1)
+        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RING + margin)
+        local = _in_box(points[rows], center, turn)
+        outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
+        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
         is_beside = is_ground[rows] & (outside > margin) & (outside <= RING + margin)
-        must_stand = is_ground[rows] | (moving.segment[k] >= 0)
+        must_stand = is_ground[rows] | (segment >= 0)
         is_mine &= ~must_stand | _stands(local, local[:, is_beside])
         track_of[rows[is_mine]] = moving.track[k]
     return track_of
@@ -84,7 +78,7 @@ def tracks_of_points(ids: Ids, stayed: Ids, tracks: Tracks) -> Ids:
     return np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
 
 
-def _in_box(points: npt.NDArray, center: Array, turn: Array) -> Array:
+def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Array:
     """Return (3, K) coordinates of `points` (K, 3) along, across and above a box; `turn` is cosine, sine of its yaw."""
     (x, y, z), (c, s) = (points - center).T, turn
     return np.stack([c * x + s * y, c * y - s * x, z])
@@ -101,27 +95,6 @@ def _stands(points: Array, ground: Array) -> Mask:
     roughness = np.sqrt(max(float(ground[2] @ ground[2] - plane @ moments), 0.0) / n)
     above = points[2] - (plane[0] * points[0] + plane[1] * points[1] + plane[2])
     return above >= np.clip(ROUGHNESS * roughness, *CLEARANCE)
-
-
-@kernel
-def _find_near_any(points, centers, reaches):  # type: ignore[no-untyped-def]
-    """Return the rows of all points within the reaches of the `centers` in x and y, and some others.
-
-    The cells that they touch are marked on a map that repeats itself, so that it is small for any coordinates.
-    """
-    is_near = np.zeros((_CELLS, _CELLS), np.bool_)
-    for k in range(len(centers)):
-        x, y = whole_below((centers[k, 0] - reaches[k]) / _CELL), whole_below((centers[k, 1] - reaches[k]) / _CELL)
-        n_cells = min(whole_below(2.0 * reaches[k] / _CELL) + 2, _CELLS)
-        for i in range(n_cells):
-            for j in range(n_cells):
-                is_near[(x + i) % _CELLS, (y + j) % _CELLS] = True
-    rows, n = np.empty(len(points), np.int32), 0
-    for i in range(len(points)):
-        if is_near[whole_below(points[i, 0] / _CELL) % _CELLS, whole_below(points[i, 1] / _CELL) % _CELLS]:
-            rows[n] = i
-            n += 1
-    return rows[:n]
 
 
 @kernel
