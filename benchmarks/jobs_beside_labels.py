@@ -70,6 +70,13 @@ JOBS_BESIDE_LABELS = (
         ("DRIVE_0005", "--cache", "CACHE/maps", "--methods", "erasor", "default"),
     ),
     Job(
+        "rivals-in-parts",
+        "rivals_in_parts.py",
+        ("--store", "STORE", "--out", "CACHE/labels"),
+        ("--store", "STORE", "--out", "CACHE/labels", "--cases", "kitti_0005, first 30 scans"),
+        needs_recordings=True,
+    ),
+    Job(
         "sampling",
         "sampling.py",
         ("--store", "STORE", "--scenarios", "city", "junction"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from rows import Rows
 
@@ -128,6 +130,20 @@ def hmm_mos(result: dict) -> Rows:
     return [["", "IoU", "precision", "recall"], PUBLIC_HMM_MOS, ["ours", *ratios]]
 
 
+def rivals_in_parts(prefix: str) -> Callable[[dict], Rows]:
+    """One row a form of the method `prefix`, one column a part: IoU, precision, recall, and the false points."""
+
+    def rows(result: dict) -> Rows:
+        forms = {title: parts for title, parts in result.items() if title.startswith(prefix)}
+        return [["", *next(iter(forms.values()))], *([t, *map(_of_part, parts.values())] for t, parts in forms.items())]
+
+    return rows
+
+
+def _of_part(row: dict) -> str:
+    return f"{_percent(row['iou'])} ({_percent(row['precision'])} / {_percent(row['recall'])}), {row['false']:,} false"
+
+
 def sampling(result: dict) -> Rows:
     """One row a world: precision and recall of all points, and how many intervals hold them."""
     rows = [["recording", "precision", "interval holds it", "recall", "interval holds it", "widths"]]
@@ -220,7 +236,9 @@ def _facts(facts: dict) -> str:
 def _fact(value: object) -> str:
     if isinstance(value, dict):
         return f"({_facts(value)})"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
 
 
 def packages(result: dict) -> Rows:

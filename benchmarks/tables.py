@@ -52,6 +52,8 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "reference-poses": (("reference-poses",), beside.reference_poses),
     "maps": (("maps",), beside.maps),
     "hmm_mos": (("drive-hmm_mos",), beside.hmm_mos),
+    "m_detector-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("M-detector")),
+    "hmm_mos-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("HMM-MOS")),
     "sampling": (("sampling",), beside.sampling),
     "review-queue": (("review-queue",), beside.review_queue),
     "review": (("review",), beside.review),

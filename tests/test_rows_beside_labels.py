@@ -101,3 +101,17 @@ def test_libraries_have_a_row_an_implementation_and_one_a_package():
     assert rows.libraries(found)[1:] == [["files", ".ply, ours", "ms: 0.694; points, wrong: 1"]]
     assert rows.packages(found)[1:] == [["plyfile", "1.1", "GPL", "0.2", "0.2"]]
     assert len(rows.packages({"files": {}})) == 1  # the short form has none
+
+
+def test_parts_of_recordings_have_a_column_each_and_forms_of_one_method_a_row():
+    row = {"iou": 0.9, "precision": 1.0, "recall": None, "false": 1716}
+    found = {
+        "M-detector": {"a": row, "b": row},
+        "M-detector, less": {"a": row, "b": row},
+        "HMM-MOS": {"a": row, "b": row},
+    }
+    cell = "90.0 (100.0 / -), 1,716 false"
+    forms = [["", "a", "b"], ["M-detector", cell, cell], ["M-detector, less", cell, cell]]
+    assert rows.rivals_in_parts("M-detector")(found) == forms
+    scores = {"iou": 0.741, "precision": 0.99, "recall": 0.746}
+    assert rows.hmm_mos({"drive": {"methods": {"hmm_mos": scores}}})[2] == ["ours", "74.1", "99.0", "74.6"]
