@@ -11,6 +11,7 @@ ONLINE_NETWORK_ROOMS = (
 )
 TRAINING_ROOMS = ("learning/", "network/")
 """What networks are trained with; what they learn from are labels, so all that shapes these counts as well."""
+EVERYTHING = ("",)
 
 _NETWORKS = ("--out", "CACHE/networks")
 _SMALL = ("--worlds", "1", "--scans", "12", "--epochs", "2", "--samples", "8")
@@ -55,6 +56,15 @@ JOBS_BESIDE_LABELS = (
         ("simulation/",),
         needs_recordings=True,
     ),
+    Job(
+        "simulator-speed",
+        "simulator_speed.py",
+        (),
+        ("--scenarios", "city", "--sweeps", "5"),
+        ("simulation/",),
+        is_timed=True,
+    ),
+    Job("first-minute", "first_minute.py", ("DRIVE_0005",), ("DRIVE_0005", "--scans", "8"), EVERYTHING, is_timed=True),
     Job(
         "reference-poses",
         "reference_poses.py",

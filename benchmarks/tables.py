@@ -9,6 +9,7 @@ from pathlib import Path
 
 import rows as make_rows
 import rows_beside_labels as beside
+import rows_of_cost as of_cost
 from job import Job
 from jobs import JOBS, RIVALS
 from rows import Rows
@@ -57,10 +58,12 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "sampling": (("sampling",), beside.sampling),
     "review-queue": (("review-queue",), beside.review_queue),
     "review": (("review",), beside.review),
-    "cost": (("speed", "speed-paper"), beside.cost),
-    "scale": (("scale",), beside.scale),
-    "libraries": (("libraries",), beside.libraries),
-    "packages": (("libraries",), beside.packages),
+    "first-minute": (("first-minute",), of_cost.first_minute),
+    "simulator-speed": (("simulator-speed",), of_cost.simulator_speed),
+    "cost": (("speed", "speed-paper"), of_cost.cost),
+    "scale": (("scale",), of_cost.scale),
+    "libraries": (("libraries",), of_cost.libraries),
+    "packages": (("libraries",), of_cost.packages),
 }
 """Each table's jobs, and what makes its rows (the heading first) of their results."""
 

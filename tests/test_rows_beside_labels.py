@@ -5,6 +5,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import rows_beside_labels as rows
+import rows_of_cost
 
 
 def test_fine_tuning_has_a_column_for_each_network_kept_and_the_best():
@@ -84,13 +85,13 @@ def test_the_review_has_its_queue_and_its_waits():
 
 def test_costs_name_presets_and_workers():
     row = {"recording": "drive, 154 scans", "cpu_seconds_per_scan": 0.196, "peak_mb": {"all": 649.2}}
-    assert rows.cost([row], [row | {"preset": "paper"}])[1:] == [
+    assert rows_of_cost.cost([row], [row | {"preset": "paper"}])[1:] == [
         ["drive, 154 scans", "`default`", "0.20", "649 MB"],
         ["drive, 154 scans", "`paper`", "0.20", "649 MB"],
     ]
     spent = {"recordings": 64, "wall_s": 100.0, "cpu_per_scan_s": 0.16, "busy": 0.98, "overhead_per_recording_s": 0.05}
     fleet = spent | {"peak_mb_first_quarter": 304.0, "peak_mb": 340.0}
-    found = rows.scale([fleet | {"what": "pool", "workers": 2}, fleet | {"what": "ray", "workers": 2}])
+    found = rows_of_cost.scale([fleet | {"what": "pool", "workers": 2}, fleet | {"what": "ray", "workers": 2}])
     assert [row[0] for row in found[1:]] == ["two processes", "Ray, two machines of one core"]
     assert found[1][1:] == ["64", "100.0", "0.160", "98 %", "0.05 s", "304 -> 340 MB"]
 
@@ -98,9 +99,9 @@ def test_costs_name_presets_and_workers():
 def test_libraries_have_a_row_an_implementation_and_one_a_package():
     sizes = {"version": "1.1", "licence": "GPL", "own MB": 0.2, "MB beside ours": 0.21}
     found = {"files": {".ply, ours": {"ms": 0.694, "points, wrong": 1}}, "packages": {"plyfile": sizes}}
-    assert rows.libraries(found)[1:] == [["files", ".ply, ours", "ms: 0.694; points, wrong: 1"]]
-    assert rows.packages(found)[1:] == [["plyfile", "1.1", "GPL", "0.2", "0.2"]]
-    assert len(rows.packages({"files": {}})) == 1  # the short form has none
+    assert rows_of_cost.libraries(found)[1:] == [["files", ".ply, ours", "ms: 0.694; points, wrong: 1"]]
+    assert rows_of_cost.packages(found)[1:] == [["plyfile", "1.1", "GPL", "0.2", "0.2"]]
+    assert len(rows_of_cost.packages({"files": {}})) == 1  # the short form has none
 
 
 def test_parts_of_recordings_have_a_column_each_and_forms_of_one_method_a_row():
@@ -115,3 +116,12 @@ def test_parts_of_recordings_have_a_column_each_and_forms_of_one_method_a_row():
     assert rows.rivals_in_parts("M-detector")(found) == forms
     scores = {"iou": 0.741, "precision": 0.99, "recall": 0.746}
     assert rows.hmm_mos({"drive": {"methods": {"hmm_mos": scores}}})[2] == ["ours", "74.1", "99.0", "74.6"]
+
+
+def test_the_first_minute_has_a_dash_where_a_command_was_not_repeated():
+    run = {"wall": 32.4, "cpu": 60.1}
+    assert rows_of_cost.first_minute({"automos demo": {"cold": run, "warm": run}})[1:] == [
+        ["`automos demo`", "32 s (60 s CPU)", "32 s (60 s CPU)", "-"]
+    ]
+    found = {"city": {"movers": 45.2, "movers_seen": 28.0, "first_s": 1.0, "mean_ms": 87.4, "max_ms": 111.6}}
+    assert rows_of_cost.simulator_speed(found)[1] == ["`city`", "45", "28", "87", "112"]
