@@ -25,10 +25,11 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
-from jobs import JOBS, Job
+from job import Job
+from jobs import JOBS
 from rich.console import Console
 from scores import code_digest, commit
-from tables import RESULTS, pages, read_result, state_of, with_tables
+from tables import RESULTS, ROOT, pages, read_result, state_of, with_tables
 
 from automos.atomic import write_text
 
@@ -37,14 +38,14 @@ HERE = Path(__file__).parent
 
 def run(job: Job, arguments: argparse.Namespace) -> None:
     """Run `job`'s script, and store what it found with the state of the code."""
-    code = code_digest(job.rooms)
+    code = code_digest(job.rooms, job.also)
     cache = arguments.cache / code  # nothing of another state is taken
     report = cache / f"{job.name}.json"
     report.parent.mkdir(parents=True, exist_ok=True)
-    places = {"DRIVE_0005": str(arguments.drive), "STORE": str(arguments.store), "CACHE": str(cache)}
+    places = {"DRIVE_0005": arguments.drive, "STORE": arguments.store, "CACHE": cache, "DOCS": ROOT / "docs"}
     words = job.quick if arguments.quick else job.arguments
     for name, place in places.items():
-        words = tuple(word.replace(name, place) for word in words)
+        words = tuple(word.replace(name, str(place)) for word in words)
     subprocess.run([sys.executable, HERE / job.script, *words, "--json", report], check=True)
     stored = {
         "job": job.name,
@@ -82,7 +83,7 @@ def due(arguments: argparse.Namespace) -> list[Job]:
     jobs = []
     for name in arguments.only:
         job = JOBS[name]
-        state = state_of(job, code_digest(job.rooms))
+        state = state_of(job, code_digest(job.rooms, job.also))
         is_made = state == "up to date" or (arguments.quick and state.startswith("up to date"))
         Console().print(f"{name}: {state}; {job.command(arguments.quick)}", markup=False, soft_wrap=True)
         if arguments.force or not is_made:

@@ -2,38 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Job:
-    """One script with fixed arguments; `DRIVE_0005`, `STORE` and `CACHE` in them are replaced.
-
-    Attributes
-    ----------
-    name, script, arguments : the whole of it.
-    quick : arguments of a short form, which `--quick` runs instead.
-    rooms : the parts of the package that its result is of, all where none are named.
-    needs_recordings : whether it is about the real recordings in the folder that AUTOMOS_RECORDINGS names.
-    is_timed : whether its result has seconds or memory, so that nothing else may run beside it.
-    """
-
-    name: str
-    script: str
-    arguments: tuple[str, ...]
-    quick: tuple[str, ...]
-    rooms: tuple[str, ...] = ()
-    needs_recordings: bool = False
-    is_timed: bool = False
-
-    @property
-    def needs_drive(self) -> bool:
-        return any("DRIVE_0005" in word for word in self.arguments)
-
-    def command(self, is_quick: bool) -> str:
-        return f"python benchmarks/{self.script} {shlex.join(self.quick if is_quick else self.arguments)}"
-
+from job import Job
+from jobs_beside_labels import JOBS_BESIDE_LABELS
 
 RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m_detector", "hmm_mos")
 PRESETS = ("paper", "default")
@@ -187,8 +157,10 @@ JOBS = {
             ("--cache", "CACHE/odometry", "--worlds", "canyon", "--sensors", "VLP-16"),
             needs_recordings=True,
         ),
+        *JOBS_BESIDE_LABELS,
     )
 }
 """Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111, seed 30 of `trust.py` and 31 of
 `short_recordings.py` are for these tables: no choice was made on them. Choices were made on seed 17 of
-`conventions.py`, and on drive 0005."""
+`conventions.py`, and on drive 0005. Networks have the seeds of `automos.learning.domains`; what scores no labels (the
+simulator's statistics, reference poses) takes seeds 0 to 3."""

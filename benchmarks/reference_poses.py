@@ -1,7 +1,9 @@
 """How far a recording's reference poses, and the odometry's, are from what two scans seconds apart say themselves.
 
     python benchmarks/reference_poses.py RECORDING... [--seconds 5] [--every 8] [--json FILE]
+    python benchmarks/reference_poses.py --store FOLDER [--cases NAME ...] [--every 8] [--json FILE]
 
+The second form takes real drives of the folder that AUTOMOS_RECORDINGS names and simulated worlds kept in FOLDER.
 Two scans are laid on each other directly (point-to-plane ICP of small_gicp on what stands on the ground), once from the
 pose between them that the reference gives and once from the odometry's, with nothing known of the scans between. Where
 both end at the same place, that place is a yardstick: how far either pose is from it, in percent of the way, and what
@@ -13,6 +15,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,7 @@ import small_gicp
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import KDTree
+from store import stored_world
 
 from automos import load_settings, open_sequence
 from automos.geometry import inverse, transform
@@ -34,6 +39,15 @@ VOXEL, CLOSE = 0.25, 0.1
 MIN_HEIGHT, MAX_RANGE = 0.5, 60.0
 SAME = 0.02
 """Metres between two results that are the same."""
+DRIVES = {
+    "kitti_0005, 5 s": ("kitti_0005", 5.0),
+    "kitti_0027, 5 s": ("kitti_0027", 5.0),
+    "kitti_0027, 2 s": ("kitti_0027", 2.0),
+}
+WORLDS = {f"`{name}`, 5 s": (name, 5.0) for name in ("city", "hills", "narrow")}
+"""Each case's recording, and the seconds between the two scans of a pair."""
+WORLD = ("HDL-64E", 100, 0)
+"""Sensor, scans and seed of the simulated worlds."""
 
 
 def compare(sequence: Sequence, settings: OdometrySettings, seconds: float, every: int) -> dict:
@@ -94,10 +108,28 @@ def distance(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.linalg.norm(first[:3, 3] - second[:3, 3]))
 
 
+def cases(arguments: argparse.Namespace) -> Iterator[tuple[str, Sequence, float]]:
+    """Yield a name, a recording and the seconds between two scans, for each that was asked for."""
+    for folder in arguments.recordings:
+        sequence = open_sequence(folder)
+        yield sequence.name, sequence, arguments.seconds
+    if arguments.store is not None:
+        root = Path(os.environ.get("AUTOMOS_RECORDINGS", "recordings")) / "sequences"
+        for case in arguments.cases:
+            name, seconds = (DRIVES | WORLDS)[case]
+            yield (
+                case,
+                open_sequence(root / name) if case in DRIVES else stored_world(arguments.store, name, *WORLD),
+                seconds,
+            )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="+", type=Path)
+    parser.add_argument("recordings", nargs="*", type=Path)
     parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--store", type=Path, help="where gate.py keeps its worlds")
+    parser.add_argument("--cases", nargs="+", choices=[*DRIVES, *WORLDS], default=[*DRIVES, *WORLDS], metavar="NAME")
     parser.add_argument("--every", type=int, default=8, help="scans between the first ones of pairs")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
@@ -106,18 +138,17 @@ def main() -> None:
         "recording", "pairs (both starts agree)", "odometry off", "reference off", "within 10 cm under either"
     )
     results = {}
-    for folder in arguments.recordings:
-        sequence = open_sequence(folder)
-        results[sequence.name] = row = compare(sequence, settings, arguments.seconds, arguments.every)
+    for name, sequence, seconds in cases(arguments):
+        results[name] = row = compare(sequence, settings, seconds, arguments.every)
         if row["agreed"]:
             table.add_row(
-                sequence.name,
+                name,
                 f"{row['pairs']} ({row['agreed']})",
                 *(f"{row[key]:.2f} %" for key in ("odometry_percent", "reference_percent")),
-                " / ".join(f"{100 * row[f'close_{name}']:.1f} %" for name in ("odometry", "reference")),
+                " / ".join(f"{100 * row[f'close_{who}']:.1f} %" for who in ("odometry", "reference")),
             )
         else:
-            table.add_row(sequence.name, f"{row['pairs']} (0)", "-", "-", "-")
+            table.add_row(name, f"{row['pairs']} (0)", "-", "-", "-")
     Console(width=120).print(table)
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1))

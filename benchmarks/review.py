@@ -1,11 +1,11 @@
 """How long a person waits for the review: until it opens, an object is drawn, a decision is in the log, all is written.
 
-    python benchmarks/review.py RUN [--objects 2000] [--decisions 100] [--json FILE]
+    python benchmarks/review.py RUN [--label RECORDING] [--objects 2000] [--decisions 100] [--json FILE]
 
-RUN is the results folder of `automos label`, with its recording where it was. It is copied, and its objects are taken
-again under other numbers until there are as many as asked for. Requests are the page's own, over HTTP; each decision is
-on the next object of the queue. Seconds are those of the wall: the middle, and that which 95 of 100 stay below. Before
-that, of the run as it is: how many objects hold 95 % of the doubtful points, and how many points are wrong indeed.
+RUN is the results folder of `automos label`, with its recording where it was; --label makes it first where that was not
+done. It is copied, and its objects are taken again under other numbers until there are as many as asked for. Requests
+are the page's own, over HTTP; each decision is on the next object of the queue. Seconds are those of the wall: the
+middle, and that which 95 of 100 stay below.
 """
 
 from __future__ import annotations
@@ -25,35 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from automos.labels import Label, to_mos
+from automos import load_settings, open_sequence
+from automos.labeling import label_recording
 from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
-from automos.review.stake import most_telling, weigh
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdicts
-
-
-def queue_of(folder: Path) -> str:
-    """Return how fast the queue of a run gets through its doubtful points, and what truth says of those."""
-    run = open_run(folder)
-    stages = RunStages(folder, run.sequence)
-    doubtful = weigh(stages).doubtful
-    order, n_core = most_telling(doubtful)
-    wrong, has_truth = 0, True
-    for i in range(len(run)):
-        truth = run.sequence.truth(i)
-        has_truth &= truth is not None
-        if truth is not None:
-            is_known = to_mos(truth) != Label.UNLABELED
-            is_moving = run.labels(i, len(truth)) == Label.MOVING
-            wrong += int((is_known & (is_moving != (to_mos(truth) == Label.MOVING))).sum())
-    share = 100.0 * doubtful[order[:100]].sum() / max(doubtful.sum(), 1e-9)
-    return (
-        f"{len(doubtful):,} objects, {n_core:,} of which hold 95 % of {doubtful.sum():,.0f} doubtful points, "
-        f"the first 100 {share:.0f} %; " + (f"{wrong:,} points are wrong" if has_truth else "no truth")
-    )
 
 
 def multiply(folder: Path, n_objects: int) -> None:
@@ -121,11 +100,13 @@ def measure(folder: Path, n_decisions: int) -> dict[str, list[float]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path)
+    parser.add_argument("--label", type=Path, help="the recording of the run")
     parser.add_argument("--objects", type=int, default=2000)
     parser.add_argument("--decisions", type=int, default=100)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    print(queue_of(given.run), "\n", sep="")
+    if given.label:
+        label_recording(open_sequence(given.label), given.run, load_settings("default"))
     with tempfile.TemporaryDirectory() as work:
         folder = Path(shutil.copytree(given.run, Path(work) / "run"))
         multiply(folder, given.objects)

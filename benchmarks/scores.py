@@ -90,15 +90,17 @@ BESIDE_THE_METHOD = (
 """What shapes no labels: how recordings are read and what becomes of labels has tests of its own."""
 
 
-def code_digest(rooms: tuple[str, ...] = ()) -> str:
+def code_digest(rooms: tuple[str, ...] = (), also: tuple[str, ...] = ()) -> str:
     """Return a text that changes with any source file of the method, and with the simulator's worlds.
 
-    Where `rooms` are named, only files whose paths begin with one of them count.
+    Where `rooms` are named, only files whose paths begin with one of them count; those of `also` count in any case.
+    The network that comes along is one of them.
     """
     digest = hashlib.sha256(str(FORMAT).encode())
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.onnx")]):
         name = path.relative_to(PACKAGE).as_posix()
-        if name.startswith(rooms) if rooms else not name.startswith(BESIDE_THE_METHOD):
+        of_method = name.startswith(rooms) if rooms else not name.startswith(BESIDE_THE_METHOD)
+        if of_method or name.startswith(also):
             digest.update(name.encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 

@@ -1,6 +1,6 @@
 """What a simulated sweep costs on one core, with how many road users on the move in sight of the sensor.
 
-    OMP_NUM_THREADS=1 python benchmarks/simulator_speed.py [--scenarios ...] [--sensor HDL-64E] [--sweeps 20]
+    python benchmarks/simulator_speed.py [--scenarios ...] [--sensor HDL-64E] [--sweeps 20]
         [--scans 100] [--seed 0] [--json FILE]
 
 Counts the processor's time of this process, so that neighbours on the machine do not spoil it, over everything a caller
@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from automos.labels import Label
 from automos.simulation import SCENARIOS, SENSORS, SimulatedSequence, simulate
@@ -69,7 +70,8 @@ def main() -> None:
     print(f"{'scenario':12s}{'movers':>8s}{'seen':>6s}{'mean, ms':>10s}{'max, ms':>9s}{'first, s':>10s}")
     for scenario in arguments.scenarios:
         world = simulate(scenario, arguments.sensor, arguments.scans, arguments.seed)
-        row = rows[scenario] = time_sweeps(world, sweeps)
+        with threadpool_limits(1, "blas"):
+            row = rows[scenario] = time_sweeps(world, sweeps)
         counts = f"{row['movers']:8.0f}{row['movers_seen']:6.0f}"
         print(f"{scenario:12s}{counts}{row['mean_ms']:10.0f}{row['max_ms']:9.0f}{row['first_s']:10.1f}", flush=True)
     if arguments.json:

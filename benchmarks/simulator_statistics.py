@@ -141,7 +141,8 @@ def main() -> None:
             sequence = simulation.simulate(scenario, "HDL-64E", 150, seed)
             runs.append(statistics_of(sequence, np.linspace(0, 149, max(2, args.scans // 2)).astype(int)))
         simulated = {key: float(np.mean([run[key] for run in runs])) for key in real}
-        results[f"{real_name} / {scenario}"] = {"real": real, "simulated": simulated}
+        known = {key: value if np.isfinite(value) else None for key, value in real.items()}
+        results[f"{real_name} / {scenario}"] = {"real": known, "simulated": simulated}
         print(f"\n{'':36s}{real_name:>12s}{scenario:>12s}   ratio")
         for key, value in real.items():
             ratio = simulated[key] / value if value else float("nan")

@@ -79,6 +79,7 @@ def measure(sequence: Sequence, preset: str, workers: int) -> dict:
     n = len(sequence)
     return {
         "recording": sequence.name,
+        "preset": preset,
         "scans": n,
         "seconds_per_scan": {k: v / n for k, v in result.seconds.items()} | {"all": wall / n},
         "cpu_seconds_per_scan": (cpu_seconds() - cpu) / n,

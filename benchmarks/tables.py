@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import rows as make_rows
-from jobs import JOBS, RIVALS, Job
+import rows_beside_labels as beside
+import rows_of_cost as of_cost
+from job import Job
+from jobs import JOBS, RIVALS
 from rows import Rows
 
 ROOT = Path(__file__).parents[1]
@@ -40,6 +43,27 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "short-recordings": (("short-recordings",), make_rows.as_it_is),
     "simulator-odometry": (("simulator-odometry",), make_rows.end_drift),
     "odometry": (("odometry",), make_rows.drift),
+    "table-2": (("table-2",), beside.networks),
+    "table-3": (("table-3",), beside.networks),
+    "fine-tuning": (("table-3",), beside.fine_tuning),
+    "self-training": (("self-training",), beside.self_training),
+    "segment-speed": (("segment-speed",), beside.segment_speed),
+    "shipped-network": (("shipped-network",), beside.shipped_network),
+    "simulator-statistics": (("simulator-statistics",), beside.simulator_statistics),
+    "reference-poses": (("reference-poses",), beside.reference_poses),
+    "maps": (("maps",), beside.maps),
+    "hmm_mos": (("drive-hmm_mos",), beside.hmm_mos),
+    "m_detector-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("M-detector")),
+    "hmm_mos-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("HMM-MOS")),
+    "sampling": (("sampling",), beside.sampling),
+    "review-queue": (("review-queue",), beside.review_queue),
+    "review": (("review",), beside.review),
+    "first-minute": (("first-minute",), of_cost.first_minute),
+    "simulator-speed": (("simulator-speed",), of_cost.simulator_speed),
+    "cost": (("speed", "speed-paper"), of_cost.cost),
+    "scale": (("scale",), of_cost.scale),
+    "libraries": (("libraries",), of_cost.libraries),
+    "packages": (("libraries",), of_cost.packages),
 }
 """Each table's jobs, and what makes its rows (the heading first) of their results."""
 
@@ -126,15 +150,25 @@ def markdown(name: str, results: dict[str, dict]) -> str | None:
     return table + "".join(f"\n{line}\n" for line in said)
 
 
+EARLIER = "Of an earlier state. "
+"""What is said of a table of which no result is stored, and which does not say itself what it is of."""
+
+
+def _kept(shown: str, missing: list[str]) -> str:
+    """Return a table of which nothing is stored as the page has it, and that it is of an earlier state."""
+    table = "".join(line for line in shown.splitlines(keepends=True) if line.startswith("|"))
+    below = shown.removeprefix(table).strip()
+    return shown if below and not below.startswith(EARLIER) else f"{table}\n{EARLIER}{_to_run(missing)}"
+
+
 def with_tables(page: str, results: dict[str, dict]) -> str:
     """Return the text of a page with its tables as `results`, by job, have them; others stay, or say what is to run."""
 
     def replaced(mark: re.Match[str]) -> str:
         made = markdown(mark["name"], results)
-        if made is None and mark["shown"].startswith("|"):
-            return mark[0]
         if made is None:
-            made = _to_run([job for job in TABLES[mark["name"]][0] if job not in results])
+            missing = [job for job in TABLES[mark["name"]][0] if job not in results]
+            made = _kept(mark["shown"], missing) if mark["shown"].startswith("|") else _to_run(missing)
         return mark["head"] + made + mark["end"]
 
     return MARK.sub(replaced, page)

@@ -12,6 +12,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import jobs
 import rows
+import scores
 import tables
 
 
@@ -203,3 +204,31 @@ def test_online_worlds_have_a_column_for_each_sensor_and_lag():
         ["`country`", "(4)", "(0)"],
         ["**mean**", "**50.0**", "**50.0**"],
     ]
+
+
+def test_a_table_of_which_nothing_is_stored_stays_and_says_so():
+    by_hand = "<!-- table table-2 -->\n| method | IoU |\n|---|---:|\n| X | 1.0 |\n<!-- end -->\n"
+    written = tables.with_tables(by_hand, {})
+    command = jobs.JOBS["table-2"].command(False)
+    assert f"| X | 1.0 |\n\nOf an earlier state. Not run for this state: `{command}`.\n<!-- end -->" in written
+    assert tables.with_tables(written, {}) == written
+    ratios = {"iou": 0.5, "precision": None, "recall": 0.0}
+    found = {"commit": "abc", "date": "2026-01-01", "is_quick": False, "result": {"rows": [{"method": "Y", **ratios}]}}
+    assert "| Y | 50.0 | - | 0.0 |\n\n`python" in tables.with_tables(written, {"table-2": found})
+
+
+def test_a_digest_counts_what_a_job_is_of_beside_the_method(tmp_path, monkeypatch):
+    monkeypatch.setattr(scores, "PACKAGE", tmp_path)
+    for name in ("voxels.py", "network/model.py", "network/lmnet.onnx"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("before")
+    of_labels, of_networks = scores.code_digest(), scores.code_digest((), ("network/",))
+    (tmp_path / "network/lmnet.onnx").write_text("after")
+    assert scores.code_digest() == of_labels
+    assert scores.code_digest((), ("network/",)) != of_networks
+
+
+def test_networks_and_what_learns_from_them_are_kept_in_one_folder():
+    together = [jobs.JOBS[name] for name in ("table-2", "table-3", "self-training")]
+    assert len({(job.rooms, job.also) for job in together}) == 1  # one CACHE
+    assert all("CACHE/networks" in job.arguments and "CACHE/networks-quick" in job.quick for job in together)

@@ -1,0 +1,108 @@
+"""Tables II and III of the paper with LMNet, as `automos reproduce` makes them, on simulated worlds.
+
+    python benchmarks/networks.py table-2 --out FOLDER [--worlds 10] [--scans 60] [--epochs 20] [--samples 200]
+                                          [--json FILE]
+    python benchmarks/networks.py table-3 --out FOLDER [--picture FILE] ...             with the curve of fine-tuning
+
+Recordings, labels, networks and scores are kept in FOLDER: a run that was interrupted goes on, and what both tables
+(and `self_training.py`) need is made once. One process works in a folder at a time, others wait for it. A folder
+is for one size and one state of the code; the smaller sizes only show that everything runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from automos import load_settings
+from automos.learning.domains import DOMAINS, write_part
+from automos.learning.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
+from automos.learning.tables import Row, write_curves, write_table
+from automos.learning.train import TrainingData, device_note
+from automos.progress import StageProgress
+
+
+def add_size(parser: argparse.ArgumentParser) -> None:
+    """Add how large the experiment is; the defaults are those of `automos reproduce`."""
+    parser.add_argument("--worlds", type=int, default=10, help="recordings of each part of a domain, at most")
+    parser.add_argument("--scans", type=int, default=60, help="of each recording")
+    parser.add_argument("--epochs", type=int, default=SMALL["network.training.epochs"])
+    parser.add_argument("--samples", type=int, default=SMALL["network.training.samples"], help="scans an epoch")
+
+
+@contextmanager
+def opened(folder: Path, size: argparse.Namespace) -> Iterator[Experiment]:
+    """Give the experiment in `folder`, for this process alone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    console = Console(stderr=True)
+    training = {"network.training.epochs": size.epochs, "network.training.samples": size.samples}
+    small = {**SMALL, **training}
+    settings = [load_settings("default", overrides=each) for each in (small, {**small, **TUNING})]
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        console.print(device_note("auto"))
+        with StageProgress(console, folder.name) as progress:
+            yield Experiment(folder, *settings, progress=progress)
+
+
+def recordings(work: Experiment, domain: str, size: argparse.Namespace) -> Data:
+    """Return the recordings of a simulated domain, at most so many of each part; written where they are not there."""
+    parts = {}
+    for name in ("train", "validation", "test", "extra"):
+        part = getattr(DOMAINS[domain], name)
+        fewer = replace(part, worlds=part.worlds[: size.worlds], scans=size.scans)
+        written = write_part(fewer, work.folder / "recordings", work.progress)
+        parts[name] = tuple(sequence.source for sequence in written if sequence.source is not None)
+    return Data(**parts)
+
+
+def network_of_ours(work: Experiment, data: Data) -> Path:
+    """Return the network that learnt from automatic labels of the recordings to train on."""
+    return work.network("ours", TrainingData(work.automatic(data.train), work.given(data.validation)))
+
+
+def stored(rows: list[Row]) -> list[dict]:
+    """Return the scores of each row, None for what is not defined."""
+    found = []
+    for row in rows:
+        s = row.counts.scores
+        ratios = {"iou": s.iou, "precision": s.precision, "recall": s.recall}
+        found.append({"method": row.method} | {k: v if math.isfinite(v) else None for k, v in ratios.items()})
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("experiment", choices=["table-2", "table-3"])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--picture", type=Path, help="where to draw the curve of fine-tuning")
+    add_size(parser)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    result = {}
+    with opened(arguments.out, arguments) as work:
+        home = recordings(work, "K", arguments)
+        if arguments.experiment == "table-2":
+            rows = table_two(work, home, {})
+        else:
+            rows, curves = table_three(work, home, recordings(work, "A", arguments))
+            picture = arguments.out / "figure3.png"
+            write_curves(curves, picture)
+            result["curves"] = asdict(curves)
+            if arguments.picture:
+                arguments.picture.write_bytes(picture.read_bytes())
+    print(write_table(rows, arguments.out / f"{arguments.experiment}.json"))
+    if arguments.json:
+        arguments.json.write_text(json.dumps({"rows": stored(rows), **result}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
