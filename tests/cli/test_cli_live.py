@@ -30,12 +30,21 @@ from automos.settings import load_settings  # noqa: E402
 
 
 def send_patiently(packets, feed):
-    """Send each packet when the one before has been looked at and no scan waits: none is left out, on any machine."""
+    """Send each packet when the one before has been looked at and no scan waits: none is left out, on any machine.
+
+    Then the sensor is gone, which is told the feed at once: its patience would depend on the machine, too.
+    """
+
+    def wait_for(n):
+        while feed.n_packets < n or feed.latest.is_full:
+            time.sleep(0.0005)
+
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         for n, (_, payload) in enumerate(packets):
-            while feed.n_packets < n or feed.latest.is_full:
-                time.sleep(0.0005)
+            wait_for(n)
             out.sendto(payload, ("127.0.0.1", feed.port))
+    wait_for(len(packets))
+    feed._stop.set()
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +66,7 @@ def labels_of(folder):
 
 
 def test_labels_of_packets_over_loopback_are_those_of_segment(walk, segmented, tmp_path):
-    feed, names, settings = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=1.5), [], load_settings("default")
+    feed, names, settings = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=600.0), [], load_settings("default")
     with (
         results_writer(tmp_path / "out", names, settings) as writer,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
