@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import tempfile
 from pathlib import Path
 
 from rich.console import Console
+from scores import finite
 
 from automos import open_sequence
 from automos.comparison.labelers import choose_methods
@@ -36,7 +36,7 @@ def map_scores(runs: MethodRuns, method: str) -> dict[str, float | None]:
         )
     if made.scores is None:
         raise SystemExit(f"{runs.sequence.name} has no truth: no map of it can be scored")
-    return {name: value if math.isfinite(value) else None for name, value in scores_by_name(made.scores).items()}
+    return finite(scores_by_name(made.scores))
 
 
 def main() -> None:

@@ -12,20 +12,20 @@ is for one size and one state of the code; the smaller sizes only show that ever
 from __future__ import annotations
 
 import argparse
-import fcntl
 import json
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
+from scores import ratios_of
 
 from automos import load_settings
-from automos.learning.domains import DOMAINS, write_part
+from automos.atomic import held
+from automos.learning.domains import DOMAINS, Domain, Part
 from automos.learning.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
-from automos.learning.tables import Row, write_curves, write_table
+from automos.learning.tables import write_curves, write_table
 from automos.learning.train import TrainingData, device_note
 from automos.progress import StageProgress
 
@@ -41,42 +41,28 @@ def add_size(parser: argparse.ArgumentParser) -> None:
 @contextmanager
 def opened(folder: Path, size: argparse.Namespace) -> Iterator[Experiment]:
     """Give the experiment in `folder`, for this process alone."""
-    folder.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     training = {"network.training.epochs": size.epochs, "network.training.samples": size.samples}
     small = {**SMALL, **training}
     settings = [load_settings("default", overrides=each) for each in (small, {**small, **TUNING})]
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with held(folder, waits=True), StageProgress(console, folder.name) as progress:
         console.print(device_note("auto"))
-        with StageProgress(console, folder.name) as progress:
-            yield Experiment(folder, *settings, progress=progress)
+        yield Experiment(folder, *settings, progress=progress)
 
 
-def recordings(work: Experiment, domain: str, size: argparse.Namespace) -> Data:
-    """Return the recordings of a simulated domain, at most so many of each part; written where they are not there."""
-    parts = {}
-    for name in ("train", "validation", "test", "extra"):
-        part = getattr(DOMAINS[domain], name)
-        fewer = replace(part, worlds=part.worlds[: size.worlds], scans=size.scans)
-        written = write_part(fewer, work.folder / "recordings", work.progress)
-        parts[name] = tuple(sequence.source for sequence in written if sequence.source is not None)
-    return Data(**parts)
+def sized(name: str, size: argparse.Namespace) -> Domain:
+    """Return a simulated domain with at most so many recordings of each part."""
+
+    def part(whole: Part) -> Part:
+        return replace(whole, worlds=whole.worlds[: size.worlds], scans=size.scans)
+
+    domain = DOMAINS[name]
+    return Domain(name, *map(part, (domain.train, domain.extra, domain.validation, domain.test)))
 
 
 def network_of_ours(work: Experiment, data: Data) -> Path:
     """Return the network that learnt from automatic labels of the recordings to train on."""
     return work.network("ours", TrainingData(work.automatic(data.train), work.given(data.validation)))
-
-
-def stored(rows: list[Row]) -> list[dict]:
-    """Return the scores of each row, None for what is not defined."""
-    found = []
-    for row in rows:
-        s = row.counts.scores
-        ratios = {"iou": s.iou, "precision": s.precision, "recall": s.recall}
-        found.append({"method": row.method} | {k: v if math.isfinite(v) else None for k, v in ratios.items()})
-    return found
 
 
 def main() -> None:
@@ -89,19 +75,20 @@ def main() -> None:
     arguments = parser.parse_args()
     result = {}
     with opened(arguments.out, arguments) as work:
-        home = recordings(work, "K", arguments)
+        home = work.simulated(sized("K", arguments))
         if arguments.experiment == "table-2":
             rows = table_two(work, home, {})
         else:
-            rows, curves = table_three(work, home, recordings(work, "A", arguments))
+            rows, curves = table_three(work, home, work.simulated(sized("A", arguments)))
             picture = arguments.out / "figure3.png"
             write_curves(curves, picture)
             result["curves"] = asdict(curves)
             if arguments.picture:
                 arguments.picture.write_bytes(picture.read_bytes())
+    stored = [{"method": row.method} | ratios_of(row.counts) for row in rows]
     print(write_table(rows, arguments.out / f"{arguments.experiment}.json"))
     if arguments.json:
-        arguments.json.write_text(json.dumps({"rows": stored(rows), **result}, indent=1))
+        arguments.json.write_text(json.dumps({"rows": stored, **result}, indent=1))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,7 +23,7 @@ import small_gicp
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import KDTree
-from store import stored_world
+from store import real_drive, stored_world
 
 from automos import load_settings, open_sequence
 from automos.geometry import inverse, transform
@@ -114,12 +113,11 @@ def cases(arguments: argparse.Namespace) -> Iterator[tuple[str, Sequence, float]
         sequence = open_sequence(folder)
         yield sequence.name, sequence, arguments.seconds
     if arguments.store is not None:
-        root = Path(os.environ.get("AUTOMOS_RECORDINGS", "recordings")) / "sequences"
         for case in arguments.cases:
             name, seconds = (DRIVES | WORLDS)[case]
             yield (
                 case,
-                open_sequence(root / name) if case in DRIVES else stored_world(arguments.store, name, *WORLD),
+                real_drive(name) if case in DRIVES else stored_world(arguments.store, name, *WORLD),
                 seconds,
             )
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from store import real_drive
 
-from automos import load_settings, open_sequence
+from automos import load_settings
 from automos.labeling import label_recording
 from automos.labels import Label, to_mos
 from automos.results.open_run import open_run
@@ -56,10 +56,9 @@ def main() -> None:
     parser.add_argument("--recordings", nargs="+", default=["kitti_0005", "kitti_0027"])
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    root = Path(os.environ.get("AUTOMOS_RECORDINGS", "recordings")) / "sequences"
     found = {}
     for name in given.recordings:
-        label_recording(open_sequence(root / name), given.out / name, load_settings("default"))
+        label_recording(real_drive(name), given.out / name, load_settings("default"))
         found[name] = queue_of(given.out / name)
         Console().print(name, found[name])
     if given.json:

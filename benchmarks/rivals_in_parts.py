@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import takewhile
@@ -22,9 +21,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
-from store import stored_world
+from scores import ratios_of
+from store import real_drive, stored_world
 
-from automos import load_settings, open_sequence
+from automos import load_settings
 from automos.baselines import hmm_mos, m_detector
 from automos.baselines.m_detector_parameters import KITTI
 from automos.evaluation.moving import Counts, count
@@ -70,9 +70,7 @@ def scored(sequence: Sequence, found: Found, scans: range, truth: Callable[[int]
         labels = np.full(len(sequence[i]), Label.UNLABELED, np.uint8)
         labels[sequence[i].is_valid] = np.where(is_moving, Label.MOVING, Label.STATIC)
         counts += count(labels, truth(i))
-    s = counts.scores
-    ratios = {"iou": s.iou, "precision": s.precision, "recall": s.recall}
-    return {key: value if math.isfinite(value) else None for key, value in ratios.items()} | {"false": s.false_dynamic}
+    return ratios_of(counts) | {"false": counts.scores.false_dynamic}
 
 
 def opened(name: str, store: Path, out: Path) -> tuple[Sequence, Callable[[int], npt.NDArray]]:
@@ -80,7 +78,7 @@ def opened(name: str, store: Path, out: Path) -> tuple[Sequence, Callable[[int],
     if name == WORLD[0]:
         world = stored_world(store, *WORLD)
         return world, world.truth
-    sequence = open_sequence(Path(os.environ.get("AUTOMOS_RECORDINGS", "recordings")) / "sequences" / name)
+    sequence = real_drive(name)
     if sequence.truth(0) is not None:
         return sequence, sequence.truth
     label_recording(sequence, out / name, load_settings("default"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import subprocess
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from suite import measure
 import automos
 from automos.atomic import write_text
 from automos.errors import InputError
+from automos.evaluation.moving import Counts
 from automos.progress import StageProgress
 from automos.scan import Sequence
 from automos.simulation import FORMAT
@@ -88,6 +90,17 @@ BESIDE_THE_METHOD = (
     *("live/", "network/", "learning/", "scale/", "demo"),
 )
 """What shapes no labels: how recordings are read and what becomes of labels has tests of its own."""
+
+
+def finite(values: dict[str, float]) -> dict[str, float | None]:
+    """Return `values` as JSON can have them: None for what is not defined."""
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def ratios_of(counts: Counts) -> dict[str, float | None]:
+    """Return IoU, precision and recall of the moving class, None for what is not defined."""
+    scores = counts.scores
+    return finite({"iou": scores.iou, "precision": scores.precision, "recall": scores.recall})
 
 
 def code_digest(rooms: tuple[str, ...] = (), also: tuple[str, ...] = ()) -> str:

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-from networks import add_size, network_of_ours, opened, recordings
+from networks import add_size, network_of_ours, opened, sized
 from rich.console import Console
 from rich.table import Table
+from scores import ratios_of
 
 from automos import load_settings, open_sequence
 from automos.evaluation.moving import Counts
@@ -48,8 +48,7 @@ def measure(sequence: Sequence, network: Deployed, weight: float, out: Path, wor
 
 
 def percent(counts: Counts) -> list[float | None]:
-    s = counts.scores
-    return [round(100 * value, 1) if math.isfinite(value) else None for value in (s.iou, s.precision, s.recall)]
+    return [None if value is None else round(100 * value, 1) for value in ratios_of(counts).values()]
 
 
 def compare(paths: list[Path], network: Deployed, weight: float, out: Path, workers: int) -> dict[str, Any]:
@@ -82,7 +81,7 @@ def main() -> None:
     shape = (arguments.weight, arguments.out, arguments.workers)
     if arguments.networks:
         with opened(arguments.networks, arguments) as work:
-            data = recordings(work, "K", arguments)
+            data = work.simulated(sized("K", arguments))
             weights = network_of_ours(work, data)
         unseen = {path.name: path for path in data.extra}
         paths = [unseen[name] for name in UNSEEN if name in unseen]

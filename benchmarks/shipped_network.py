@@ -11,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 from rich.console import Console
+from scores import ratios_of
 
 from automos import load_settings, open_sequence
 from automos.evaluation.report import evaluate_folder
@@ -28,9 +29,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, StageProgress(Console(stderr=True), sequence.name) as progress:
         run = Path(folder) / "run"
         segment_recording(sequence, run, network, load_settings("default"), progress=progress)
-        scores = evaluate_folder(run / "predictions", sequence).counts.scores
-    ratios = {"iou": scores.iou, "precision": scores.precision, "recall": scores.recall}
-    row = {"recording": sequence.name, "engine": network.engine, **ratios}
+        counts = evaluate_folder(run / "predictions", sequence).counts
+    row = {"recording": sequence.name, "engine": network.engine} | ratios_of(counts)
     Console().print(row)
     if arguments.json:
         arguments.json.write_text(json.dumps(row, indent=1))

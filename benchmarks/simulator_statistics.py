@@ -15,6 +15,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+from scores import finite
 
 from automos import simulation
 from automos.datasets import open_recordings
@@ -141,8 +142,7 @@ def main() -> None:
             sequence = simulation.simulate(scenario, "HDL-64E", 150, seed)
             runs.append(statistics_of(sequence, np.linspace(0, 149, max(2, args.scans // 2)).astype(int)))
         simulated = {key: float(np.mean([run[key] for run in runs])) for key in real}
-        known = {key: value if np.isfinite(value) else None for key, value in real.items()}
-        results[f"{real_name} / {scenario}"] = {"real": known, "simulated": simulated}
+        results[f"{real_name} / {scenario}"] = {"real": finite(real), "simulated": simulated}
         print(f"\n{'':36s}{real_name:>12s}{scenario:>12s}   ratio")
         for key, value in real.items():
             ratio = simulated[key] / value if value else float("nan")

@@ -1,11 +1,12 @@
 """Simulated worlds on disk, small and whole: raw sweeps as KITTI's files would hold them, and their points' labels.
 
 One .npz a world: coordinates as float32, intensity in the sensor's own steps, labels as uint8. A world that is there
-already is not simulated again.
+already is not simulated again. Real drives are where AUTOMOS_RECORDINGS has them.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos import open_sequence
 from automos.atomic import atomic_path
 from automos.scan import Scan, Sequence
 from automos.simulation import FORMAT, simulate
@@ -84,3 +86,8 @@ def stored_world(
         with atomic_path(path) as temporary, open(temporary, "wb") as file:
             np.savez(file, **arrays)
     return StoredWorld(path)
+
+
+def real_drive(name: str) -> Sequence:
+    """Return a real recording of the folder that AUTOMOS_RECORDINGS names."""
+    return open_sequence(Path(os.environ.get("AUTOMOS_RECORDINGS", "recordings")) / "sequences" / name)

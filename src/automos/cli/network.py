@@ -192,6 +192,7 @@ def reproduce(
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
     from automos.errors import InputError
+    from automos.learning.domains import DOMAINS
     from automos.learning.experiments import (
         SMALL,
         TUNING,
@@ -211,12 +212,12 @@ def reproduce(
     chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
     with StageProgress(console, experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
-        home = given or work.simulated("K")
+        home = given or work.simulated(DOMAINS["K"])
         if experiment == "table2":
             named = dict(_named(text) for text in predictions or [])
             rows = table_two(work, home, named)
         else:
-            away = _data(away_train, away_validation, away_test, None) or work.simulated("A")
+            away = _data(away_train, away_validation, away_test, None) or work.simulated(DOMAINS["A"])
             rows, curves = table_three(work, home, away)
             write_curves(curves, out / "figure3.png")
     output.print(write_table(rows, out / f"{experiment}.json"))

@@ -19,7 +19,7 @@ from automos.datasets import open_recordings
 from automos.evaluation.moving import Counts, count
 from automos.evaluation.report import evaluate_folder, find_predictions
 from automos.labeling import label_recording
-from automos.learning.domains import DOMAINS, write_part
+from automos.learning.domains import Domain, write_part
 from automos.learning.recordings import Source
 from automos.learning.rivals import FlowThreshold, movable_labels
 from automos.learning.segment import open_network, segment_recording
@@ -71,12 +71,12 @@ class Experiment:
     progress: Progress | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
-    def simulated(self, domain: str) -> Data:
+    def simulated(self, domain: Domain) -> Data:
         """Return the recordings of a simulated domain, written where they are not there yet."""
         home = self.folder / "recordings"
         parts = {}
         for name in ("train", "validation", "test", "extra"):
-            written = write_part(getattr(DOMAINS[domain], name), home, self.progress)
+            written = write_part(getattr(domain, name), home, self.progress)
             parts[name] = tuple(sequence.source for sequence in written if sequence.source is not None)
         return Data(**parts)
 
