@@ -85,6 +85,26 @@ def sweep(
     return Scan(np.concatenate(points).astype(np.float32), time=np.concatenate(times).astype(np.float32), stamp=middle)
 
 
+def rosette(blocks: Sequence[Block], pose: Callable[[float], np.ndarray], middle: float, n_points: int = 9000) -> Scan:
+    """Return the raw sweep around the time `middle` (s) of a sensor that looks ahead and never repeats its pattern.
+
+    Two prisms turn the ray, as in Livox's sensors; points are in the order of measurement, with the time of each.
+    """
+    fraction = (np.arange(n_points) + 0.5) / n_points
+    now = middle + SCAN_GAP * (fraction - 0.5)
+    a, b = (2.0 * np.pi * rate * now for rate in (121.6, -77.7))
+    azimuth, elevation = 0.6 * (np.cos(a) + np.cos(b)), 0.3 * (np.sin(a) + np.sin(b))
+    rays = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], 1)
+    distance = np.empty(n_points)
+    for part in np.array_split(np.arange(n_points), N_SECTORS):
+        T = pose(now[part].mean())
+        distance[part] = cast(blocks, T[:3, 3], rays[part] @ T[:3, :3].T, middle)[0]
+    seen = distance < REACH
+    noisy = distance[seen] + np.random.default_rng(round(1000 * middle)).normal(0.0, 0.01, seen.sum())
+    points, times = noisy[:, None] * rays[seen], SCAN_GAP * fraction[seen]
+    return Scan(points.astype(np.float32), time=times.astype(np.float32), stamp=middle)
+
+
 def cut_anew(sweeps: Sequence[Scan], turns: float) -> list[Scan]:
     """Return the stream of `sweeps`, each of one turn, as a driver gives it that cuts every `turns` turns."""
     points = np.concatenate([scan.points for scan in sweeps])

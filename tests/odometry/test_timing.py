@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from raw_worlds import TOWN, curve, cut_anew, sweep, untimed
+from raw_worlds import TOWN, curve, cut_anew, rosette, sweep, untimed
 from worlds import SCAN_GAP, drive, record
 
 from automos.array_sequence import ArraySequence
@@ -125,6 +125,37 @@ def test_where_the_sensor_stands_nothing_needs_compensation():
 def test_who_says_the_sweeps_are_compensated_is_believed(wanted):
     sequence = ArraySequence([np.ones((100, 3))] * 3, is_compensated=True)
     assert choose(sequence, time=wanted).source == "none"
+
+
+def looking_ahead(arrange=lambda scan: scan):
+    return ArraySequence([arrange(rosette(TOWN, POSE, SCAN_GAP * i)) for i in range(N)])
+
+
+def test_times_of_a_pattern_that_never_repeats_are_believed():
+    timing = choose(looking_ahead())
+    assert timing.source == "file"
+    assert timing.share == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("wanted", ["auto", "order"])
+def test_points_of_a_sensor_that_does_not_turn_were_measured_at_a_steady_rate(wanted):
+    timing = choose(looking_ahead(untimed), time=wanted)
+    assert (timing.source, timing.share) == ("index", 1.0)
+    assert str(timing) == "order of the points (a steady rate)"
+
+
+def test_shuffled_points_of_a_sensor_that_does_not_turn_have_no_times():
+    def mixed(scan):
+        return Scan(np.random.default_rng(0).permutation(scan.points), stamp=scan.stamp)
+
+    assert choose(looking_ahead(mixed)).source == "none"
+
+
+def test_compensated_points_of_a_sensor_that_does_not_turn_are_left_alone():
+    def still(middle):
+        return rosette(TOWN, lambda now: POSE(middle), middle)
+
+    assert choose(ArraySequence([untimed(still(SCAN_GAP * i)) for i in range(N)])).source == "none"
 
 
 def test_a_sensor_that_looks_one_way_does_not_spin():

@@ -34,11 +34,12 @@ MAX_ACCELERATION = 8.0
 class SweepTiming:
     """How the time of each point within its sweep is known.
 
-    Its source is "file": times in the scans; "order": the advance of the azimuth along the file; "azimuth": the azimuth
-    of the point; or "none": the points are already compensated, or it is unknown.
+    Its source is "file": times in the scans; "order": the advance of the azimuth along the file; "index": the place in
+    the file, of a sensor that measures at a steady rate; "azimuth": the azimuth of the point; or "none": the points are
+    already compensated, or it is unknown.
     """
 
-    source: Literal["file", "order", "azimuth", "none"] = "none"
+    source: Literal["file", "order", "index", "azimuth", "none"] = "none"
     duration: float = 0.0  # "file": seconds from a sweep's first point to its last
     turn: int = 0  # "azimuth", "order": +1 counter-clockwise seen from the sensor's +z, -1 clockwise
     seam_deg: float | None = 0.0  # "azimuth": where a sweep starts and ends, from +x towards +y; None if it drifts
@@ -64,6 +65,8 @@ class SweepTiming:
             return "none (compensated already, or unknown)"
         if self.source == "file":
             text = f"times in the file ({1e3 * self.duration:.0f} ms a scan)"
+        elif self.source == "index":
+            text = "order of the points (a steady rate)"
         elif self.order is not None:
             text = f"order of the points ({turning[self.order.turn]}, {self.order.turns:.2f} turns a scan)"
         else:
@@ -97,6 +100,8 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
     if timing.source == "order" and timing.order is not None:
         fraction = turns_since_start(scan, timing.order) / np.float32(timing.order.span) - np.float32(0.5)
         return np.minimum(fraction, np.float32(0.5))
+    if timing.source == "index":
+        return ((np.arange(len(scan), dtype=np.float32) + 0.5) / max(len(scan), 1) - 0.5).astype(np.float32)
     if timing.source == "azimuth":
         if timing.seam_deg is None:
             times, is_twofold = drifting_times(scan.points, timing.turn, timing.turns)

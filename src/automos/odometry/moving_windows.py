@@ -13,7 +13,7 @@ from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.motion import SweepTiming, azimuth_times, chain, compensate, step_twists, timed_points
+from automos.odometry.motion import SweepTiming, azimuth_times, chain, compensate, step_twists, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
 from automos.odometry.surfels import Surfels, surfels_of
@@ -58,7 +58,8 @@ class MovingWindow:
     """N consecutive scans in which the sensor moves."""
 
     first: int  # index of the first scan
-    surfels: dict[str, list[Surfels]]  # of uncompensated points, for each source of times
+    surfels: dict[str, list[Surfels]]  # for each source of times, of points compensated with `twists`
+    twists: dict[str, Array]  # (N, 6) for each source of times
     T_world_sensor: Pose  # (N, 4, 4) rough poses
     gaps: Array  # (N - 1,) time between scans in units of the usual one
     period: float  # seconds, the usual time between scans
@@ -84,17 +85,19 @@ def moving_windows(
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
     for first in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
         scans = [sequence[i] for i in range(first, first + length)]
-        surfels: dict[str, list[Surfels]] = {
-            timing.source: list(each(partial(_raw_surfels, settings, timing), scans))
-            for timing in (SweepTiming(), *from_points)
-        }
+        surfels = {"none": list(each(partial(_surfels_of, settings, SweepTiming()), scans, np.zeros((length, 6))))}
+        twists = {"none": np.zeros((length, 6))}
         gaps = clock.gaps[first : first + length - 1]
         if poses is None:
             T, gaps = _rough_poses(surfels["none"], gaps, clock, settings, pool)
         else:
             T = poses[first : first + length]
-        if bend_of(T) >= MIN_BEND:
-            yield MovingWindow(first, surfels, T, gaps, clock.period)
+        if bend_of(T) < MIN_BEND:
+            continue
+        for timing in from_points:
+            twists[timing.source] = timing.share * step_twists(T, gaps)
+            surfels[timing.source] = list(each(partial(_surfels_of, settings, timing), scans, twists[timing.source]))
+        yield MovingWindow(first, surfels, twists, T, gaps, clock.period)
 
 
 def _rough_poses(
@@ -115,9 +118,9 @@ def bend_of(T_world_sensor: Pose) -> float:
     return float(bends.mean()) if len(bends) else 0.0
 
 
-def _raw_surfels(settings: OdometrySettings, timing: SweepTiming, scan: Scan) -> Surfels:
-    """Return the surfels of a scan's uncompensated points, with the times of `timing`."""
-    return surfels_of(*timed_points(scan, timing, settings))
+def _surfels_of(settings: OdometrySettings, timing: SweepTiming, scan: Scan, twist: Array) -> Surfels:
+    """Return the surfels of a scan, with the times of `timing`."""
+    return surfels_of(*usable_points(scan, timing, twist, settings))
 
 
 def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:
@@ -127,8 +130,9 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     neighbours keep their steps, which takes a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    raw = window.surfels.get(guess.source, window.surfels["none"])
-    surfels = [_timed(s, guess, twist) for s, twist in zip(raw, twists, strict=True)]
+    source = guess.source if guess.source in window.surfels else "none"
+    changes = zip(window.surfels[source], twists - window.twists[source], strict=True)
+    surfels = [_timed(s, guess, change) for s, change in changes]
     timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
     links = list(choose_links(timed, COARSE))
     if not is_rough:
@@ -140,14 +144,14 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     return np.log(np.array([fit.thickness for fit in fits]) / share)
 
 
-def _timed(raw: Surfels, guess: SweepTiming, twist: Array) -> Surfels:
-    """Return uncompensated surfels with the hypothetical times, compensated for `twist` (6,)."""
+def _timed(surfels: Surfels, guess: SweepTiming, twist: Array) -> Surfels:
+    """Return surfels with the hypothetical times, compensated for another `twist` (6,)."""
     if guess.source == "none":
-        return raw
-    times = raw.time  # known from whole scans only
+        return surfels
+    times = surfels.time  # known from whole scans only
     if guess.source == "azimuth" and guess.seam_deg is not None:
-        times = azimuth_times(raw.mean, guess.turn, guess.seam_deg)
-    return replace(raw, mean=compensate(raw.mean, times, twist), time=times)
+        times = azimuth_times(surfels.mean, guess.turn, guess.seam_deg)
+    return replace(surfels, mean=compensate(surfels.mean, times, twist), time=times)
 
 
 class Search:

@@ -128,8 +128,6 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
             continue
         key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
-        if times[i] > 0.0:  # at the azimuth seam, separates the start of the sweep from its end
-            key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], row_of[slot] = key, n

@@ -34,6 +34,8 @@ MOSTLY = 0.95
 """Share of a scan's points for which two timings must agree."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds, common rotation periods of sensors."""
+AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
+"""Of a sensor without a rotating head, whose azimuth does not advance: points are appended as they are measured."""
 N_LIKELY = 3
 """Seams that are compared in detail."""
 
@@ -85,15 +87,15 @@ def choose_timing(
     if wanted in ("file", "order"):
         return TimingChoice(timed[0])
     is_round = sees_all_round(sequence)
-    if wanted == "auto" and not timed and not is_round:
-        return TimingChoice(SweepTiming())
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
         timed = timed[:1]
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
+    steady = [] if timed or is_round or wanted == "azimuth" else [AT_A_STEADY_RATE]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
+    untimed += steady
     search, best = Search(settings, pool), None
-    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting], pool):
+    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
@@ -160,6 +162,8 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
         found.append(SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order))
     if wanted == "file" and not found:
         raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
+    if wanted == "order" and not found and not sees_all_round(sequence):
+        found.append(AT_A_STEADY_RATE)
     if wanted == "order" and not found:
         raise InputError(
             f"in {sequence.name} the azimuth does not advance from point to point, so their order gives no times; "
