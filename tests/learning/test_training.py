@@ -90,6 +90,12 @@ def test_a_training_goes_on_where_it_was_stopped(data, trained, tmp_path):
     resumed = train(data, out, settings(), device="cpu")
     whole = load_checkpoint(trained / "best.pt")
     assert resumed.card["epochs"] == whole.card["epochs"] == 2
+    before, after = read_curve(out), read_curve(trained)  # epochs before the stop and after it, as if in one go
+    assert [row["epoch"] for row in before] == [row["epoch"] for row in after] == [0.0, 1.0]
+    assert all(row["seconds"] > 0.0 for row in before)
+    assert [row["val_iou_moving"] for row in before] == pytest.approx(
+        [row["val_iou_moving"] for row in after], abs=1e-3
+    )
     for a, b in zip(resumed.network.parameters(), whole.network.parameters(), strict=True):
         assert torch.allclose(a, b, atol=1e-4)
 

@@ -6,15 +6,12 @@ experiment that was interrupted goes on with the same command.
 
 from __future__ import annotations
 
-import json
 import logging
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from automos.atomic import write_text
 from automos.datasets import open_recordings
 from automos.evaluation.moving import Counts, count
 from automos.evaluation.report import evaluate_folder, find_predictions
@@ -98,14 +95,13 @@ class Experiment:
     def network(self, name: str, data: TrainingData, init: Path | None = None) -> Path:
         """Return the checkpoint of the network `name`, trained where that was not done yet."""
         out = self.folder / "networks" / name
-        start = time.perf_counter()
-        done = out / "hours.json"
-        if not done.exists():
-            require_training()
+        require_training()
+        from automos.network.training import read_curve
+
+        if not (out / "best.pt").exists():
             settings = self.settings if init is None else self.tuning
             train(data, out, settings, init, self.device, progress=self.progress, poses=self.folder / "poses")
-            write_text(done, json.dumps({"hours": (time.perf_counter() - start) / 3600.0}))
-        self.seconds[name] = 3600.0 * float(json.loads(done.read_text())["hours"])
+        self.seconds[name] = sum(row["seconds"] for row in read_curve(out))
         return out / "best.pt"
 
     def score_network(self, method: str, name: str, weights: Path, test: Iterable[Path]) -> Row:

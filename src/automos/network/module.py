@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import pytorch_lightning as lightning
@@ -39,6 +40,14 @@ class Training(lightning.LightningModule):
         self.network = LMNet(self.settings.image, self.settings.model)
         self.register_buffer("class_weight", torch.tensor(class_weight), persistent=False)
         self.confusion = MulticlassConfusionMatrix(len(Class), ignore_index=int(Class.UNLABELED))
+
+    def on_train_epoch_start(self) -> None:
+        """Look at the clock: the first epoch after an interruption is timed like any other."""
+        self._started = time.perf_counter()
+
+    def on_train_epoch_end(self) -> None:
+        """Log the seconds that the epoch took, validation included."""
+        self.log("seconds", time.perf_counter() - self._started)
 
     def training_step(self, batch: dict[str, Tensor], index: int) -> Tensor:
         """Return the loss of a batch of `image`, `target` and `confidence`."""

@@ -3,7 +3,8 @@
 OUT/best.pt        the network with the best IoU of the moving class on the validation recordings, all that it needs
 OUT/last.ckpt      where training stands; the same command goes on from it
 OUT/epochs/004.pt  the network after so many epochs, for those asked for (`network.training.keep`)
-OUT/log/metrics.csv losses and scores by epoch;  OUT/tensorboard/ where TensorBoard is installed
+OUT/log/1/metrics.csv  losses and scores by epoch, 2 after it was stopped and went on, and so forth
+OUT/tensorboard/   the same, where TensorBoard is installed
 """
 
 from __future__ import annotations
@@ -126,7 +127,8 @@ def train_network(
 def _make_trainer(
     out: Path, accelerator: str, devices: int, epochs: int, callbacks: list[lightning.Callback]
 ) -> lightning.Trainer:
-    loggers: list[Any] = [CSVLogger(out, name="", version="log")]
+    n_starts = len(list((out / "log").glob("*/metrics.csv")))  # a logger deletes what its folder holds
+    loggers: list[Any] = [CSVLogger(out, name="log", version=str(n_starts + 1))]
     if importlib.util.find_spec("tensorboard"):
         loggers.append(TensorBoardLogger(out, name="", version="tensorboard"))
     return lightning.Trainer(
@@ -176,12 +178,13 @@ def choose_accelerator(device: str, devices: int = 1) -> str:
 
 
 def read_curve(out: Path) -> list[dict[str, float]]:
-    """Return one row an epoch of what a training run logged, e.g. epoch and val_iou_moving."""
+    """Return one row an epoch of what a training logged in all its starts, e.g. epoch and val_iou_moving."""
     rows: dict[int, dict[str, float]] = {}
-    with (out / "log" / "metrics.csv").open() as file:
-        for line in csv.DictReader(file):
-            row = rows.setdefault(int(line["epoch"]), {})
-            row.update({name: float(value) for name, value in line.items() if value})
+    for path in sorted((out / "log").glob("*/metrics.csv"), key=lambda path: int(path.parent.name)):
+        with path.open() as file:
+            for line in csv.DictReader(file):
+                row = rows.setdefault(int(line["epoch"]), {})
+                row.update({name: float(value) for name, value in line.items() if value})
     return [rows[epoch] for epoch in sorted(rows)]
 
 
