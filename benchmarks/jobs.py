@@ -136,6 +136,7 @@ JOBS = {
             ("odometry/", "settings/odometry", "voxels"),
             needs_recordings=True,
         ),
+        Job("other-sensors", "other_sensors.py", (), ("--sensors", "Avia", "--scenarios", "city", "--seeds", "104")),
         Job("simulator-odometry", "simulator_odometry.py", (), ("--scenarios", "city", "canyon")),
         Job(
             "online",
@@ -160,7 +161,7 @@ JOBS = {
         *JOBS_BESIDE_LABELS,
     )
 }
-"""Seed 60 of the simulator, the gate's seed 100, seeds 110 and 111, seed 30 of `trust.py` and 31 of
+"""Seed 60 of the simulator, the gate's seed 100, seeds 104, 105, 110 and 111, seed 30 of `trust.py` and 31 of
 `short_recordings.py` are for these tables: no choice was made on them. Choices were made on seed 17 of
 `conventions.py`, and on drive 0005. Networks have the seeds of `automos.learning.domains`; what scores no labels (the
 simulator's statistics, reference poses) takes seeds 0 to 3."""

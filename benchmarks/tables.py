@@ -41,6 +41,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "online": (("online",), make_rows.online),
     "online-suite": (("online-suite",), make_rows.online_suite),
     "short-recordings": (("short-recordings",), make_rows.as_it_is),
+    "other-sensors": (("other-sensors",), make_rows.as_it_is),
     "simulator-odometry": (("simulator-odometry",), make_rows.end_drift),
     "odometry": (("odometry",), make_rows.drift),
     "table-2": (("table-2",), beside.networks),
