@@ -47,6 +47,11 @@ class SweepTiming:
     share: float = 0.0  # sweep duration over the time between scans; 0 for "none", negative if played backwards
     order: PointOrder | None = None  # "order" only
 
+    @property
+    def has_fixed_seam(self) -> bool:
+        """Whether the azimuth alone gives the time, of a surfel as of a point."""
+        return self.source == "azimuth" and self.seam_deg is not None
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text, for `from_dict`."""
         return asdict(self)

@@ -130,7 +130,7 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     neighbours keep their steps, which takes a third of the time.
     """
     twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    source = guess.source if guess.source in window.surfels else "none"
+    source = "none" if guess.has_fixed_seam else guess.source
     changes = zip(window.surfels[source], twists - window.twists[source], strict=True)
     surfels = [_timed(s, guess, change) for s, change in changes]
     timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
@@ -148,9 +148,9 @@ def _timed(surfels: Surfels, guess: SweepTiming, twist: Array) -> Surfels:
     """Return surfels with the hypothetical times, compensated for another `twist` (6,)."""
     if guess.source == "none":
         return surfels
-    times = surfels.time  # known from whole scans only
-    if guess.source == "azimuth" and guess.seam_deg is not None:
-        times = azimuth_times(surfels.mean, guess.turn, guess.seam_deg)
+    times = surfels.time  # other times are known of points only
+    if guess.has_fixed_seam:
+        times = azimuth_times(surfels.mean, guess.turn, guess.seam_deg or 0.0)
     return replace(surfels, mean=compensate(surfels.mean, times, twist), time=times)
 
 

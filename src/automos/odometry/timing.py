@@ -93,7 +93,7 @@ def choose_timing(
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
     steady = [] if timed or is_round or wanted == "azimuth" else [AT_A_STEADY_RATE]
     untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
-    untimed += steady
+    untimed = [*untimed, *steady]
     search, best = Search(settings, pool), None
     for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
         search.add(window)
@@ -163,7 +163,7 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
     if wanted == "file" and not found:
         raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
     if wanted == "order" and not found and not sees_all_round(sequence):
-        found.append(AT_A_STEADY_RATE)
+        return [AT_A_STEADY_RATE]
     if wanted == "order" and not found:
         raise InputError(
             f"in {sequence.name} the azimuth does not advance from point to point, so their order gives no times; "
