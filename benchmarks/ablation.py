@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from conventions import CASES
+from lines import show_lines
 from rich.console import Console
 from rich.table import Table
 from robustness import Altered
@@ -207,12 +208,7 @@ def main() -> None:
         rules = [name for name in arguments.choices if name not in OTHER_METHODS]
         names = ["everything", *(name for name in rules if name != "everything")]
         lines = over_the_gate(arguments.gate, names, arguments.sensors, arguments.store)
-        shown = Table(*lines[0], title="points of IoU that taking each choice back costs")
-        for line in lines[1:]:
-            shown.add_row(*line)
-        Console(width=150).print(shown)
-        if arguments.json:
-            arguments.json.write_text(json.dumps(lines, indent=1))
+        show_lines(lines, arguments.json, "points of IoU that taking each choice back costs")
         return
     rows = []
     with tempfile.TemporaryDirectory() as cache:

@@ -9,15 +9,14 @@ drive is off where a third of it is, by more than 3 % (`trust.py`). Nothing was 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
+from lines import show_lines
 from rich.console import Console
-from rich.table import Table
 from store import stored_world
 from trust import OFF, SAYS_SO, speed_error
 
@@ -126,12 +125,7 @@ def main() -> None:
         lines.append(
             [head, f"{len(bad)} of {len(of_drives)}", str(n_missing), str(n_silent), f"{100 * np.mean(others):.2f} %"]
         )
-    shown = Table(*lines[0])
-    for line in lines[1:]:
-        shown.add_row(*line)
-    Console(width=150).print(shown)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(lines, indent=1))
+    show_lines(lines, arguments.json)
 
 
 if __name__ == "__main__":

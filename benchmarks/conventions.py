@@ -13,7 +13,6 @@ Scores are kept in FOLDER by the contents of the package.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -21,8 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
-from rich.table import Table
+from lines import show_lines
 from scores import Scores
 
 from automos import open_sequence
@@ -237,13 +235,8 @@ def main() -> None:
                 cell = f"{scenario}-{sensor}-{arguments.scans}-{arguments.seed}-{name}"
                 rows[name, scenario, sensor] = measured(CASES[name], asked, cell, scores)
     table = tabulate(rows, names, arguments.scenarios, arguments.sensors)
-    console = Console(width=150)
-    shown = Table(*table[0], title="IoU % as it is; points that each convention costs (means over the scenarios)")
-    for line in table[1:]:
-        shown.add_row(*line)
-    console.print(shown)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(table, indent=1))
+    title = "IoU % as it is; points that each convention costs (means over the scenarios)"
+    show_lines(table, arguments.json, title)
 
 
 def tabulate(rows: dict, names: list[str], scenarios: list[str], sensors: list[str]) -> list[list[str]]:

@@ -10,13 +10,13 @@ The path is off by the difference between its estimated and its true length.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+from lines import show_lines
 from rich.console import Console
-from rich.table import Table
 from scores import finite
 
 from automos import Workspace, label, open_sequence
@@ -39,7 +39,7 @@ def examine(scenario: str, sensor: str, times: str, seed: int, n_scans: int, pro
     way, true = (float(path_length(poses)[-1]) for poses in (result.trajectory.T_world_sensor, made.reference_poses))
     return finite({
         "iou": counts.scores.iou,
-        "false": float(counts.confusion.sum(axis=0)[1, 2]),  # static, called moving
+        "false": float(counts.scores.false_dynamic),
         "off": abs(way - true) / true if true > 1.0 else np.nan,
         "is_timed": float(result.trajectory.timing.source != "none"),
     })  # fmt: skip
@@ -66,21 +66,16 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     heading = ["sensor", "times in the files", "mean IoU", "worst", "false points", "path off", "sweeps taken for raw"]
-    table = [heading]
+    lines = [heading]
     for sensor in arguments.sensors:
         for times in ("none", "relative") if sensor == "Avia" else ("none",):
             rows = []
-            for scenario, seed in ((scenario, seed) for seed in arguments.seeds for scenario in arguments.scenarios):
+            for seed, scenario in product(arguments.seeds, arguments.scenarios):
                 with StageProgress(Console(stderr=True), f"{scenario} {sensor} {seed}") as progress:
                     rows.append(examine(scenario, sensor, times, seed, arguments.scans, progress))
                 print(f"{scenario} {sensor} {times} {seed}: {rows[-1]}", flush=True)
-            table.append([sensor, "yes" if times == "relative" else "no", *summary(rows)])
-    shown = Table(*heading)
-    for cells in table[1:]:
-        shown.add_row(*cells)
-    Console().print(shown)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(table, indent=1))
+            lines.append([sensor, "yes" if times == "relative" else "no", *summary(rows)])
+    show_lines(lines, arguments.json)
 
 
 if __name__ == "__main__":

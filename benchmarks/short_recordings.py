@@ -10,7 +10,6 @@ is right if raw sweeps get any times and compensated ones none.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
-from rich.table import Table
+from lines import show_lines
 from threadpoolctl import threadpool_limits
 
 from automos import ArraySequence, load_settings, open_sequence
@@ -81,12 +79,7 @@ def main() -> None:
     lines = [["recording", "sweeps", *(f"{n} scans" for n in LENGTHS)]]
     for (name, kind), cells in right.items():
         lines.append([name, kind, *(f"{np.sum(cells[n])} of {len(cells[n])}" for n in LENGTHS)])
-    shown = Table(*lines[0])
-    for line in lines[1:]:
-        shown.add_row(*line)
-    Console().print(shown)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(lines, indent=1))
+    show_lines(lines, arguments.json)
 
 
 if __name__ == "__main__":

@@ -106,7 +106,7 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
         fraction = turns_since_start(scan, timing.order) / np.float32(timing.order.span) - np.float32(0.5)
         return np.minimum(fraction, np.float32(0.5))
     if timing.source == "index":
-        return ((np.arange(len(scan), dtype=np.float32) + 0.5) / max(len(scan), 1) - 0.5).astype(np.float32)
+        return (np.arange(len(scan), dtype=np.float32) + np.float32(0.5)) / np.float32(len(scan)) - np.float32(0.5)
     if timing.source == "azimuth":
         if timing.seam_deg is None:
             times, is_twofold = drifting_times(scan.points, timing.turn, timing.turns)

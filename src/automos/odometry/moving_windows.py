@@ -13,7 +13,7 @@ from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.motion import SweepTiming, azimuth_times, chain, compensate, step_twists, usable_points
+from automos.odometry.motion import SweepTiming, azimuth_times, chain, step_twists, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
 from automos.odometry.surfels import Surfels, surfels_of
@@ -129,11 +129,9 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     A misfit is the logarithm of the wall thickness over the matched share; NaN if too little is matched. `is_rough`:
     neighbours keep their steps, which takes a third of the time.
     """
-    twists = guess.share * step_twists(window.T_world_sensor, window.gaps)
-    source = "none" if guess.has_fixed_seam else guess.source
-    changes = zip(window.surfels[source], twists - window.twists[source], strict=True)
-    surfels = [_timed(s, guess, change) for s, change in changes]
-    timed = Window(surfels, twists, window.T_world_sensor, window.gaps, window.period, guess.share)
+    source, T = "none" if guess.has_fixed_seam else guess.source, window.T_world_sensor
+    surfels = [_timed(s, guess) for s in window.surfels[source]]
+    timed = Window(surfels, window.twists[source], T, window.gaps, window.period, guess.share).moved(T)
     links = list(choose_links(timed, COARSE))
     if not is_rough:
         timed = refine_poses(timed, settings, ON_NEIGHBOURS)[0]
@@ -144,14 +142,11 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     return np.log(np.array([fit.thickness for fit in fits]) / share)
 
 
-def _timed(surfels: Surfels, guess: SweepTiming, twist: Array) -> Surfels:
-    """Return surfels with the hypothetical times, compensated for another `twist` (6,)."""
-    if guess.source == "none":
+def _timed(surfels: Surfels, guess: SweepTiming) -> Surfels:
+    """Return surfels with the hypothetical times; those that are known of points only, they have already."""
+    if not guess.has_fixed_seam:
         return surfels
-    times = surfels.time  # other times are known of points only
-    if guess.has_fixed_seam:
-        times = azimuth_times(surfels.mean, guess.turn, guess.seam_deg or 0.0)
-    return replace(surfels, mean=compensate(surfels.mean, times, twist), time=times)
+    return replace(surfels, time=azimuth_times(surfels.mean, guess.turn, guess.seam_deg or 0.0))
 
 
 class Search:

@@ -91,9 +91,9 @@ def choose_timing(
     if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
         timed = timed[:1]
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
-    steady = [] if timed or is_round or wanted == "azimuth" else [AT_A_STEADY_RATE]
-    untimed = [] if sequence.is_compensated is False or wanted == "azimuth" else [SweepTiming()]
-    untimed = [*untimed, *steady]
+    steady = [] if timed or is_round else [AT_A_STEADY_RATE]
+    none = [] if sequence.is_compensated is False else [SweepTiming()]
+    untimed = [] if wanted == "azimuth" else [*none, *steady]
     search, best = Search(settings, pool), None
     for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
         search.add(window)
@@ -162,9 +162,9 @@ def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[Swe
         found.append(SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order))
     if wanted == "file" and not found:
         raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
-    if wanted == "order" and not found and not sees_all_round(sequence):
-        return [AT_A_STEADY_RATE]
     if wanted == "order" and not found:
+        if not sees_all_round(sequence):
+            return [AT_A_STEADY_RATE]
         raise InputError(
             f"in {sequence.name} the azimuth does not advance from point to point, so their order gives no times; "
             "set odometry.time to auto, azimuth or none."
