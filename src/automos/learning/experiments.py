@@ -101,7 +101,7 @@ class Experiment:
         if not (out / "best.pt").exists():
             settings = self.settings if init is None else self.tuning
             train(data, out, settings, init, self.device, progress=self.progress, poses=self.folder / "poses")
-        self.seconds[name] = sum(row["seconds"] for row in read_curve(out))
+        self.seconds[name] = sum(row.get("seconds", 0.0) for row in read_curve(out))
         return out / "best.pt"
 
     def score_network(self, method: str, name: str, weights: Path, test: Iterable[Path]) -> Row:
