@@ -24,6 +24,12 @@ def test_a_surfel_has_the_mean_time_of_its_points_whether_they_were_measured_tog
     np.testing.assert_allclose(surfels.time, [-0.1], atol=1e-6)
 
 
+def test_what_a_rotating_sensor_saw_first_and_last_lies_apart():
+    points = RNG.uniform([2.1, 0.1, 0.1], [2.3, 0.3, 0.3], (50, 3)).astype(np.float32)
+    surfels = make_surfels(points, np.repeat([-0.4, 0.4], 25).astype(np.float32), has_seam=True)
+    np.testing.assert_allclose(sorted(surfels.time), [-0.4, 0.4], atol=1e-6)
+
+
 def test_every_point_in_range_is_in_exactly_one_surfel():
     points = RNG.uniform(-90, 90, (5000, 3)).astype(np.float32)
     surfels = make_surfels(points, None)

@@ -163,7 +163,8 @@ class _Estimate:
             if not scan.is_registered:
                 held.append(i)
             if self.settings.refine or at_gaps is not None:
-                surfels, gap = self.pool.submit(surfels_of, scan.points, scan.times), gaps[i - 1] if i else 1.0
+                surfels = self.pool.submit(surfels_of, scan.points, scan.times, timing.has_seam)
+                gap = gaps[i - 1] if i else 1.0
                 if self.settings.refine:
                     refinement.add(surfels, scan.twist, scan.T_last_this, gap)
                 if at_gaps is not None:

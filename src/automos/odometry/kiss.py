@@ -108,7 +108,7 @@ def register_scans(
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) motion per usual gap at the first of `scans`; the first `TRIAL_SCANS` suffice."""
     rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
-    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings)) for scan in scans]
+    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings), timing.has_seam) for scan in scans]
     return _find_start(rest, surfels, settings, timing.share, gaps)
 
 

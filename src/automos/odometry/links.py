@@ -162,7 +162,8 @@ def measure_consistency(
     for first in np.unique(np.linspace(0, len(sequence) - length, SAMPLES).round().astype(int)).tolist():
         part = slice(first, first + length)
         surfels = [
-            surfels_of(*usable_points(sequence[i], timing, twists[i], settings)) for i in range(first, first + length)
+            surfels_of(*usable_points(sequence[i], timing, twists[i], settings), timing.has_seam)
+            for i in range(first, first + length)
         ]
         part_gaps = gaps[first : first + length - 1]
         window = Window(surfels, twists[part], poses[part], part_gaps, period, timing.share)

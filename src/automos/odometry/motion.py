@@ -52,6 +52,11 @@ class SweepTiming:
         """Whether the azimuth alone gives the time, of a surfel as of a point."""
         return self.source == "azimuth" and self.seam_deg is not None
 
+    @property
+    def has_seam(self) -> bool:
+        """Whether the times are known to be those of a rotating sensor."""
+        return self.source in ("azimuth", "order")
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text, for `from_dict`."""
         return asdict(self)

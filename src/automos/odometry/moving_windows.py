@@ -120,7 +120,7 @@ def bend_of(T_world_sensor: Pose) -> float:
 
 def _surfels_of(settings: OdometrySettings, timing: SweepTiming, scan: Scan, twist: Array) -> Surfels:
     """Return the surfels of a scan, with the times of `timing`."""
-    return surfels_of(*usable_points(scan, timing, twist, settings))
+    return surfels_of(*usable_points(scan, timing, twist, settings), timing.has_seam)
 
 
 def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:

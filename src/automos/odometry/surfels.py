@@ -51,26 +51,29 @@ class Surfels:
         return Surfels(self.mean[rows], self.covariance[rows], self.count[rows], self.time[rows])
 
 
-def make_surfels(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+def make_surfels(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
     """Return all surfels of one scan; see `surfels_of`."""
     if times is None:
         times = np.zeros(len(points), np.float32)
-    sums = _sum_moments(np.ascontiguousarray(points), times, 1 << max(len(points), 16).bit_length())
+    size = 1 << max(len(points), 16).bit_length()
+    sums = _sum_moments(np.ascontiguousarray(points), times, has_seam, size)
     moments = sums[:, 1:] * (1.0 / sums[:, :1])
     mean, second = moments[:, :3], moments[:, 3:9]
     covariance = second - mean[:, [0, 0, 0, 1, 1, 2]] * mean[:, [0, 1, 2, 1, 2, 2]]
     return Surfels(*(part.astype(np.float32) for part in (mean, covariance, sums[:, 0], moments[:, 9])))
 
 
-def surfels_of(points: Points, times: npt.NDArray[np.float32] | None) -> Surfels:
+def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
     """Return the surfels of one scan that have enough points.
 
     Parameters
     ----------
     points : (N, 3) float32, metres, sensor frame, usable points only.
     times : (N,) float32 in [-0.5, 0.5] of the sweep, or None if unknown.
+    has_seam : bool, whether places are seen at the start or the end of a sweep, as by a rotating sensor: then no surfel
+        is of both. A pattern that never repeats sees a place throughout the sweep.
     """
-    surfels = make_surfels(points, times)
+    surfels = make_surfels(points, times, has_seam)
     return surfels[surfels.count >= MIN_SURFEL_POINTS]
 
 
@@ -117,7 +120,7 @@ def key_at_level(x, y, z, level, inverse_voxel):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
+def _sum_moments(points, times, has_seam, size):  # type: ignore[no-untyped-def]
     """Return (M, 11) sums over the points of each voxel: count, x, y, z, xx, xy, xz, yy, yz, zz, time."""
     keys, row_of = np.full(size, -1, np.int64), np.empty(size, np.int32)
     sums = np.zeros((len(points), 11))
@@ -128,6 +131,8 @@ def _sum_moments(points, times, size):  # type: ignore[no-untyped-def]
         if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
             continue
         key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
+        if has_seam and times[i] > 0.0:  # at the seam, separates the start of the sweep from its end
+            key |= 4
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], row_of[slot] = key, n

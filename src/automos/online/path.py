@@ -79,7 +79,7 @@ class Path:
         """Return the pose of the next scan."""
         share = self.timing.share
         points, times = usable_points(timed.scan, self.timing, share * self.twist, self._settings)
-        surfels = surfels_of(points, times)
+        surfels = surfels_of(points, times, self.timing.has_seam)
         step = timed.gap * self.twist
         if self._n == 0:
             step = np.zeros(6)
