@@ -66,7 +66,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "clouds are objects": {"automos.candidates.observations:in_clouds": no_clouds},
-    "the walk on the ground begins level": {"automos.candidates.ground:PLANE_SHARE": 2.0},
+    "the walk on the ground begins level": {"automos.ground.surface:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},
     "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},

@@ -8,8 +8,8 @@ from jobs_beside_labels import JOBS_BESIDE_LABELS
 RIVALS = ("octomap", "removert", "erasor", "pfreundschuh", "yoon", "dufomap", "m_detector", "hmm_mos")
 PRESETS = ("paper", "default")
 RIVAL_ROOMS = (
-    *("baselines/", "evaluation/", "candidates/ground", "paper/erasor", "paper/region_ground"),
-    *("paper/submaps", "paper/voxels", "voxels", "candidates/beam_pattern", "candidates/sweep"),
+    *("baselines/", "evaluation/", "ground/surface", "paper/erasor", "paper/region_ground"),
+    *("paper/submaps", "paper/voxels", "voxels", "sensor/beam_pattern", "sensor/directions"),
 )
 """What the other methods are made of. The poses that they are given are those of `default` when they were run."""
 

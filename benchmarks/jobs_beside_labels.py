@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from job import Job
 
-ODOMETRY_ROOMS = ("odometry/", "settings/odometry", "voxels")
+ODOMETRY_ROOMS = ("odometry/", "sensor/", "ground/level", "trajectory", "settings/odometry", "voxels")
 ONLINE_NETWORK_ROOMS = (
     *("learning/online", "learning/segment", "learning/recordings", "network/", "settings/network", "online/"),
-    *(*ODOMETRY_ROOMS, "candidates/beam_pattern"),
+    *ODOMETRY_ROOMS,
 )
 TRAINING_ROOMS = ("learning/", "network/")
 """What networks are trained with; what they learn from are labels, so all that shapes these counts as well."""

@@ -82,7 +82,7 @@ def by_rival(sequence: Sequence, method: str, poses: npt.NDArray) -> Labelled:
     """Yield the scans as an online method that ours is compared with labels them, at given poses."""
     from automos.baselines.methods import BASELINES
     from automos.odometry import estimate_trajectory
-    from automos.odometry.trajectory import SequenceFrames
+    from automos.trajectory import SequenceFrames
 
     settings = load_settings("default")
     trajectory = estimate_trajectory(sequence, settings.odometry, poses)

@@ -31,9 +31,9 @@ from automos.evaluation.moving import Counts, count
 from automos.labeling import label_recording
 from automos.labels import Label
 from automos.odometry import estimate_trajectory
-from automos.odometry.trajectory import SequenceFrames
 from automos.results.open_run import open_run
 from automos.scan import Mask, Sequence
+from automos.trajectory import SequenceFrames
 
 PARTS = {
     "kitti_0005, first 30 scans": ("kitti_0005", range(30)),

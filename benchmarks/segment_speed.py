@@ -25,8 +25,8 @@ from automos import load_settings, open_sequence
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.learning.segment import latencies, open_network
 from automos.network.deployed import Deployed, load_network
-from automos.odometry.motion import SweepTiming
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import ImageSettings, ModelSettings, Settings
 
 WARM_UP = 10

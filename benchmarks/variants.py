@@ -24,8 +24,8 @@ from automos.baselines import methods
 from automos.evaluation.moving import Counts, count
 from automos.labels import Label
 from automos.odometry import estimate_trajectory
-from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Sequence
+from automos.trajectory import SequenceFrames
 
 
 def with_change(parameters: Any, change: str) -> Any:

@@ -20,13 +20,13 @@ import numpy as np
 
 from automos.array_sequence import ArraySequence
 from automos.geometry import make_transform
-from automos.odometry.motion import SweepTiming
-from automos.odometry.trajectory import Trajectory
 from automos.parallel import available_cores
 from automos.pipeline import Steps
 from automos.scan import GROUND, OBJECT
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import load_settings
 from automos.stages.candidates import candidates_of
+from automos.trajectory import Trajectory
 from automos.working_folder import SAFE_PATH
 from automos.workspace import Arrays
 

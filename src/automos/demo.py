@@ -13,13 +13,13 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
-from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import label
 from automos.result import Result
 from automos.scan import Scan, Sequence
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate
 from automos.tracking.verdict import Verdict
+from automos.trajectory import SequenceFrames
 from automos.visualization.topdown import View, draw_views
 
 SCENARIO, SENSOR, SCANS, SEED = "city", "HDL-64E", 30, 3

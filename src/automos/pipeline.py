@@ -23,11 +23,9 @@ from automos import __version__
 from automos.arguments import require_kind
 from automos.array_sequence import as_sequence
 from automos.baselines.methods import published
-from automos.candidates.cue import cue_fingerprint
 from automos.errors import InputError
 from automos.loop_closure import close_loops
-from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.trajectory import SequenceFrames
+from automos.odometry import estimate_trajectory
 from automos.parallel import checked_workers
 from automos.recording_warnings import recording_warnings
 from automos.result import Result
@@ -37,7 +35,9 @@ from automos.settings import Settings, given_settings
 from automos.stages.candidates import add_network_cue, find_candidates
 from automos.stages.instances import find_segments
 from automos.stages.labels import label_scans
+from automos.stages.network_cue import cue_fingerprint
 from automos.stages.tracking import Scans, TrackedObjects, follow_and_judge
+from automos.trajectory import SequenceFrames, Trajectory
 from automos.workspace import Arrays, Stage, Workspace, fingerprint
 
 

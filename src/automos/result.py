@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from automos.odometry import Trajectory
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+from automos.trajectory import Trajectory
 from automos.workspace import Stage
 
 

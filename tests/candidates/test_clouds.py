@@ -4,10 +4,10 @@ import pytest
 from automos import load_settings
 from automos.candidates.clouds import MIN_POINTS, in_clouds
 from automos.candidates.observations import Seen, learn_lidars, look
-from automos.candidates.range_image import UNIT, locate
-from automos.candidates.sweep import raw_points
 from automos.pipeline import Steps
 from automos.scan import GROUND, OBJECT, SPECK, Frame
+from automos.sensor.directions import raw_points
+from automos.sensor.range_image import UNIT, locate
 from automos.simulation import Conditions, record
 
 

@@ -2,11 +2,11 @@ import numpy as np
 from free_space_worlds import HEIGHT, ListFrames, within
 from worlds import Block, cast, van
 
-from automos.candidates.beam_pattern import Lidar, make_pattern
 from automos.candidates.free_space import FreeSpace
 from automos.candidates.observations import look
 from automos.geometry import make_transform
 from automos.scan import OBJECT, SPECK, Frame
+from automos.sensor.beam_pattern import Lidar, make_pattern
 from automos.settings import CandidatesSettings, GroundSettings
 
 MOUNTS = np.stack([make_transform(t=[0.0, 2.0, 0.0]), make_transform(t=[-6.0, -2.0, -0.6])])

@@ -14,7 +14,7 @@ from automos.datasets import open_sequence
 from automos.datasets.codecs import read_columns
 from automos.errors import InputError, MissingExtraError
 from automos.export import EXPORTS, export_run, load_export
-from automos.odometry.motion import SweepTiming
+from automos.sensor.sweep_timing import SweepTiming
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.candidates.beam_pattern import BeamPattern
-from automos.candidates.beam_pattern import make_pattern as pattern_of
 from automos.scan import Frame
+from automos.sensor.beam_pattern import BeamPattern
+from automos.sensor.beam_pattern import make_pattern as pattern_of
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import Boxes

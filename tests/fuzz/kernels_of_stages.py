@@ -9,20 +9,22 @@ from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_
 
 from automos.candidates import ego_body, sweep, votes
 from automos.candidates.clouds import in_clouds
-from automos.candidates.ground import find_ground
-from automos.candidates.range_image import find_neighbours, make_image, project
 from automos.geometry import transform
+from automos.ground.surface import find_ground
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
 from automos.odometry import drifting_seam, facing, level, registration, sweep_order
 from automos.odometry import surfels as surfel_kernels
-from automos.odometry.motion import SweepTiming, azimuth_times, compensate, usable_points
+from automos.odometry.motion import usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
+from automos.sensor.compensation import compensate
+from automos.sensor.range_image import find_neighbours, make_image, project
+from automos.sensor.sweep_timing import SweepTiming, azimuth_times
 from automos.tracking import face_paths, places
 from automos.tracking.object_points import paint_objects
 from automos.tracking.smoothing import smooth

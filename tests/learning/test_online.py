@@ -5,8 +5,8 @@ from worlds import iou_of_moving, lane, street
 
 from automos.labels import Label
 from automos.learning.online import STAGES, OnlineSegmenter
-from automos.odometry.motion import SweepTiming
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.simulation import simulate
 
 

@@ -4,8 +4,8 @@ from worlds import record, rider, street, van
 from automos.geometry import make_transform
 from automos.labels import Label
 from automos.learning.rivals import FlowThreshold, movable_labels
-from automos.odometry.motion import SweepTiming
-from automos.odometry.trajectory import Trajectory
+from automos.sensor.sweep_timing import SweepTiming
+from automos.trajectory import Trajectory
 
 
 def test_what_may_move_moves_whether_the_truth_names_classes_or_instances():

@@ -6,10 +6,10 @@ from automos.geometry import inverse, make_transform, se3_exp
 from automos.loop_closure import closing
 from automos.loop_closure.closing import RINGS, SECTORS, close_loops
 from automos.loop_closure.places import compare_places, describe_place
-from automos.odometry import Trajectory
-from automos.odometry.motion import SweepTiming, chain
-from automos.odometry.trajectory import SequenceFrames
+from automos.odometry.motion import chain
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import LoopSettings
+from automos.trajectory import SequenceFrames, Trajectory
 
 LOOPS = LoopSettings()
 RADIUS, STEP = 14.0, 1.6  # m

@@ -6,11 +6,12 @@ import pytest
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry.clock import TRIED, FacingGaps, find_missing, read_clock
-from automos.odometry.motion import SweepTiming
+from automos.odometry.given import DistinctScans, with_repeats
 from automos.odometry.surfels import surfels_of
-from automos.odometry.trajectory import DistinctScans, Trajectory, with_repeats
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
+from automos.trajectory import Trajectory
 
 POINT = np.ones((1, 3), np.float32)
 IS_REPEAT = np.array([False, True, False, True, True])

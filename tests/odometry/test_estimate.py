@@ -7,9 +7,9 @@ from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry import estimate, estimate_trajectory
 from automos.odometry.estimate import doubts
-from automos.odometry.motion import SweepTiming
 from automos.odometry.timing import TimingChoice
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 N = 20

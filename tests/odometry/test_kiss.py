@@ -6,8 +6,9 @@ from worlds import SCAN_GAP, record, van
 from automos.array_sequence import ArraySequence
 from automos.geometry import inverse
 from automos.odometry.kiss import find_start, register_scans
-from automos.odometry.motion import SweepTiming, chain
+from automos.odometry.motion import chain
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 from automos.simulation import simulate
 

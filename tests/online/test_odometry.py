@@ -6,11 +6,11 @@ from worlds import street
 
 from automos import load_settings
 from automos.geometry import inverse, se3_log
-from automos.odometry.motion import SweepTiming
 from automos.online.background import BackgroundTask
 from automos.online.odometry import AT_ONCE, CausalOdometry
 from automos.online.past_submaps import Prediction
 from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
 from automos.simulation import Convention, record, simulate
 
 SETTINGS = load_settings("default").odometry

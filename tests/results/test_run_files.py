@@ -7,10 +7,10 @@ from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, 
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.geometry import transform
-from automos.odometry.motion import SweepTiming
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
+from automos.sensor.sweep_timing import SweepTiming
 from automos.tracking.verdict import Verdict
 
 

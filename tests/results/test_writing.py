@@ -13,15 +13,15 @@ from automos.atomic import write_raw
 from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.labels import Label, to_mos
-from automos.odometry.motion import SweepTiming
-from automos.odometry.trajectory import Trajectory
 from automos.pose_files import read_poses
 from automos.result import Result
 from automos.results import point_files
 from automos.results.writing import write_results
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+from automos.trajectory import Trajectory
 from automos.workspace import RUN_FILE, Workspace
 
 SEQUENCE = ArraySequence([np.ones((5, 3)), np.zeros((0, 3)), np.ones((4, 3))], 100.0 + 0.1 * np.arange(3), "street")

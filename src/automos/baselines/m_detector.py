@@ -20,8 +20,8 @@ from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, shape_for, view_of
-from automos.candidates.ground import find_ground
 from automos.geometry import inverse
+from automos.ground.surface import find_ground
 from automos.scan import Frame, Frames, Mask
 from automos.settings import GroundSettings
 

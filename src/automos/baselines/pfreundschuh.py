@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.baselines import removert
 from automos.baselines.batches import is_within
-from automos.candidates.ground import find_ground
+from automos.ground.surface import find_ground
 from automos.paper.voxels import group_by_voxel
 from automos.parallel import map_in_order
 from automos.scan import Frames, Mask

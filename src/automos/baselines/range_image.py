@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.beam_pattern import learn_pattern
 from automos.cells import turn_of
 from automos.kernels import kernel
 from automos.scan import Frames
+from automos.sensor.beam_pattern import learn_pattern
 
 Image = npt.NDArray[np.float32]
 

@@ -21,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.observations import Seen, View, learn_lidars, look
-from automos.candidates.votes import Votes, count_hits, look_through, sum_votes, weigh_looks
+from automos.candidates.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.geometry import inverse
 from automos.scan import Frames, Mask
+from automos.sensor.look_through import look_through
 from automos.settings import CandidatesSettings, FreeSpaceSettings
 
 Array = npt.NDArray[np.float64]
@@ -165,5 +166,5 @@ def _vote(
         T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
         looks = look_through(points, T, view.image, tolerances)
         row_height = np.float32(view.image.pattern.row_height)
-        votes.append(weigh_looks(*looks, *about, row_height, s.near_miss, s.weak_weight))
+        votes.append(weigh_looks(*looks, *about, row_height, s.near_miss))
     return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

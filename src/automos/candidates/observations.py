@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.beam_pattern import Lidar, learn_pattern
 from automos.candidates.clouds import in_clouds
-from automos.candidates.ego_body import find_ego_body, is_on_body
-from automos.candidates.ground import find_ground
-from automos.candidates.range_image import RangeImage, find_neighbours, make_image, project
-from automos.candidates.sweep import last_looks, motion_of, raw_points
+from automos.ground.surface import find_ground
 from automos.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
+from automos.sensor.beam_pattern import Lidar, learn_pattern
+from automos.sensor.directions import last_looks, motion_of, raw_points
+from automos.sensor.ego_body import find_ego_body, is_on_body
+from automos.sensor.range_image import RangeImage, find_neighbours, make_image, project
 from automos.settings import EgoBodySettings, GroundSettings
 
 

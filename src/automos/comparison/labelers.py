@@ -12,11 +12,10 @@ import numpy.typing as npt
 from automos.baselines.methods import BASELINES
 from automos.errors import InputError
 from automos.labels import Label
-from automos.odometry import Trajectory
-from automos.odometry.trajectory import SequenceFrames
 from automos.pipeline import label, stage_keys
 from automos.scan import Sequence
 from automos.settings import PRESETS, Settings
+from automos.trajectory import SequenceFrames, Trajectory
 from automos.workspace import Workspace
 
 TITLES = {name: method.title for name, method in BASELINES.items()} | {

@@ -28,12 +28,12 @@ from automos.errors import InputError
 from automos.evaluation.report import find_predictions
 from automos.label_files import read_labels
 from automos.labels import Label, to_mos
-from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.trajectory import SequenceFrames
+from automos.odometry import estimate_trajectory
 from automos.pipeline import stage_keys
 from automos.run import Progress
 from automos.scan import Pose, Sequence
 from automos.settings import PRESETS, Settings, load_settings
+from automos.trajectory import SequenceFrames, Trajectory
 from automos.working_folder import starting_processes
 from automos.workspace import Workspace, fingerprint
 

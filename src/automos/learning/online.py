@@ -23,10 +23,10 @@ from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry.motion import SweepTiming
-from automos.odometry.trajectory import frame_of
 from automos.online.odometry import CausalOdometry, Moved
 from automos.scan import Frame, Points, Pose, Scan
+from automos.sensor.compensation import frame_of
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import Settings
 
 STAGES = ("odometry", "image", "network", "clean-up")

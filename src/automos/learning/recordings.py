@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.beam_pattern import learn_pattern
 from automos.datasets import open_recordings
 from automos.errors import InputError
 from automos.evaluation.report import find_predictions
@@ -23,12 +22,13 @@ from automos.labels import Label, to_mos
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry import Trajectory, estimate_trajectory
-from automos.odometry.trajectory import make_frame
+from automos.odometry import estimate_trajectory
 from automos.reading import damage_reported, read_array
 from automos.run import Progress
 from automos.scan import Frame, Scan, Sequence
+from automos.sensor.beam_pattern import learn_pattern
 from automos.settings import ImageSettings, Settings
+from automos.trajectory import Trajectory, make_frame
 from automos.workspace import Workspace, fingerprint
 
 Labels = npt.NDArray[np.uint8]

@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from automos.geometry import inverse, transform
 from automos.labels import Label
-from automos.odometry import Trajectory
-from automos.odometry.trajectory import make_frame
 from automos.scan import Sequence
+from automos.trajectory import Trajectory, make_frame
 
 _MAX_RANGE = 50.0
 """Metres; points further away count as static."""

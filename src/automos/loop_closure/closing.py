@@ -14,9 +14,9 @@ import numpy.typing as npt
 from automos.geometry import inverse, make_transform, se3_exp, se3_log, transform
 from automos.loop_closure.places import compare_places, describe_place
 from automos.loop_closure.pose_graph import Edges, solve_pose_graph
-from automos.odometry import Trajectory
 from automos.scan import Frames, Points, Pose
 from automos.settings import LoopSettings
+from automos.trajectory import Trajectory
 from automos.voxels import rows_of_first_in_voxel
 
 Array = npt.NDArray[np.float64]

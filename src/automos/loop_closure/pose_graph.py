@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import adjoint, inverse, se3_exp, se3_log
-from automos.odometry.refine import FIXED, NormalEquations
+from automos.normal_equations import FIXED, NormalEquations
 from automos.scan import Pose
 
 Array = npt.NDArray[np.float64]

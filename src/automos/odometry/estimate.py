@@ -10,20 +10,32 @@ from typing import Any
 import numpy as np
 
 from automos.errors import InputError
+from automos.geometry import Array
+from automos.ground.level import level_frame
 from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
+from automos.odometry.given import DistinctScans, checked_poses, with_repeats
 from automos.odometry.kiss import register_scans
-from automos.odometry.level import find_level
 from automos.odometry.links import measure_consistency, summarize
-from automos.odometry.motion import MAX_ACCELERATION, SweepTiming, chain, greatest_acceleration, step_twists
+from automos.odometry.motion import (
+    MAX_ACCELERATION,
+    MIN_POINTS,
+    chain,
+    greatest_acceleration,
+    step_twists,
+    usable_points,
+)
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
-from automos.odometry.trajectory import DistinctScans, Trajectory, checked_poses, with_repeats
 from automos.parallel import available_cores
 from automos.scan import Pose, Sequence
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
+from automos.trajectory import Trajectory
 
+GROUND_SCANS = 20
+"""Scans of a recording in which the ground is searched."""
 WITHOUT_CLOCK = 4.0
 """Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 Progress = Callable[[int, int], None]
@@ -73,13 +85,23 @@ def estimate_trajectory(
             timing = estimate.timing_at(poses).timing
         motion = timing.share * step_twists(poses, estimate.clock.gaps)
         estimate.check(poses, timing)  # step 5
-        T_level_world, has_ground = find_level(sequence, poses, timing, motion, settings)  # step 6
+        T_level_world, has_ground = _find_level(sequence, poses, timing, motion, settings)  # step 6
     if not has_ground:
         estimate.warnings.append(
             "no ground found near the sensor; its z axis is used as vertical and its height as zero."
         )
     diagnostics = {"warnings": estimate.warnings, **estimate.figures}
     return Trajectory(poses, estimate.clock.stamps, motion, timing, T_level_world, diagnostics)
+
+
+def _find_level(
+    sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
+) -> tuple[Pose, bool]:
+    """Return `T_level_world` and whether ground was found, from a few scans of the recording."""
+    ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
+    clouds = {i: usable_points(sequence[i], timing, motion[i], settings)[0] for i in ids}
+    used = [i for i in ids if len(clouds[i]) >= MIN_POINTS]
+    return level_frame([clouds[i] for i in used], poses[used], settings)
 
 
 @dataclass

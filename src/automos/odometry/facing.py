@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.covariances import variance_along
 from automos.geometry import Array, inverse
 from automos.kernels import kernel
 from automos.odometry.links import Window
 from automos.odometry.submap import VOXEL, Submap, make_submap
-from automos.odometry.surfels import Surfels, key_at_level, level_of, moved, variance_along
+from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
 from automos.scan import Pose
 from automos.settings import OdometrySettings
 from automos.voxels import find_slot

@@ -19,12 +19,13 @@ import numpy.typing as npt
 from automos.geometry import Array, inverse, se3_exp, se3_log
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.links import COARSE, Window
-from automos.odometry.motion import MIN_POINTS, SweepTiming, chain, usable_points
+from automos.odometry.motion import MIN_POINTS, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
 from automos.odometry.speed import search_speed
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Points, Pose, Scan, Sequence
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 STEP_DIGITS = 6
@@ -108,7 +109,7 @@ def register_scans(
 def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTiming, gaps: Array) -> Array:
     """Return the (6,) motion per usual gap at the first of `scans`; the first `TRIAL_SCANS` suffice."""
     rest = _from_rest(scans[:START_SCANS], settings, timing, gaps[: START_SCANS - 1])
-    surfels = [surfels_of(*usable_points(scan, timing, np.zeros(6), settings), timing.has_seam) for scan in scans]
+    surfels = [scan_surfels(scan, np.zeros(6), timing, settings) for scan in scans]
     return _find_start(rest, surfels, settings, timing.share, gaps)
 
 

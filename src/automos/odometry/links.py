@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from automos.geometry import Array, inverse
-from automos.odometry.motion import SweepTiming, compensate, step_twists, usable_points
+from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Pose, Sequence
+from automos.sensor.compensation import compensate
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 MIN_MATCHED = 50
@@ -161,10 +163,7 @@ def measure_consistency(
     parts, about = [], Alignment()
     for first in np.unique(np.linspace(0, len(sequence) - length, SAMPLES).round().astype(int)).tolist():
         part = slice(first, first + length)
-        surfels = [
-            surfels_of(*usable_points(sequence[i], timing, twists[i], settings), timing.has_seam)
-            for i in range(first, first + length)
-        ]
+        surfels = [scan_surfels(sequence[i], twists[i], timing, settings) for i in range(first, first + length)]
         part_gaps = gaps[first : first + length - 1]
         window = Window(surfels, twists[part], poses[part], part_gaps, period, timing.share)
         parts.append(fit_links(window, list(choose_links(window, about)), about.kernels[-1], about, None)[1])

@@ -13,11 +13,12 @@ from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.motion import SweepTiming, azimuth_times, chain, step_twists, usable_points
+from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import lengthen, search_speed
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Pose, Scan, Sequence
+from automos.sensor.sweep_timing import SweepTiming, azimuth_times
 from automos.settings import OdometrySettings
 
 NEAR = 15.0
@@ -85,8 +86,8 @@ def moving_windows(
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
     for first in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
         scans = [sequence[i] for i in range(first, first + length)]
-        surfels = {"none": list(each(partial(_surfels_of, settings, SweepTiming()), scans, np.zeros((length, 6))))}
         twists = {"none": np.zeros((length, 6))}
+        surfels = {"none": _surfels_of(scans, twists["none"], SweepTiming(), settings, each)}
         gaps = clock.gaps[first : first + length - 1]
         if poses is None:
             T, gaps = _rough_poses(surfels["none"], gaps, clock, settings, pool)
@@ -96,7 +97,7 @@ def moving_windows(
             continue
         for timing in from_points:
             twists[timing.source] = timing.share * step_twists(T, gaps)
-            surfels[timing.source] = list(each(partial(_surfels_of, settings, timing), scans, twists[timing.source]))
+            surfels[timing.source] = _surfels_of(scans, twists[timing.source], timing, settings, each)
         yield MovingWindow(first, surfels, twists, T, gaps, clock.period)
 
 
@@ -118,9 +119,11 @@ def bend_of(T_world_sensor: Pose) -> float:
     return float(bends.mean()) if len(bends) else 0.0
 
 
-def _surfels_of(settings: OdometrySettings, timing: SweepTiming, scan: Scan, twist: Array) -> Surfels:
-    """Return the surfels of a scan, with the times of `timing`."""
-    return surfels_of(*usable_points(scan, timing, twist, settings), timing.has_seam)
+def _surfels_of(
+    scans: list[Scan], twists: Array, timing: SweepTiming, settings: OdometrySettings, each: Callable
+) -> list[Surfels]:
+    """Return the surfels of N scans, compensated for `twists` (N, 6) with the times of `timing`."""
+    return list(each(partial(scan_surfels, timing=timing, settings=settings), scans, twists))
 
 
 def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:

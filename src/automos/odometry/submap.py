@@ -13,18 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automos.covariances import across, eigenvalues, eigenvector, variance_along
 from automos.geometry import Array
 from automos.kernels import kernel
-from automos.odometry.surfels import (
-    Surfels,
-    across,
-    eigenvalues,
-    eigenvector,
-    key_at_level,
-    level_of,
-    moved,
-    variance_along,
-)
+from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
 from automos.scan import Points, Pose
 from automos.voxels import find_slot
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.odometry.clock import Clock
-from automos.odometry.drifting_seam import learn_drifting_seam
-from automos.odometry.motion import SweepTiming, recorded_duration, sweep_times
 from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
-from automos.odometry.sweep_order import learn_order
 from automos.scan import Pose, Scan, Sequence
+from automos.sensor.drifting_seam import learn_drifting_seam
+from automos.sensor.point_order import learn_order
+from automos.sensor.sweep_timing import SweepTiming, recorded_duration, sweep_times
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)

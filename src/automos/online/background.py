@@ -12,10 +12,10 @@ from typing import Generic, TypeVar
 
 from automos.array_sequence import ArraySequence
 from automos.odometry.clock import read_clock
-from automos.odometry.motion import SweepTiming, recorded_duration
-from automos.odometry.sweep_order import learn_order
 from automos.odometry.timing import choose_timing, rear_seam, sees_all_round
 from automos.scan import Scan
+from automos.sensor.point_order import learn_order
+from automos.sensor.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _NICE = 10

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.beam_pattern import Lidar
-from automos.candidates.ego_body import MIN_SCANS
 from automos.candidates.observations import learn_lidars, with_body
 from automos.online.background import BackgroundTask
 from automos.scan import Frame, Pose
+from automos.sensor.beam_pattern import Lidar
+from automos.sensor.ego_body import MIN_SCANS
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000

@@ -5,10 +5,10 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
-from automos.candidates.beam_pattern import Lidar
 from automos.candidates.observations import Seen, look
 from automos.online.evidence import EvidenceWindow, as_partner
 from automos.scan import Frame, Pose
+from automos.sensor.beam_pattern import Lidar
 from automos.settings import GroundSettings
 
 

@@ -16,15 +16,15 @@ from automos import __version__
 from automos.atomic import write_text
 from automos.geometry import inverse
 from automos.labeler import Labeler, LabelledScan
-from automos.odometry import Trajectory
-from automos.odometry.motion import SweepTiming
 from automos.pose_writers import write_kitti, write_tum
 from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry, write_tracks
 from automos.run import Progress
 from automos.scan import Scan, Sequence
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import Settings, dump_yaml
+from automos.trajectory import Trajectory
 from automos.workspace import RUN_FILE
 
 

@@ -21,11 +21,11 @@ from automos.evaluation.report import find_predictions
 from automos.geometry import inverse, make_transform, transform
 from automos.label_files import read_labels
 from automos.labels import Label, to_mos
-from automos.odometry.trajectory import Trajectory, make_frame
 from automos.pose_files import read_poses
 from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
+from automos.trajectory import Trajectory, make_frame
 from automos.upright_boxes import Boxes
 from automos.workspace import Workspace, require_same
 

@@ -17,10 +17,10 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.geometry import FARTHEST, inverse
-from automos.odometry import Trajectory
 from automos.reading import checked, read_json
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
+from automos.trajectory import Trajectory
 
 VERDICTS = tuple(verdict.name.lower() for verdict in sorted(Verdict))
 """Classes of objects, in the order of `Verdict`."""

@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.odometry import Trajectory
-from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Frame, Sequence
 from automos.settings import load_settings
 from automos.stages.tracking import Scans, TrackedObjects
 from automos.tracking.verdict import Verdict
+from automos.trajectory import SequenceFrames, Trajectory
 from automos.workspace import Stage, Workspace, require_same
 
 CACHED = 40

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from automos import __version__
-from automos.candidates.cue import cue_fingerprint
 from automos.datasets import open_sequence
 from automos.errors import AutomosError
 from automos.labeling import given_poses, label_recording
@@ -32,6 +31,7 @@ from automos.scale.storage import StoreError, is_url, key_of
 from automos.scale.work_folder import claim
 from automos.scan import Sequence
 from automos.settings import Settings
+from automos.stages.network_cue import cue_fingerprint
 from automos.workspace import Workspace, fingerprint
 
 CUTTABLE = {"free_space", "erasor"}

@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.methods import BASELINES
-from automos.candidates.beam_pattern import learn_pattern
-from automos.candidates.cue import add_cue, read_cue
 from automos.candidates.free_space import FreeSpace
-from automos.candidates.ground import find_ground
 from automos.candidates.observations import ray_steps
+from automos.ground.surface import find_ground
 from automos.paper.erasor import PUBLISHED
 from automos.parallel import available_cores
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
+from automos.sensor.beam_pattern import learn_pattern
 from automos.settings import SelfTrainingSettings, Settings
+from automos.stages.network_cue import add_cue, read_cue
 from automos.workspace import Arrays, PerScan
 
 _CERTAIN = 4.0

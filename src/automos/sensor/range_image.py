@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.beam_pattern import BeamPattern
 from automos.cells import sine_bin, turn_of
 from automos.kernels import kernel
 from automos.scan import Mask, Points
+from automos.sensor.beam_pattern import BeamPattern
 
 UNIT = 0.01  # metres per step of the stored ranges
 NO_RAY = 65535  # shortest range stored in cells without a ray

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.odometry.surfels import across, eigenvalues, eigenvector, variance_along
+from automos.covariances import across, eigenvalues, eigenvector, variance_along
 
 RNG = np.random.default_rng(0)
 

@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from automos.candidates.beam_pattern import BeamPattern, Lidar, directions
-from automos.candidates.range_image import NO_RAY, UNIT, locate, make_image, over_neighbours, project
-from automos.candidates.sweep import motion_of, raw_points
-from automos.candidates.votes import EDGE, HIT, look_through
 from automos.geometry import inverse, se3_log, transform
 from automos.scan import Frame, Frames, Mask, Points
+from automos.sensor.beam_pattern import BeamPattern, Lidar, directions
+from automos.sensor.directions import motion_of, raw_points
+from automos.sensor.look_through import EDGE, HIT, look_through
+from automos.sensor.range_image import NO_RAY, UNIT, locate, make_image, over_neighbours, project
 from automos.settings import EgoBodySettings
 
 Array = npt.NDArray[np.float64]

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from automos.candidates.cue import add_cue, cue_fingerprint, read_cue
 from automos.errors import InputError
 from automos.settings import SelfTrainingSettings
+from automos.stages.network_cue import add_cue, cue_fingerprint, read_cue
 
 
 def test_a_network_that_does_not_know_changes_nothing():

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from automos.candidates.beam_pattern import learn_pattern
 from automos.cells import rough_turn_of
 from automos.scan import Frame
+from automos.sensor.beam_pattern import learn_pattern
 
 
 def frame_of(azimuth, elevation, seed=0, time=None, motion=None):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from automos.candidates.beam_pattern import make_pattern
-from automos.candidates.range_image import NO_RAY, find_neighbours, locate, make_image, over_neighbours, project
+from automos.sensor.beam_pattern import make_pattern
+from automos.sensor.range_image import NO_RAY, find_neighbours, locate, make_image, over_neighbours, project
 
 PATTERN = make_pattern(np.radians(np.arange(-4.0, 5.0, 1.0)), np.radians(1.0))
 

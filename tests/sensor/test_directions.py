@@ -1,9 +1,9 @@
 import numpy as np
 
-from automos.candidates.sweep import last_looks, raw_points
 from automos.cells import rough_turn_of, turn_of
 from automos.geometry import se3_exp, transform
 from automos.scan import Frame
+from automos.sensor.directions import last_looks, raw_points
 
 
 def test_raw_points_undo_the_compensation():

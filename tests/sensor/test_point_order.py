@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.sweep_order import learn_order, turns_since_start
 from automos.scan import Scan
+from automos.sensor.point_order import learn_order, turns_since_start
 
 BEAMS = 16
 FIRINGS = 1800  # a turn

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.candidates.ground import find_ground
+from automos.ground.surface import find_ground
 from automos.settings import GroundSettings
 
 S = GroundSettings()

@@ -5,10 +5,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
-from automos.odometry.drifting_seam import doubled_edges, drifting_times, gap_edges, learn_drifting_seam
-from automos.odometry.motion import SweepTiming, compensate, timed_points
-from automos.odometry.trajectory import settled_times
+from automos.odometry.motion import timed_points
 from automos.scan import Scan
+from automos.sensor.compensation import compensate, settled_times
+from automos.sensor.drifting_seam import doubled_edges, drifting_times, gap_edges, learn_drifting_seam
+from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 BEAMS = 16

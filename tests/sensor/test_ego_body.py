@@ -6,11 +6,11 @@ from free_space_worlds import HEIGHT, REACH, ListFrames, spin
 from scipy.spatial.transform import Rotation
 from worlds import Block, cast, van
 
-from automos.candidates.beam_pattern import Lidar, learn_pattern
-from automos.candidates.ego_body import find_ego_body, is_on_body
-from automos.candidates.ground import find_ground
 from automos.geometry import inverse, make_transform
+from automos.ground.surface import find_ground
 from automos.scan import Frame
+from automos.sensor.beam_pattern import Lidar, learn_pattern
+from automos.sensor.ego_body import find_ego_body, is_on_body
 from automos.settings import EgoBodySettings, GroundSettings
 
 BONNET = Block((1.6, 0.0, HEIGHT - 0.8), (1.0, 1.4, 0.3))  # beside a sensor at x = 0

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from automos.cells import turn_of
 from automos.kernels import kernel
-from automos.odometry.sweep_order import azimuths, sample_pairs
 from automos.scan import Mask, Points, Sequence
+from automos.sensor.point_order import azimuths, sample_pairs
 
 N_SECTORS = 720
 """Sectors in which a gap is searched."""

@@ -4,10 +4,9 @@ import pytest
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.geometry import make_transform
-from automos.odometry import Trajectory, make_frame
-from automos.odometry.motion import SweepTiming
-from automos.odometry.trajectory import SequenceFrames
 from automos.scan import Scan, Sequence
+from automos.sensor.sweep_timing import SweepTiming
+from automos.trajectory import SequenceFrames, Trajectory, make_frame
 
 POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)
 TIMES = np.array([0.0, 0.02, 0.1, 0.05, 0.05], np.float32)

@@ -12,8 +12,7 @@ import numpy as np
 
 from automos.geometry import Array, make_transform, rotation_between
 from automos.kernels import kernel
-from automos.odometry.motion import MIN_POINTS, SweepTiming, usable_points
-from automos.scan import Points, Pose, Sequence
+from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 from automos.voxels import find_slot, voxel_key
 
@@ -29,21 +28,8 @@ DISTANCE = 0.15
 """Metres between a plane and its inliers, at most: allows for kerbs and ruts."""
 SHARE = 0.1
 """Least share of the near surface that must be ground."""
-GROUND_SCANS = 20
-"""Scans of a recording in which the ground is searched."""
-
-
-def find_level(
-    sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
-) -> tuple[Pose, bool]:
-    """Return `T_level_world` and whether ground was found, from a few scans of the recording.
-
-    `poses` (N, 4, 4) T_world_sensor; `motion` (N, 6) of the sensor during each sweep.
-    """
-    ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
-    clouds = {i: usable_points(sequence[i], timing, motion[i], settings)[0] for i in ids}
-    used = [i for i in ids if len(clouds[i]) >= MIN_POINTS]
-    return level_frame([clouds[i] for i in used], poses[used], settings)
+MIN_POINTS = 50
+"""Points near the sensor that a plane needs."""
 
 
 def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from worlds import SENSOR_HEIGHT, record
 
 from automos.geometry import make_transform
-from automos.odometry.level import level_frame
+from automos.ground.level import level_frame
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings()

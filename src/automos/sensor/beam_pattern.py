@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.sweep import MIN_POINTS, N_DIRECTIONS, last_looks, raw_points
 from automos.scan import Frame, Pose
+from automos.sensor.directions import MIN_POINTS, N_DIRECTIONS, last_looks, raw_points
 
 Array = npt.NDArray[np.float64]
 _SINE_BINS = 4096

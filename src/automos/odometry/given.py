@@ -1,0 +1,80 @@
+"""Recordings in which scans are stored twice, and poses that come with a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from automos.errors import InputError
+from automos.geometry import FARTHEST, Array, inverse, is_rigid
+from automos.scan import Mask, Pose, Scan, Sequence
+from automos.trajectory import Trajectory
+
+REPEAT_DELAY = 1e-3
+"""Seconds by which a repeated scan is stamped later than the original, because stamps must increase."""
+
+
+def checked_poses(poses: Pose, n: int) -> Pose:
+    """Return (n, 4, 4) `poses` with exact rotations, in the frame of the first one.
+
+    Raises
+    ------
+    InputError
+        They are not one rigid transform per scan, or not on Earth.
+    """
+    poses = np.array(poses, np.float64)
+    if poses.shape != (n, 4, 4):
+        raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
+    if not (is_valid := is_rigid(poses)).all():
+        raise InputError(f"pose {np.argmin(is_valid)} is not a rigid transform; check the pose file's format.")
+    if not (is_near := (np.abs(poses[:, :3, 3]) < FARTHEST).all(axis=1)).all():
+        row = np.argmin(is_near)
+        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
+    u, _, vt = np.linalg.svd(poses[:, :3, :3])  # pose files are rounded
+    poses[:, :3, :3] = u @ vt
+    return inverse(poses[0]) @ poses
+
+
+class DistinctScans(Sequence):
+    """The scans of a recording without repeats of the previous scan."""
+
+    def __init__(self, sequence: Sequence, is_repeat: Mask):
+        """Take the recording and a mask (N,) of the scans to leave out."""
+        self._sequence, self._ids = sequence, np.flatnonzero(~is_repeat)
+        self.name, self.source = sequence.name, sequence.source
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._sequence[int(self._ids[index])]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the distinct scans."""
+        names = self._sequence.names
+        return [names[i] for i in self._ids]
+
+    @property
+    def stamps(self) -> Array | None:
+        """Stamps of the distinct scans, seconds."""
+        stamps = self._sequence.stamps
+        return None if stamps is None else stamps[self._ids]
+
+    @property
+    def is_compensated(self) -> bool | None:
+        """As in the full recording."""
+        return self._sequence.is_compensated
+
+
+def with_repeats(trajectory: Trajectory, is_repeat: Mask) -> Trajectory:
+    """Return the trajectory of all N scans from that of the distinct ones: a repeat has the pose of the original."""
+    row = np.cumsum(~is_repeat) - 1
+    nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat
+    return replace(
+        trajectory,
+        T_world_sensor=trajectory.T_world_sensor[row],
+        stamps=trajectory.stamps[row] + REPEAT_DELAY * nth,
+        sweep_motion=trajectory.sweep_motion[row],
+    )

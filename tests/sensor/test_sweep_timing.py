@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming, azimuth_times, recorded_duration, sweep_times
+
+AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 1e-4, 0], [0, -1, 0]], np.float32)  # 0, 90, 180, 270 degrees
+
+
+@pytest.mark.parametrize(
+    ("turn", "seam_deg", "expected"),
+    [
+        (1, 180.0, [0.0, 0.25, 0.5, -0.25]),
+        (-1, 180.0, [0.0, -0.25, -0.5, 0.25]),
+        (1, 0.0, [-0.5, -0.25, 0.0, 0.25]),
+        (-1, 90.0, [-0.25, -0.5, 0.25, 0.0]),
+    ],
+    ids=["counter-clockwise from the back", "clockwise from the back", "from the front", "from the left"],
+)
+def test_the_azimuth_tells_when_in_the_sweep_a_point_was_measured(turn, seam_deg, expected):
+    times = azimuth_times(AROUND, turn, seam_deg)
+    off = np.abs(times - expected)
+    np.testing.assert_allclose(np.minimum(off, 1.0 - off), 0.0, atol=1e-4)  # either end of the sweep at the seam
+
+
+def test_times_from_the_file_are_fractions_of_the_usual_sweep_and_never_outside_it():
+    scan = Scan(np.ones((4, 3), np.float32), time=np.array([0.0, 0.05, 0.1, 0.13], np.float32))
+    times = sweep_times(scan, SweepTiming("file", duration=0.1, share=1.0))
+    np.testing.assert_allclose(times, [-0.5, 0.0, 0.5, 0.5], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "duration"),
+    [([0.0, 0.05, 0.1], 0.1), ([np.nan, 0.1, np.inf], 0.1), ([np.inf] * 3, None), ([0.0, 1e30, -np.inf], None)],
+)
+def test_times_that_are_no_times_within_a_sweep_tell_not_how_long_it_took(times, duration):
+    found = recorded_duration(Scan(np.ones((3, 3), np.float32), time=np.array(times, np.float32)))
+    assert found == (None if duration is None else pytest.approx(duration))
+
+
+def test_a_compensated_sweep_has_no_times():
+    assert sweep_times(Scan(AROUND, time=np.zeros(4, np.float32)), SweepTiming()) is None
