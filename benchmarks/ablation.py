@@ -62,7 +62,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0],
                              "automos.candidates.free_space:FIRST_SPANS": (0.6, 1.0)},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
-    "a see-through beside a ray counts in full": {"candidates.free_space.near_miss": NEVER},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "clouds are objects": {"automos.candidates.observations:in_clouds": no_clouds},

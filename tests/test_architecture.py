@@ -31,6 +31,8 @@ BASE = {
     "kernels",
     "voxels",
     "column_data",
+    "covariances",
+    "normal_equations",
 }
 MODELS = {"sensor", "ground", "trajectory"}
 METHOD = {"candidates", "instances", "tracking"}

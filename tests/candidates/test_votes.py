@@ -31,10 +31,10 @@ def test_hits_are_counted():
     assert count_hits(np.array([[ONE, 0], [-ONE, ONE], [-ONE, 32]], np.int8)).tolist() == [2, 0]
 
 
-def vote_of(code, other_range=10.0, own_range=10.0, height=5.0, row_height=0.006, miss=0.0, trust=1.0):
-    ranges, own, heights, misses = (np.array([v], np.float32) for v in (other_range, own_range, height, miss))
-    about = (ranges, misses, own, heights, np.array([trust]))
-    return weigh_looks(np.array([code], np.uint8), *about, np.float32(row_height), 0.25)[0] / ONE
+def vote_of(code, other_range=10.0, own_range=10.0, height=5.0, row_height=0.006, trust=1.0):
+    ranges, own, heights = (np.array([v], np.float32) for v in (other_range, own_range, height))
+    about = (ranges, own, heights, np.array([trust]))
+    return weigh_looks(np.array([code], np.uint8), *about, np.float32(row_height))[0] / ONE
 
 
 def test_a_hit_a_free_space_observation_and_a_blocked_look_weigh_minus_one_one_and_nothing():
@@ -54,13 +54,9 @@ def test_far_below_a_guessed_ground_height_means_nothing():
     assert vote_of(THROUGH, height=-2.0) == 1.0
 
 
-def test_a_weak_free_space_observation_counts_half_and_not_from_nearby():
-    assert vote_of(WEAK) == pytest.approx(0.5)
+def test_a_weak_free_space_observation_does_not_count_from_nearby():
+    assert vote_of(WEAK) == 1.0
     assert vote_of(WEAK, other_range=3.9) == 0.0
-
-
-def test_a_row_of_rays_that_passed_half_a_metre_off_counts_half():
-    assert vote_of(THROUGH, miss=0.5) == pytest.approx(0.5, abs=0.02)
 
 
 def test_what_no_neighbouring_ray_has_met_is_believed_less_and_its_hits_as_before():

@@ -7,22 +7,25 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.candidates import ego_body, sweep, votes
+from automos import covariances
+from automos.candidates import votes
 from automos.candidates.clouds import in_clouds
 from automos.geometry import transform
+from automos.ground import level
 from automos.ground.surface import find_ground
 from automos.instances import detect
 from automos.instances.boxes import fit_boxes
 from automos.instances.segments import segment_points
-from automos.odometry import drifting_seam, facing, level, registration, sweep_order
-from automos.odometry import surfels as surfel_kernels
+from automos.odometry import facing, registration
 from automos.odometry.motion import usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
+from automos.sensor import directions, drifting_seam, ego_body, point_order
 from automos.sensor.compensation import compensate
+from automos.sensor.look_through import look_through
 from automos.sensor.range_image import find_neighbours, make_image, project
 from automos.sensor.sweep_timing import SweepTiming, azimuth_times
 from automos.tracking import face_paths, places
@@ -38,18 +41,17 @@ def _ground(points: np.ndarray) -> None:
 
 
 def _free_space(points: np.ndarray) -> None:
-    sweep.raw_points(make_frame(points))
-    sweep.last_looks(np.tile(points, (100, 1)), np.tile(points[:, 2], 100))
+    directions.raw_points(make_frame(points))
+    directions.last_looks(np.tile(points, (100, 1)), np.tile(points[:, 2], 100))
     n, motion, T = len(points), np.resize(points, 6), np.resize(points, (3, 4))
     for pattern in (make_pattern(np.resize(points[:, 0], 4097)), make_pattern()):
         projection = project(points, pattern, points[:, 0] == points[:, 0])
         in_clouds(points, find_neighbours(projection, np.ones(n, bool))[2], np.ones(n, bool))
         image = make_image(projection, pattern, motion, np.ones(n, bool))
         for each in (T, np.eye(4, dtype=np.float32)[:3]):
-            looks = votes.look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 5)
+            looks = look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 5)
             for ranges in (looks[1], points[:, 0].copy()):
-                about = (ranges, points[:, 1], points[:, 2], points[:, 0], np.ones(n), np.float32(0.02))
-                votes.weigh_looks(looks[0], *about, 0.1, 0.5)
+                votes.weigh_looks(looks[0], ranges, points[:, 1], points[:, 2], np.ones(n), np.float32(0.02))
 
 
 def _ego_body(points: np.ndarray) -> None:
@@ -115,8 +117,8 @@ def _odometry(points: np.ndarray) -> None:
     times = azimuth_times(points, 1, float(points[0, 0]))
     compensate(points, times, np.resize(points, 6))
     for block in (1, 7):
-        sweep_order._block_azimuths(points, block)
-    sweep_order.turns_since_start(Scan(points), sweep_order.PointOrder(1, 1.0, 1.0))
+        point_order._block_azimuths(points, block)
+    point_order.turns_since_start(Scan(points), point_order.PointOrder(1, 1.0, 1.0))
     drifting_seam.gap_edges(points)
     for turns in (0.9, 1.1):
         drifting_seam.drifting_times(points, 1, turns)
@@ -125,17 +127,17 @@ def _odometry(points: np.ndarray) -> None:
     level._thin(points)
     level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
     matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
-    surfel_kernels.eigenvalues(matrix)
-    surfel_kernels.eigenvector(matrix, surfel_kernels.variance_along(matrix, along), out[0])
-    surfel_kernels.across(matrix, along, out[0], out[1])
+    covariances.eigenvalues(matrix)
+    covariances.eigenvector(matrix, covariances.variance_along(matrix, along), out[0])
+    covariances.across(matrix, along, out[0], out[1])
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
     icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5)
     for T in (np.eye(4), np.eye(4), hostile_T):
         icp.register(points, T)
     covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
-    surfel_kernels.eigenvector(covariance, surfel_kernels.eigenvalues(covariance)[0], axes[0])
-    surfel_kernels.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
+    covariances.eigenvector(covariance, covariances.eigenvalues(covariance)[0], axes[0])
+    covariances.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))

@@ -6,7 +6,7 @@ import pytest
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry.clock import TRIED, FacingGaps, find_missing, read_clock
-from automos.odometry.given import DistinctScans, with_repeats
+from automos.odometry.repeats import DistinctScans, with_repeats
 from automos.odometry.surfels import surfels_of
 from automos.scan import Scan
 from automos.sensor.sweep_timing import SweepTiming

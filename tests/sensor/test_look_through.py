@@ -26,7 +26,7 @@ def scan_of(*blocks):
 def looks(image, *places):
     """What a scan's range image says of `places`, (x, y, height above the ground)."""
     points = np.array(places, np.float32).T - np.array([[0.0], [0.0], [HEIGHT]], np.float32)
-    codes, _, _ = look_through(np.ascontiguousarray(points), np.eye(4, dtype=np.float32)[:3], image, TOLERANCES)
+    codes, _ = look_through(np.ascontiguousarray(points), np.eye(4, dtype=np.float32)[:3], image, TOLERANCES)
     return codes.tolist()
 
 

@@ -166,5 +166,5 @@ def _vote(
         T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
         looks = look_through(points, T, view.image, tolerances)
         row_height = np.float32(view.image.pattern.row_height)
-        votes.append(weigh_looks(*looks, *about, row_height, s.near_miss))
+        votes.append(weigh_looks(*looks, *about, row_height))
     return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

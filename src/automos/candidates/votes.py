@@ -18,20 +18,19 @@ ONE = 64  # a full vote; votes are stored as int8 in fractions of it to save mem
 
 
 @kernel
-def weigh_looks(codes, ranges, misses, own_ranges, heights, trusts, row_height, near_miss):  # type: ignore[no-untyped-def]
+def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type: ignore[no-untyped-def]
     """Return one scan's report on each point as a vote: -ONE for a hit, up to ONE for observed free, 0 for nothing.
 
     A free-space observation counts less if the other sensor was more than twice as far away (its rays are sparser than
-    the point's own), if no row of its rays came near the point (a parked car fits between two rows of a sparse sensor),
-    and if the point is lower above the ground than two rows (a ray may have grazed the ground). A weak observation
-    counts only if the other sensor was about as far away as the point's own, or farther.
+    the point's own), and if the point is lower above the ground than two rows (a ray may have grazed the ground). A
+    weak observation counts only if the other sensor was about as far away as the point's own, or farther.
 
     Parameters
     ----------
-    codes, ranges, misses : (K,), the report as `look_through` returns it.
+    codes, ranges : (K,), the report as `look_through` returns it.
     own_ranges, heights : (K,) float32, metres, range from the points' own sensor and height above the ground.
     trusts : (K,) float64 in [0, 1], factor on the free-space observations of each point.
-    row_height, near_miss : radians between rows, and metres, greatest miss for a full vote.
+    row_height : float32, radians between rows.
     """
     votes = np.zeros(len(codes), np.int8)
     for i in range(len(codes)):
@@ -39,11 +38,11 @@ def weigh_looks(codes, ranges, misses, own_ranges, heights, trusts, row_height, 
             votes[i] = -ONE
         elif codes[i] == THROUGH or codes[i] == WEAK:
             ratio = ranges[i] / max(own_ranges[i], 1.0)
-            vote = min(1.0, 2.0 / max(ratio, 1e-3)) * min(1.0, near_miss / max(misses[i], 1e-3))
+            vote = min(1.0, 2.0 / max(ratio, 1e-3))
             if heights[i] > -0.3:  # the ground is uncertain further below
                 vote *= min(max(0.5 * heights[i] / max(row_height * ranges[i], 1e-3), 0.0), 1.0)
             if codes[i] == WEAK:
-                vote *= 0.5 * min(max((ratio - 0.4) / 0.4, 0.0), 1.0)
+                vote *= min(max((ratio - 0.4) / 0.4, 0.0), 1.0)
             votes[i] = np.int8(ONE * trusts[i] * vote + 0.5)
     return votes
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from automos.arguments import checked_poses
 from automos.errors import InputError
 from automos.geometry import Array
 from automos.ground.level import level_frame
 from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
-from automos.odometry.given import DistinctScans, checked_poses, with_repeats
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
 from automos.odometry.motion import (
@@ -25,6 +25,7 @@ from automos.odometry.motion import (
     usable_points,
 )
 from automos.odometry.refine import RollingRefinement
+from automos.odometry.repeats import DistinctScans, with_repeats
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing

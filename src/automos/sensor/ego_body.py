@@ -198,7 +198,7 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> Arr
             if other is frame:
                 continue
             T = inverse(other.T_level_sensor) @ frame.T_level_sensor
-            codes, _, _ = look_through(np.ascontiguousarray(points.T), T[:3].astype(np.float32), image, _TOLERANCES)
+            codes, _ = look_through(np.ascontiguousarray(points.T), T[:3].astype(np.float32), image, _TOLERANCES)
             meets_itself = cells_within(transform(T, points), may_be_met, pattern) >= 0
             of_points += codes >= EDGE, (codes == HIT) & ~meets_itself, codes > HIT
         votes += [np.bincount(cell[rows], of_kind, reach.size) for of_kind in of_points]

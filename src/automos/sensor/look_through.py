@@ -20,7 +20,7 @@ _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but fo
 
 @kernel
 def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
-    """Return another scan's report on the place of each point, and the range and miss of its rays.
+    """Return another scan's report on the place of each point, and the range to it.
 
     Parameters
     ----------
@@ -31,14 +31,13 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
     Returns
     -------
     codes : (K,) uint8.   ranges : (K,) float32, metres from the other sensor.
-    misses : (K,) float32, metres from the point to the nearest row of rays; undefined where the code is `UNSEEN`.
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
     pattern, pyramid, per_unit = image.pattern, image.pattern.pyramid, np.float32(1.0 / UNIT)
     h, w = pattern.n_rows, pattern.n_columns
     n_points = points.shape[1]
     codes = np.zeros(n_points, np.uint8)
-    ranges, misses = np.empty(n_points, np.float32), np.empty(n_points, np.float32)
+    ranges = np.empty(n_points, np.float32)
     buffers, bins, columns = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
     for start in range(0, n_points, _BLOCK):
         stop = min(start + _BLOCK, n_points)
@@ -49,7 +48,6 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
             if not (r >= np.float32(1.0) and np.float32(0.0) <= row < h):
                 continue
             v = int(row)
-            misses[i] = abs(row - v - np.float32(0.5)) * np.float32(pattern.row_height) * r
             near, far = np.float32(image.around[v, u, 0]), np.float32(image.around[v, u, 1])
             if far == np.float32(0.0):
                 continue
@@ -68,7 +66,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
                     level += 1
                 cell = (v >> pyramid.shifts[level, 0]) * pyramid.shapes[level, 1] + (u >> pyramid.shifts[level, 1])
                 codes[i] = THROUGH if behind < image.clear[pyramid.offsets[level] + cell] else WEAK
-    return codes, ranges, misses
+    return codes, ranges
 
 
 @kernel

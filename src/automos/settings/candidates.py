@@ -69,7 +69,6 @@ class FreeSpaceSettings(Group):
     hit: float = Field(0.25, gt=0, description="m from a point within which a ray hits it again; more finds more hits")
     hit_per_metre: float = Field(0.005, ge=0, description="m, increase of that distance per metre of range")
     clear_width: float = Field(0.2, gt=0, description="m, width that must be free; larger values find less free space")
-    near_miss: float = Field(0.25, gt=0, description="m to the next row of rays for full weight; more adds movers")
     lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at isolated points; more adds movers")
     stay_weight: float = Field(0.25, ge=0, description="of a hit (plus 1 while the object was away); more drops movers")
 

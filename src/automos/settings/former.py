@@ -58,7 +58,7 @@ CONSTANTS = {
         max_scans min_scans min_distance min_overlap max_drift beyond world_distance world_share min_cells
         attached_share
         """,
-    "candidates.free_space": "span_tolerance first_spans sure_hits support support_per_metre weak_weight",
+    "candidates.free_space": "span_tolerance first_spans sure_hits support support_per_metre weak_weight near_miss",
     "instances.components": "torn_share torn_points torn_gap silence",
     "instances.components.segments": "height_bin thin_share thin_rows",
     "tracking.filter": "measurement_share whole_side",

@@ -1,4 +1,4 @@
-"""Recordings in which scans are stored twice, and poses that come with a recording."""
+"""Recordings in which scans are stored more than once: the repeats get the pose of the original."""
 
 from __future__ import annotations
 
@@ -6,34 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from automos.errors import InputError
-from automos.geometry import FARTHEST, Array, inverse, is_rigid
-from automos.scan import Mask, Pose, Scan, Sequence
+from automos.geometry import Array
+from automos.scan import Mask, Scan, Sequence
 from automos.trajectory import Trajectory
 
 REPEAT_DELAY = 1e-3
 """Seconds by which a repeated scan is stamped later than the original, because stamps must increase."""
-
-
-def checked_poses(poses: Pose, n: int) -> Pose:
-    """Return (n, 4, 4) `poses` with exact rotations, in the frame of the first one.
-
-    Raises
-    ------
-    InputError
-        They are not one rigid transform per scan, or not on Earth.
-    """
-    poses = np.array(poses, np.float64)
-    if poses.shape != (n, 4, 4):
-        raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
-    if not (is_valid := is_rigid(poses)).all():
-        raise InputError(f"pose {np.argmin(is_valid)} is not a rigid transform; check the pose file's format.")
-    if not (is_near := (np.abs(poses[:, :3, 3]) < FARTHEST).all(axis=1)).all():
-        row = np.argmin(is_near)
-        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
-    u, _, vt = np.linalg.svd(poses[:, :3, :3])  # pose files are rounded
-    poses[:, :3, :3] = u @ vt
-    return inverse(poses[0]) @ poses
 
 
 class DistinctScans(Sequence):
