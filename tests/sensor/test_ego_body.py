@@ -76,6 +76,21 @@ def test_a_lorry_that_stays_beside_the_sensor_for_long_is_no_body():
     assert not (found & ~true).any()
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_people_who_walk_around_the_sensor_do_not_make_even_ground_a_body(seed):
+    # The ground keeps its range, and people before it leave their places: neither is the sensor's own.
+    rng = np.random.default_rng(seed)
+    people, frames = [], []
+    for _ in range(6):
+        when, speed = rng.uniform(0.0, 4.0), rng.uniform(-1.0, 2.0)
+        beside = 2.0 * when + rng.uniform(-3.0, 3.0) - speed * when, rng.choice([-1, 1]) * rng.uniform(0.9, 3.0)
+        people.append(Block((*beside, 0.85), (0.4, 0.5, 1.7), velocity=(speed, 0.0, 0.0)))
+    for t in 0.1 * np.arange(40):
+        frame, _, distance = spin((*HOUSES, *people), x=2.0 * t + 0.5 * np.sin(2.0 * t), time=t)
+        frames.append(frame(distance))
+    assert lidar_of(ListFrames(frames), (0, 20)).body_reach.max() == 0.0
+
+
 def test_a_sensor_that_stands_still_finds_no_body():
     frames, truth = recording(speed=0.0)
     found, _ = body_points(frames, (0,), truth)

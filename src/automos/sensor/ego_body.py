@@ -3,12 +3,13 @@
 A ray that meets the body returns the same range in every scan. So may a ray that meets an even road, a vehicle that
 keeps its distance, or the long side of one that drives alongside. But other scans hit the road at its place and not the
 body: a ray that passes through the place of a point is a vote for the body, one that ends there is a vote for the
-world, and one that meets a possible body counts for neither. Motion of a few decimetres, or the rolling of a boat at
-its quay, suffices. Where there are no votes (inside a wide deck, before water) those on the rest of a part decide.
-No vehicle keeps its distance to within the sensor's noise: the edges and ranges of the body must be the same in the
-last third of the recording as in the first. Repeated returns from within arm's reach (legs, an operator) are ego body,
-however they move. Points that are connected to the body in a scan (a trailer in a bend) belong to it. While the sensor
-stands still none of this is observable, which does no harm: objects that never move are static.
+world, and one that meets a possible body counts for neither. Whoever passes before it moves, and has no vote. Motion of
+a few decimetres, or the rolling of a boat at its quay, suffices. Where there are no votes (inside a wide deck, before
+water) those on the rest of a part decide. No vehicle keeps its distance to within the sensor's noise: the edges and
+ranges of the body must be the same in the last third of the recording as in the first. Repeated returns from within
+arm's reach (legs, an operator) are ego body, however they move. Points that are connected to the body in a scan (a
+trailer in a bend) belong to it. While the sensor stands still none of this is observable, which does no harm: objects
+that never move are static.
 """
 
 from __future__ import annotations
@@ -97,8 +98,11 @@ def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threa
     near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     may_be = np.maximum(ends.max(axis=0), near)
+    # Even ground keeps its range, too, and its own hits do not count; people before it would decide that it is body.
+    nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
+    nearest = np.where(near > 0.0, np.float32(0.0), nearest)
     asked = [seen(sample[i]) for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
-    is_body = _decide(_ask_others(asked, pattern, may_be), pattern, may_be)
+    is_body = _decide(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
     is_world = (may_be > 0.0) & ~is_body
@@ -179,10 +183,11 @@ def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoB
     return is_part
 
 
-def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> Array:
+def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, nearest: Ranges) -> Array:
     """Return (3, H, W) the numbers of reports, hits and free-space observations of each cell.
 
-    Each of `frames` reports on the points of all others that are nearer than `reach` (H, W), metres.
+    Each of `frames` reports on the points of all others that are nearer than `reach` and not before `nearest`, both
+    (H, W), metres.
     """
     raws = [raw_points(frame) for frame in frames]
     projections = [project(raw, pattern) for raw in raws]
@@ -191,7 +196,8 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges) -> Arr
     votes = np.zeros((3, reach.size))
     for frame, raw in zip(frames, raws, strict=True):
         cell = cells_within(raw, reach, pattern)
-        rows = np.flatnonzero(cell >= 0)
+        is_before = np.linalg.norm(raw, axis=1) < np.append(nearest, np.float32(0.0))[cell]
+        rows = np.flatnonzero((cell >= 0) & ~is_before)
         rows = rows[:: max(len(rows) // _ASKED, 1)]
         points, of_points = np.take(frame.points, rows, axis=0), np.zeros((3, len(rows)))
         for other, image in zip(frames, images, strict=True):
