@@ -173,8 +173,8 @@ def test_a_file_past_300_lines_is_two_ideas():
     assert {name: length for name, length in lengths.items() if length > 300} == {}
 
 
-def test_the_command_line_starts_without_loading_anything_heavy():
-    code = f"import sys, automos.cli; print(*sorted({HEAVY!r} & set(sys.modules)))"
+def test_the_command_line_and_the_settings_load_nothing_heavy():
+    code = f"import sys, automos.cli, automos.settings; print(*sorted({HEAVY!r} & set(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == []
 

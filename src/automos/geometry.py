@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import Pose
+from automos.errors import InputError
 from automos.kernels import kernel
 
 Array = npt.NDArray[np.float64]
@@ -109,6 +111,27 @@ def is_rigid(T: npt.ArrayLike, tolerance: float = 0.01) -> npt.NDArray[np.bool_]
     with np.errstate(over="ignore", invalid="ignore"):
         off = np.abs(inverse(T) @ T - np.eye(4)).max(axis=(-1, -2)) + np.abs(T[..., 3, :] - np.eye(4)[3]).max(axis=-1)
         return np.asarray(is_finite & (off <= tolerance) & (np.linalg.det(T) > 0.0))
+
+
+def checked_poses(poses: Pose, n: int) -> Pose:
+    """Return (n, 4, 4) `poses` with exact rotations, in the frame of the first one.
+
+    Raises
+    ------
+    InputError
+        They are not one rigid transform per scan, or not on Earth.
+    """
+    poses = np.array(poses, np.float64)
+    if poses.shape != (n, 4, 4):
+        raise InputError(f"poses must be ({n}, 4, 4), one per scan, got shape {poses.shape}; give one pose per scan.")
+    if not (is_valid := is_rigid(poses)).all():
+        raise InputError(f"pose {np.argmin(is_valid)} is not a rigid transform; check the pose file's format.")
+    if not (is_near := (np.abs(poses[:, :3, 3]) < FARTHEST).all(axis=1)).all():
+        row = np.argmin(is_near)
+        raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
+    u, _, vt = np.linalg.svd(poses[:, :3, :3])  # pose files are rounded
+    poses[:, :3, :3] = u @ vt
+    return inverse(poses[0]) @ poses
 
 
 def skew(v: npt.ArrayLike) -> Array:

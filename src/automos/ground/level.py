@@ -29,7 +29,7 @@ DISTANCE = 0.15
 SHARE = 0.1
 """Least share of the near surface that must be ground."""
 MIN_POINTS = 50
-"""Points near the sensor that a plane needs."""
+"""Points that a plane needs, and so a scan in which the ground is searched."""
 
 
 def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from automos.arguments import checked_poses
 from automos.errors import InputError
-from automos.geometry import Array
-from automos.ground.level import level_frame
+from automos.geometry import Array, checked_poses
+from automos.ground.level import MIN_POINTS, level_frame
 from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
 from automos.odometry.motion import (
     MAX_ACCELERATION,
-    MIN_POINTS,
     chain,
     greatest_acceleration,
     step_twists,

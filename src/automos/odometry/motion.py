@@ -15,7 +15,7 @@ from automos.sensor.sweep_timing import SweepTiming, sweep_times
 from automos.settings import OdometrySettings
 
 MIN_POINTS = 50
-"""Usable points that a scan needs for registration and for the ground search."""
+"""Usable points that a scan needs for registration."""
 ACCELERATION_SECONDS = 0.5
 """Interval over which accelerations are measured: within shorter ones, a handheld sensor shakes more than a vehicle."""
 MAX_ACCELERATION = 8.0

@@ -195,9 +195,8 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
     may_be_met = over_neighbours(np.where(reach > 0.0, reach + np.float32(_BEFORE), np.float32(0.0)), np.maximum)
     votes = np.zeros((3, reach.size))
     for frame, raw in zip(frames, raws, strict=True):
-        cell = cells_within(raw, reach, pattern)
-        is_before = np.linalg.norm(raw, axis=1) < np.append(nearest, np.float32(0.0))[cell]
-        rows = np.flatnonzero((cell >= 0) & ~is_before)
+        cell = cells_within(raw, reach, pattern, nearest)
+        rows = np.flatnonzero(cell >= 0)
         rows = rows[:: max(len(rows) // _ASKED, 1)]
         points, of_points = np.take(frame.points, rows, axis=0), np.zeros((3, len(rows)))
         for other, image in zip(frames, images, strict=True):
@@ -222,10 +221,18 @@ def _decide(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
     return is_body
 
 
-def cells_within(points: Points, reach: Ranges, pattern: BeamPattern) -> npt.NDArray[np.int32]:
-    """Return (M,) the cell of each of `points` (M, 3) of a raw sweep nearer than its cell's `reach`, -1 for others."""
+def cells_within(
+    points: Points, reach: Ranges, pattern: BeamPattern, nearest: Ranges | None = None
+) -> npt.NDArray[np.int32]:
+    """Return (M,) the cell of each of `points` (M, 3) of a raw sweep nearer than its cell's `reach`, -1 for others.
+
+    Where `nearest` (H, W) is given, points before it have -1, too.
+    """
     cell, ranges = locate(points, pattern)
-    return np.where(ranges < np.append(reach, np.float32(0.0))[cell], cell, np.int32(-1))
+    is_within = ranges < np.append(reach, np.float32(0.0))[cell]
+    if nearest is not None:
+        is_within &= ranges >= np.append(nearest, np.float32(0.0))[cell]
+    return np.where(is_within, cell, np.int32(-1))
 
 
 def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
