@@ -168,9 +168,25 @@ def test_a_module_is_named_after_its_idea():
     assert [name_of(path) for path in FILES if vague & set(re.split(r"\W|_", name_of(path)))] == []
 
 
-def test_a_file_past_300_lines_is_two_ideas():
+def test_a_file_past_250_lines_is_two_ideas():
     lengths = {name_of(path): len(path.read_text().splitlines()) for path in FILES}
-    assert {name: length for name, length in lengths.items() if length > 300} == {}
+    assert {name: length for name, length in lengths.items() if length > 250} == {}
+
+
+def test_a_function_fits_on_a_screen():
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    lengths = {
+        f"{name_of(path)}.{node.name}": node.end_lineno - node.lineno + 1
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, functions)
+    }
+    assert {name: length for name, length in lengths.items() if length > 60} == {}
+
+
+def test_the_method_stays_small():
+    rooms = {"odometry", "candidates", "instances", "tracking"}
+    assert sum(len(path.read_text().splitlines()) for path in FILES if room_of(path) in rooms) <= 4500
 
 
 def test_the_command_line_and_the_settings_load_nothing_heavy():

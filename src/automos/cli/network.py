@@ -193,13 +193,7 @@ def reproduce(
     """
     from automos.errors import InputError
     from automos.learning.domains import DOMAINS
-    from automos.learning.experiments import (
-        SMALL,
-        TUNING,
-        Experiment,
-        table_three,
-        table_two,
-    )
+    from automos.learning.experiments import SMALL, TUNING, Experiment, table_three, table_two
     from automos.learning.tables import write_curves, write_table
     from automos.learning.train import device_note
     from automos.progress import StageProgress

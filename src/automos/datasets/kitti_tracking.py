@@ -11,14 +11,7 @@ import numpy.typing as npt
 from automos.datasets.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.datasets.folder import FolderSequence
 from automos.datasets.formats import Format
-from automos.datasets.kitti_calibration import (
-    IMAGE_SIZE,
-    in_view,
-    poses_from_packets,
-    read_calibration,
-    rigid,
-    take,
-)
+from automos.datasets.kitti_calibration import IMAGE_SIZE, in_view, poses_from_packets, read_calibration, rigid, take
 from automos.datasets.listed import require_increasing
 from automos.datasets.records import read_table
 from automos.datasets.stamped_poses import sensor_poses

@@ -124,7 +124,6 @@ class RosbagSequence(Sequence):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _threads=threading.local())
 
-    # ------------------------------------------------------------------------------------------------------ messages
     @property
     def _reader(self) -> Any:
         """The opened bag; one for each thread, as readers are not made to be shared."""
@@ -172,9 +171,7 @@ class RosbagSequence(Sequence):
 
     def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         if len(headers) > 1 and headers.min() == headers.max():
-            logger.warning(
-                "%s, topic %s: headers have no stamps; the times of recording are taken", self.source, self._topic
-            )
+            logger.warning("%s: headers have no stamps; the times of recording are taken", self._where())
             headers = (1e-9 * self._recorded).astype(np.float64)
         found = put_in_order(headers, self.names, self._where())
         self._warnings, self._messages = found.warnings, found.order

@@ -15,13 +15,7 @@ from automos.ground.level import MIN_POINTS, level_frame
 from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
-from automos.odometry.motion import (
-    MAX_ACCELERATION,
-    chain,
-    greatest_acceleration,
-    step_twists,
-    usable_points,
-)
+from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.repeats import DistinctScans, with_repeats
 from automos.odometry.speed import speed_figures

@@ -25,6 +25,8 @@ from automos.voxels import find_slot
 
 CLOSE = 0.15
 """Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
+LEAST_CONSTRAINT = 0.1
+"""Squared cosine between a surface's normal and the path from which the surface constrains the position along it."""
 EVIDENCE = 5.0
 """Re-observed surfels that count for half of full certainty."""
 STANDSTILL_SHARE = 0.25
@@ -78,16 +80,15 @@ def score_distances(
     higher than any vehicle, `overhead` metres above the sensor. The surfels are compensated for each distance:
     `per_sweep` is the share of it that is travelled during a sweep.
     """
-    scores = np.zeros((3, len(distances)))
     present, direction = signed_distance(T_submap_surfels, forward)
     T = np.array(T_submap_surfels, np.float64)  # at no distance along the path
     T[:3, 3] -= present * direction
     shift = per_sweep * (distances - present)
-    _score(
-        submap, surfels.mean, surfels.covariance, surfels.time, T, direction, distances, shift,
-        overhead, scores,
-    )  # fmt: skip
-    return scores
+    # How much each voxel constrains the position along the path, and the path in the surfels' frame.
+    constrains = np.where(submap.variance < 0.0, 0.0, (submap.axes @ direction) ** 2).sum(axis=1)
+    along = T[:3, :3].T @ direction
+    points = (surfels.mean, surfels.covariance, surfels.time)
+    return _score(submap, constrains, points, T, (direction, along), distances, shift, overhead)
 
 
 def facing_surfaces(surfels: Surfels, forward: Array, overhead: float) -> tuple[Submap, Array]:
@@ -187,49 +188,26 @@ def _weighted_share(weights: Array, found: Array, whole: Array, distances: Array
 
 
 @kernel
-def _score(  # type: ignore[no-untyped-def]
-    submap, points, covariance, times, T, direction, distances, shift, overhead, scores
-):  # fmt: skip
-    """Add to `scores` what `score_distances` returns; `shift` : (D,) metres of motion during a sweep to compensate."""
+def _score(submap, constrains, surfels, T, path, distances, shift, overhead):  # type: ignore[no-untyped-def]
+    """Return what `score_distances` does; `shift` : (D,) metres of motion during a sweep to compensate."""
     keys, rows, mean, axes, variance = submap
-    inverse_voxel = 1.0 / VOXEL
-    constrains = np.zeros(len(mean))  # how much each voxel constrains the position along the path
-    for row in range(len(mean)):
-        for k in range(2):
-            if variance[row, k] < 0.0:
-                break
-            constrains[row] += (
-                axes[row, k, 0] * direction[0] + axes[row, k, 1] * direction[1] + axes[row, k, 2] * direction[2]
-            ) ** 2
-    n_constraining = 0
-    for slot in range(len(keys)):
-        if keys[slot] != -1 and constrains[rows[slot]] > 0.1:
-            n_constraining += 1
-    size = 16
-    while size < 4 * n_constraining:
-        size *= 2
-    few_keys, few_rows = np.full(size, -1, np.int64), np.zeros(size, np.int32)  # small enough for the cache
-    for slot in range(len(keys)):
-        if keys[slot] != -1 and constrains[rows[slot]] > 0.1:
-            few = find_slot(few_keys, keys[slot])
-            few_keys[few] = keys[slot]
-            few_rows[few] = rows[slot]
-    a = np.empty(3)
-    for k in range(3):  # direction of the path in the surfels' frame
-        a[k] = T[0, k] * direction[0] + T[1, k] * direction[1] + T[2, k] * direction[2]
+    points, covariance, times = surfels
+    direction, along = path
+    scores = np.zeros((3, len(distances)))
     for i in range(len(points)):
         c = covariance[i]
-        if variance_along(c, a) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
+        if variance_along(c, along) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
             continue
         x0, y0, z0 = moved(T, points[i])
-        where = 2 if points[i, 2] > overhead else (1 if abs(a[0] * points[i, 1] - a[1] * points[i, 0]) > BESIDE else 0)
+        beside = abs(along[0] * points[i, 1] - along[1] * points[i, 0])
+        where = 2 if points[i, 2] > overhead else int(beside > BESIDE)
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(few_keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
-            if few_keys[slot] == -1:
+            slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), 1.0 / VOXEL))
+            row = rows[slot]
+            if keys[slot] == -1 or constrains[row] <= LEAST_CONSTRAINT:
                 continue
-            row = few_rows[slot]
             worst = 0.0
             for k in range(2):
                 if variance[row, k] < 0.0:
@@ -238,3 +216,4 @@ def _score(  # type: ignore[no-untyped-def]
                 worst = max(worst, abs(off + axes[row, k, 2] * (z - mean[row, 2])))
             if worst < CLOSE:
                 scores[where, d] += constrains[row]
+    return scores

@@ -115,7 +115,7 @@ def find_start(scans: list[Scan], settings: OdometrySettings, timing: SweepTimin
 
 def register_surfels(surfels: list[Surfels], settings: OdometrySettings, gaps: Array) -> Pose:
     """Return (N - 1, 4, 4) rough steps from each scan to the previous one, from uncompensated surfels alone."""
-    scans, settings = _as_scans(surfels), _coarse(settings)
+    scans, settings = _as_scans(surfels), settings.model_copy(update={"voxel": COARSE_VOXEL})
     rest = _from_rest(scans[:START_SCANS], settings, SweepTiming(), gaps[: START_SCANS - 1])
     start = _find_start(rest, surfels[:TRIAL_SCANS], settings, 0.0, gaps)
     return _follow(KissOdometry(settings, SweepTiming(), start, KNOWN_MOTION), scans, gaps)
@@ -128,7 +128,8 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
     """
     surfels = [s[:: -(-len(s) // TRIAL_SURFELS) or 1] for s in surfels]
     scans, gaps = _as_scans(surfels), gaps[: len(surfels) - 1]
-    settings, timing = _coarse(settings), SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
+    settings = settings.model_copy(update={"voxel": COARSE_VOXEL})
+    timing = SweepTiming("file", duration=1.0, share=share) if share else SweepTiming()
     if len(scans) <= START_SCANS:
         return rest
     axes = np.vstack([np.eye(6)[:2], -np.eye(6)[:2]])
@@ -172,7 +173,3 @@ def _follow(odometry: KissOdometry, scans: list[Scan], gaps: Array) -> Pose:
 def _as_scans(surfels: list[Surfels]) -> list[Scan]:
     """Return scans whose points are the means of surfels, with the times of a "file" of one second per sweep."""
     return [Scan(s.mean, time=s.time + np.float32(0.5)) for s in surfels]
-
-
-def _coarse(settings: OdometrySettings) -> OdometrySettings:
-    return settings.model_copy(update={"voxel": COARSE_VOXEL})

@@ -14,12 +14,7 @@ from automos.settings.candidates import (
 )
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
 from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
-from automos.settings.network import (
-    ImageSettings,
-    ModelSettings,
-    NetworkSettings,
-    TrainingSettings,
-)
+from automos.settings.network import ImageSettings, ModelSettings, NetworkSettings, TrainingSettings
 from automos.settings.odometry import LoopSettings, OdometrySettings
 from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
 from automos.settings.tracking import (

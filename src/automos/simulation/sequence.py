@@ -54,9 +54,7 @@ class SimulatedSequence(Sequence):
         compensated: bool,
         conditions: Conditions | None = None,
     ):
-        self.scenario = scenario
-        self.sensor = sensor
-        self.seed = seed
+        self.scenario, self.sensor, self.seed = scenario, sensor, seed
         self.name = f"{scenario}_{sensor.name}_{seed}".replace(" ", "_")
         self._n_scans = n_scans
         self._compensated = compensated
