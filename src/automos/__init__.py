@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from automos.working_folder import ignore_settings_here
 
-__version__ = "0.6.0.dev0"
+__version__ = "0.6.0"
 
 if TYPE_CHECKING:
     from automos.array_sequence import ArraySequence as ArraySequence
