@@ -143,10 +143,10 @@ def _odometry(points: np.ndarray) -> None:
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
         fit_surfels(laid, surfels, T, 0.2)
         distances = np.resize(points, 5).astype(float)
-        scores, way = np.zeros((3, 5)), np.array([1.0, 0.0, 0.0])
+        constrains, path = np.ones(len(laid.mean)), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
         facing._score(
-            laid, surfels.mean, surfels.covariance, surfels.time, T, way, distances, distances, 2.7, scores,
-        )  # fmt: skip
+            laid, constrains, (surfels.mean, surfels.covariance, surfels.time), T, path, distances, distances, 2.7
+        )
 
 
 def _geometry(points: np.ndarray) -> None:
