@@ -6,10 +6,10 @@ body: a ray that passes through the place of a point is a vote for the body, one
 world, and one that meets a possible body counts for neither. Whoever passes before it moves, and has no vote. Motion of
 a few decimetres, or the rolling of a boat at its quay, suffices. Where there are no votes (inside a wide deck, before
 water) those on the rest of a part decide. No vehicle keeps its distance to within the sensor's noise: the edges and
-ranges of the body must be the same in the last third of the recording as in the first. Surfaces that return repeatedly
-from within arm's reach (legs, an operator) are ego body, however they move. Points that are connected to the body in a
-scan (a trailer in a bend) belong to it, but dust connects nothing. While the sensor stands still none of this is
-observable, which does no harm: objects that never move are static.
+ranges of the body must be the same in the last third of the recording as in the first. Repeated returns from within
+arm's reach (legs, an operator) are ego body, however they move. Points that are connected to the body in a scan (a
+trailer in a bend) belong to it. While the sensor stands still none of this is observable, which does no harm: objects
+that never move are static.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from automos.geometry import inverse, se3_log, transform
 from automos.scan import Frame, Frames, Mask, Points
 from automos.sensor.beam_pattern import BeamPattern, Lidar, directions
-from automos.sensor.connected import connected_parts
 from automos.sensor.directions import motion_of, raw_points
 from automos.sensor.look_through import EDGE, HIT, look_through
-from automos.sensor.range_image import NO_RAY, UNIT, find_neighbours, locate, make_image, over_neighbours, project
+from automos.sensor.range_image import NO_RAY, UNIT, locate, make_image, over_neighbours, project
 from automos.settings import EgoBodySettings
 
 Array = npt.NDArray[np.float64]
 Ranges = npt.NDArray[np.float32]
-MIN_SCANS, MAX_SCANS = 9, 40  # with fewer scans at different poses, no body is found; of more, so many are evaluated
+MIN_SCANS, MAX_SCANS = 9, 40
+"""With fewer scans at different poses, no body is detected; of more, so many, spread evenly, are evaluated."""
 MIN_STEP, ARM = 0.25, 5.0
 """Metres: least displacement, between evaluated scans, of a point `ARM` from the sensor and fixed to it."""
 MIN_UNEVENNESS = 0.15
@@ -41,12 +42,9 @@ GRAZING = 0.15
 NEAR_SHARE, NEAR_MARGIN = 0.15, np.float32(0.1)
 """Least share of scans that return from within arm's reach where an arm swings (other objects pass there once), and
 metres by which the body may reach beyond the farthest of these returns."""
-MIN_NEAR, NEAR_SPREAD = 3, 0.3  # least number of these among nine rays on a surface, and metres between their ranges
 MIN_OVERLAP = 0.8  # least share of a part's cells that must be present in both the first and the last third
-VOXEL, VOXEL_PER_METRE = 0.3, 0.06  # metres, and per metre of range: points in neighbouring voxels are connected
 MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first third of the recording to the last
 STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
-DUSTY = 4.0  # metres within which dust connects nothing; farther away, a trailer's side at grazing incidence is like it
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
 GOES_ON = 1.4  # factor on the farthest range of the body, within which points connected to it belong to it
 ATTACHED_SHARE = 0.15  # least share of a connected part that must lie on the body for the whole part to belong to it
@@ -54,6 +52,7 @@ _LOOKS = 16  # scans that vote on whether a possible body is world
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
 _TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
 _BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
+_VOXEL, _VOXEL_PER_METRE = 0.3, 0.06  # metres, and per metre of range: points in neighbouring voxels are connected
 _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
@@ -64,16 +63,15 @@ def is_on_body(points: Points, is_ground: Mask, lidar: Lidar) -> Mask:
     Ground points, `is_ground` (M,) bool, connect nothing.
     """
     is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(lidar.body_reach.max())
-    squared = np.einsum("ij,ij->i", points, points)
-    near = np.flatnonzero(squared < farthest**2)
+    if farthest == 0.0:
+        return is_body
+    near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < farthest**2)
     is_body[near] = cells_within(points[near], lidar.body_reach, lidar.pattern) >= 0
     near = near[is_body[near] | ~is_ground[near]]
     if is_body.any():
-        is_solid = find_neighbours(project(points[near], lidar.pattern), np.ones(len(near), np.bool_))[2] > 0
-        is_solid |= squared[near] > DUSTY**2
-        part, n_parts = connected_parts(points[near], min(VOXEL, VOXEL_PER_METRE * farthest), is_solid)
+        part, n_parts = _parts_of(points[near], min(_VOXEL, _VOXEL_PER_METRE * farthest))
         total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
-        is_body[near] |= ((on_body >= ATTACHED_SHARE * total) & (np.arange(n_parts) > 0))[part]
+        is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
     return is_body
 
 
@@ -158,21 +156,9 @@ def find_constant(ranges: Ranges, settings: EgoBodySettings) -> Ranges:
 
 def _find_near(ranges: Ranges, near_reach: float) -> Ranges:
     """Return (H, W) the range up to which a body reaches where scans repeatedly return from within `near_reach`."""
-    is_near = np.stack([_is_surface(of_scan, near_reach) for of_scan in ranges])
+    is_near = ranges < near_reach
     farthest = np.where(is_near, ranges, np.float32(0.0)).max(axis=0)
     return np.where(is_near.mean(axis=0) >= NEAR_SHARE, farthest + NEAR_MARGIN, np.float32(0.0))
-
-
-def _is_surface(ranges: Ranges, near_reach: float) -> Mask:
-    """Return (H, W) which of the `ranges` of one scan are within `near_reach`, on a surface and not in dust or rain.
-
-    Neighbouring rays meet a surface together and at nearly the same range; of dust, each meets another grain.
-    """
-    is_near = ranges < near_reach
-    n_near, n_returns = (over_neighbours(which.astype(np.uint8), np.add) for which in (is_near, ~np.isnan(ranges)))
-    nearest = over_neighbours(np.where(is_near, ranges, np.float32(np.inf)), np.minimum)
-    farthest = over_neighbours(np.where(is_near, ranges, np.float32(-np.inf)), np.maximum)
-    return is_near & (n_near >= MIN_NEAR) & (2 * n_near > n_returns) & (farthest - nearest < NEAR_SPREAD)
 
 
 def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
@@ -182,7 +168,7 @@ def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoB
     """
     is_part = np.logical_or(*(ends > 0.0))
     v, u = np.nonzero(is_part)
-    part, n_parts = connected_parts(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None], VOXEL)
+    part, n_parts = _parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
     # Allow an offset of one cell to each side.
     in_both = np.all([over_neighbours(end, np.maximum) > 0.0 for end in ends], axis=0)[v, u]
     size = np.bincount(part, minlength=n_parts)
@@ -229,7 +215,7 @@ def _decide(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
     reported, hits, through = votes
     is_body = (reach > 0.0) & ~((hits > _WORLD_SHARE * reported) & (hits >= through))
     v, u = np.nonzero(is_body)
-    part, n_parts = connected_parts(directions(pattern, v, u) * reach[v, u][:, None], VOXEL)
+    part, n_parts = _parts_of(directions(pattern, v, u) * reach[v, u][:, None])
     reported, hits, through = (np.bincount(part, of_cells[v, u], n_parts) for of_cells in votes)
     is_body[v, u] = ((through > hits) & (through > _LEAST_SHARE * reported))[part]
     return is_body
@@ -247,3 +233,15 @@ def cells_within(
     if nearest is not None:
         is_within &= ranges >= np.append(nearest, np.float32(0.0))[cell]
     return np.where(is_within, cell, np.int32(-1))
+
+
+def _parts_of(points: npt.NDArray, voxel: float = _VOXEL) -> tuple[npt.NDArray[np.int32], int]:
+    """Return (M,) the connected part that each of `points` (M, 3) belongs to, and one more than the last part."""
+    if len(points) == 0:
+        return np.zeros(0, np.int32), 0
+    voxels = np.floor(points / voxel).astype(np.int64)
+    voxels -= voxels.min(axis=0)
+    grid = np.zeros(voxels.max(axis=0) + 1, np.bool_)
+    grid[tuple(voxels.T)] = True
+    parts, n_parts = ndimage.label(grid, np.ones((3, 3, 3), bool))
+    return parts[tuple(voxels.T)], n_parts + 1

@@ -92,12 +92,12 @@ def _merged(image: _Image, axis: int) -> _Image:
     return np.moveaxis(nearer, 0, axis)
 
 
-def over_neighbours(image: npt.NDArray, reduce: np.ufunc) -> npt.NDArray:
-    """Return the `reduce` (np.minimum, np.add) of 3 x 3 cells around each of `image` (H, W); columns wrap around."""
+def over_neighbours(image: npt.NDArray, extreme: np.ufunc) -> npt.NDArray:
+    """Return `extreme` (np.minimum, np.maximum) of 3 x 3 cells around each of `image` (H, W); columns wrap around."""
     rows = image.copy()
-    reduce(rows[1:], image[:-1], out=rows[1:])
-    reduce(rows[:-1], image[1:], out=rows[:-1])
-    return reduce(rows, reduce(np.roll(rows, 1, axis=1), np.roll(rows, -1, axis=1)))
+    extreme(rows[1:], image[:-1], out=rows[1:])
+    extreme(rows[:-1], image[1:], out=rows[:-1])
+    return extreme(rows, extreme(np.roll(rows, 1, axis=1), np.roll(rows, -1, axis=1)))
 
 
 @kernel
