@@ -69,3 +69,11 @@ def test_rays_that_end_in_a_cloud_are_in_no_range_image():
     is_there = (difference < 2.0 * UNIT) & (cell >= 0)
     assert is_there[seen.kind == OBJECT].mean() > 0.95
     assert is_there[is_air & (seen.kind == SPECK)].mean() < 0.2
+
+
+@pytest.mark.parametrize("sensor", ["VLP-16", "HDL-64E"])
+def test_what_is_seen_through_dust_looks_nearly_as_solid_as_without(sensor):
+    _, dusty, is_air = look_at_street("dust", sensor)
+    _, clear, _ = look_at_street("clear", sensor)
+    through = dusty.solidity[(dusty.kind == OBJECT) & ~is_air]
+    assert through.mean() > clear.solidity[clear.kind == OBJECT].mean() - 0.06 * 255  # 0.1 less if grains count
