@@ -102,6 +102,20 @@ def test_who_stands_beside_the_body_is_not_connected_to_it(gap):
     assert not found[hit == 1].any()
 
 
+def test_who_stands_beside_a_large_body_is_not_connected_to_it():
+    # A truck's side reaches far, and still only its own points are connected within decimetres near the sensor.
+    frames, _ = roundabout()
+    lidar = lidar_of(frames, (0, 15, 30, 45, 59))
+    assert lidar.body_reach.max() > 3.0
+    _, rays, _ = spin(())
+    cab, person = Block((0.2, -1.6, -0.4), (2.2, 2.4, 1.8)), Block((1.9, -0.3, -0.6), (0.4, 0.4, 1.7))
+    distance, hit = cast((cab, person), np.zeros(3), rays, 0.0)
+    distance, rays, hit = distance[hit >= 0], rays[hit >= 0], hit[hit >= 0]
+    found = is_on_body((distance[:, None] * rays).astype(np.float32), hit < 0, lidar)
+    assert (hit == 1).sum() > 20
+    assert not found[hit == 1].any()
+
+
 def test_a_sensor_that_stands_still_finds_no_body():
     frames, truth = recording(speed=0.0)
     found, _ = body_points(frames, (0,), truth)
@@ -196,6 +210,22 @@ def articulated():
     return scan_along(T, (*STREET, *PARKED), (oncoming,), own, (-25, 10), 40)
 
 
+def roundabout():
+    """A lorry whose trailer swings throughout, seen along its long side from beside the cab, and an oncoming car."""
+    T, bend = ride(60, 3.0, lambda t: 0.1, 2.4, sway_deg=0.6), np.zeros(60)
+    for i in range(1, 60):
+        bend[i] = bend[i - 1] + 0.1 * 0.1 - 0.1 * 3.0 / 6.4 * np.sin(bend[i - 1])
+    assert np.degrees(np.ptp(bend)) > 10.0
+    cab, trailer = Block((0.2, -1.6, -0.4), (2.2, 2.4, 1.8)), Block((-3.8, 0.0, 0.1), (10.0, 2.5, 2.8))
+
+    def own(i):
+        hinge = make_transform(Rotation.from_euler("z", -bend[i]).as_matrix(), [-1.9, -1.6, 0.0])
+        return [(cab, np.eye(4)), (trailer, hinge)]
+
+    oncoming = Block((20.0, 5.0, 1.0), (4.4, 1.8, 1.6), velocity=(-6.0, 0.0, 0.0))
+    return scan_along(T, (*STREET, *PARKED), (oncoming,), own, (-25, 10), 40)
+
+
 def convoy():
     """A car among a lorry beside it, one that follows and one that leads, all at nearly its speed for six seconds."""
     bonnet, roof = Block((1.6, 0.0, -0.9), (1.0, 1.5, 0.3)), Block((0.0, 0.0, -0.35), (1.6, 1.2, 0.1))
@@ -256,7 +286,7 @@ def covered(frames, truth):
     return np.concatenate(found), np.concatenate(truth[::6])
 
 
-@pytest.mark.parametrize("make", [boat, boat_at_its_quay, articulated, convoy, backpack, swinging_arms])
+@pytest.mark.parametrize("make", [boat, boat_at_its_quay, articulated, roundabout, convoy, backpack, swinging_arms])
 def test_what_rides_along_is_body_and_nothing_else_is(make):
     found, truth = covered(*make())
     assert found[truth == OWN].mean() > 0.995

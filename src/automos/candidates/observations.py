@@ -104,7 +104,7 @@ def _view(rows: npt.NDArray[np.int64] | slice, part: Frame, seen: Seen, lidar: L
     is_object = kind == OBJECT
     is_cloud = in_clouds(raw, is_between, is_object & is_on_grid)
     seen.kind[rows] = np.where(is_cloud, np.uint8(SPECK), kind)
-    if is_cloud.any():  # a cloud occupies no place, hides nothing between its rays, and is beside nothing behind it
+    if is_cloud.any():  # a cloud occupies no place, hides nothing, and what is behind it lets none of its rays through
         projection = project(raw, lidar.pattern, is_last & (kind != EGO_BODY) & ~is_cloud)
         solidity = find_neighbours(projection, is_object & ~is_cloud)[1]
         seen.solidity[rows] = np.where(projection.cell >= 0, solidity, seen.solidity[rows])

@@ -7,9 +7,9 @@ world, and one that meets a possible body counts for neither. Whoever passes bef
 a few decimetres, or the rolling of a boat at its quay, suffices. Where there are no votes (inside a wide deck, before
 water) those on the rest of a part decide. No vehicle keeps its distance to within the sensor's noise: the edges and
 ranges of the body must be the same in the last third of the recording as in the first. Repeated returns from within
-arm's reach (legs, an operator) are ego body, however they move. Points that are connected to the body in a scan (a
-trailer in a bend) belong to it. While the sensor stands still none of this is observable, which does no harm: objects
-that never move are static.
+arm's reach (legs, an operator) are ego body, however they move, and so is a part that begins there, however it swings.
+Points of a scan that are connected to the body, where it is the larger part of the whole (a trailer in a bend), belong
+to it. While the sensor stands still none of this is observable, which does no harm: objects that never move are static.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from automos.geometry import inverse, se3_log, transform
-from automos.scan import Frame, Frames, Mask, Points
+from automos.scan import MIN_RANGE, Frame, Frames, Mask, Points
 from automos.sensor.beam_pattern import BeamPattern, Lidar, directions
 from automos.sensor.directions import motion_of, raw_points
 from automos.sensor.look_through import EDGE, HIT, look_through
@@ -46,13 +46,13 @@ MIN_OVERLAP = 0.8  # least share of a part's cells that must be present in both 
 MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first third of the recording to the last
 STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
-GOES_ON = 1.4  # factor on the farthest range of the body, within which points connected to it belong to it
-ATTACHED_SHARE = 0.15  # least share of a connected part that must lie on the body for the whole part to belong to it
+GOES_ON = 2.8  # factor on the farthest range of the body, within which points connected to it belong to it
+ATTACHED_SHARE = 0.5  # least share of a connected part that must lie on the body for the whole part to belong to it
 _LOOKS = 16  # scans that vote on whether a possible body is world
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
 _TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
 _BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
-_VOXEL, _VOXEL_PER_METRE = 0.3, 0.06  # metres, and per metre of range: points in neighbouring voxels are connected
+_CONNECTED = 0.1  # voxel by which points connect; their ranges enter by logarithms, as returns spread with range
 _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
@@ -69,7 +69,7 @@ def is_on_body(points: Points, is_ground: Mask, lidar: Lidar) -> Mask:
     is_body[near] = cells_within(points[near], lidar.body_reach, lidar.pattern) >= 0
     near = near[is_body[near] | ~is_ground[near]]
     if is_body.any():
-        part, n_parts = _parts_of(points[near], min(_VOXEL, _VOXEL_PER_METRE * farthest))
+        part, n_parts = _parts_of(points[near])
         total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
         is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
     return is_body
@@ -88,11 +88,8 @@ def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threa
     if max_range < settings.near_reach:
         return nothing
 
-    def seen(i: int) -> Frame:
-        return frames[i].of_sensor(lidar.number)[1]
-
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(seen(i), pattern, max_range), sample)))
+        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), sample)))
     first, _, last = np.array_split(ranges, 3)
     ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
     near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
@@ -101,13 +98,14 @@ def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threa
     # Even ground keeps its range, too, and its own hits do not count; people before it would decide that it is body.
     nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
     nearest = np.where(near > 0.0, np.float32(0.0), nearest)
-    asked = [seen(sample[i]) for i in np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int))]
+    looks = np.take(sample, np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int)))
+    asked = [frames[i].of_sensor(lidar.number)[1] for i in looks]
     is_body = _decide(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
-    reach = np.maximum(np.where(_stays_put(ends, slack.max(axis=0), pattern, settings), ends.max(axis=0), 0.0), near)
-    is_world = (may_be > 0.0) & ~is_body
-    # Rays hit and miss an edge alternately, so one cell to each side belongs to the body.
-    return np.where(is_world, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
+    stays = _stays_put(ends, near, slack.max(axis=0), pattern, settings)
+    reach = np.maximum(np.where(stays, ends.max(axis=0), 0.0), near)
+    # Rays hit and miss an edge alternately, so one cell to each side belongs to the body, unless it is world.
+    return np.where((may_be > 0.0) & ~is_body, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
 
 
 def _scans_apart(T: Array) -> list[int]:
@@ -129,9 +127,9 @@ def _unevenness(T: Array, stamps: Array) -> float:
     return float(np.sqrt((off[:, :3] ** 2 + (ARM * off[:, 3:]) ** 2).sum(axis=1).mean()))
 
 
-def _nearest_ranges(frame: Frame, pattern: BeamPattern, max_range: float) -> Ranges:
+def _nearest_ranges(frame: Frame, lidar: Lidar, max_range: float) -> Ranges:
     """Return (H, W) the nearest range in each cell, metres; infinite beyond `max_range`, NaN without return."""
-    nearest = project(raw_points(frame), pattern).rays[..., 0]
+    nearest = project(raw_points(frame.of_sensor(lidar.number)[1]), lidar.pattern).rays[..., 0]
     ranges = np.where(nearest < max_range / UNIT, np.float32(UNIT) * nearest, np.float32(np.inf))
     return np.where(nearest == NO_RAY, np.float32(np.nan), ranges)
 
@@ -161,10 +159,11 @@ def _find_near(ranges: Ranges, near_reach: float) -> Ranges:
     return np.where(is_near.mean(axis=0) >= NEAR_SHARE, farthest + NEAR_MARGIN, np.float32(0.0))
 
 
-def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
+def _stays_put(ends: Ranges, near: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoBodySettings) -> Mask:
     """Return (H, W) bool: connected parts at the same place in both `ends` (2, H, W), which are 0 where there is none.
 
-    The drift of a ray's range is scaled by its tolerance `slack` (H, W), metres.
+    The drift of a ray's range is scaled by its tolerance `slack` (H, W), metres. A part that begins within arm's reach
+    (`near`, H, W; 0 elsewhere) stays, however it swings.
     """
     is_part = np.logical_or(*(ends > 0.0))
     v, u = np.nonzero(is_part)
@@ -179,6 +178,7 @@ def _stays_put(ends: Ranges, slack: Ranges, pattern: BeamPattern, settings: EgoB
     for k in np.flatnonzero(is_body):
         of_part = drift[(part == k) & np.isfinite(drift)]
         is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= MAX_DRIFT
+    is_body |= np.bincount(part, near[v, u] > 0.0, n_parts) >= MIN_CELLS
     is_part[v, u] = is_body[part]
     return is_part
 
@@ -235,11 +235,12 @@ def cells_within(
     return np.where(is_within, cell, np.int32(-1))
 
 
-def _parts_of(points: npt.NDArray, voxel: float = _VOXEL) -> tuple[npt.NDArray[np.int32], int]:
+def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
     """Return (M,) the connected part that each of `points` (M, 3) belongs to, and one more than the last part."""
     if len(points) == 0:
         return np.zeros(0, np.int32), 0
-    voxels = np.floor(points / voxel).astype(np.int64)
+    ranges = np.maximum(np.linalg.norm(points, axis=1)[:, None], MIN_RANGE)
+    voxels = np.floor(points / ranges * np.log(ranges / MIN_RANGE) / _CONNECTED).astype(np.int64)
     voxels -= voxels.min(axis=0)
     grid = np.zeros(voxels.max(axis=0) + 1, np.bool_)
     grid[tuple(voxels.T)] = True
