@@ -147,11 +147,16 @@ def scores(
     return counts.scores
 
 
+def stages_from(place: str) -> tuple[str, ...]:
+    """Return the stages that a constant, by "module:NAME", shapes."""
+    stages, room = ("candidates", "instances", "tracking", "labels"), place.split(".")[1]
+    return stages[stages.index("candidates" if room == "ground" else room) :]
+
+
 def _forget(folder: Path, constants: dict[str, Any]) -> None:
     """Remove the stages that `constants` shape: stages are found again by their settings, which do not know of them."""
-    stages = ("candidates", "instances", "tracking", "labels")
     for place in constants:
-        for name in stages[stages.index(place.split(".")[1]) :]:
+        for name in stages_from(place):
             for stage in folder.glob(f"stages/{name}-*"):
                 shutil.rmtree(stage)
 

@@ -32,6 +32,8 @@ _OF_RECORDERS = (
     *("everything", "clouds are objects", "mixed segments stay whole", "what was lost may have stayed"),
     *("a lost mover may pass its length in a second", "what has stayed is forgotten"),
 )
+_HILLS = tuple(f"hills:{sensor}:60:{seed}" for seed in (101, 102, 103) for sensor in ("HDL-64E", "OS1-128", "VLP-16"))
+_OF_HILLS = (*_STORE, "--choices", "everything", "the walk on the ground begins level")
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
 
@@ -121,6 +123,7 @@ JOBS = {
             (*_RECORDERS, "--choices", *_OF_RECORDERS),
             (*_RECORDERS[2:4], "--choices", *_OF_RECORDERS),
         ),
+        Job("ablation-hills", "ablation.py", (*_HILLS, *_OF_HILLS), (*_HILLS[:3], *_OF_HILLS)),
         Job(
             "ablation-odometry",
             "ablation_odometry.py",

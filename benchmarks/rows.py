@@ -135,6 +135,11 @@ def ablation_of_recordings(result: list[dict]) -> Rows:
     return [["", *recordings], *([choice, *(cells[choice, of] for of in recordings)] for choice in choices)]
 
 
+def ablation_by_recording(result: list[dict]) -> Rows:
+    """The same with one row a recording, one column a choice."""
+    return [list(row) for row in zip(*ablation_of_recordings(result), strict=True)]
+
+
 def speed(result: list[dict]) -> Rows:
     rows = [["stage", *(f"{row['scans']} scans" for row in result)]]
     for stage in result[0]["seconds_per_scan"]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+import ablation
 import jobs
 import rows
 import scores
@@ -183,6 +184,16 @@ def test_an_ablation_has_a_row_a_choice_and_a_column_a_recording():
         ["everything", "50.0 (1,200)", "50.0 (1,200)"],
         ["no rule", "50.0 (1,200)", "50.0 (1,200)"],
     ]
+
+    assert rows.ablation_by_recording(result)[0] == ["", "everything", "no rule"]
+    assert rows.ablation_by_recording(result)[2] == ["b", "50.0 (1,200)", "50.0 (1,200)"]
+
+
+@pytest.mark.parametrize("choice", [name for name, change in ablation.CHOICES.items() if any(":" in p for p in change)])
+def test_what_an_ablation_removes_is_there_and_shapes_a_stage(choice):
+    constants = {place: value for place, value in ablation.CHOICES[choice].items() if ":" in place}
+    with ablation.changed(constants):
+        assert all(ablation.stages_from(place)[-1] == "labels" for place in constants)
 
 
 def test_drives_that_are_off_or_warned_of_are_named_and_the_others_counted():
