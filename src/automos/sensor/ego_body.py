@@ -8,8 +8,8 @@ a few decimetres, or the rolling of a boat at its quay, suffices. Where there ar
 water) those on the rest of a part decide. No vehicle keeps its distance to within the sensor's noise: the edges and
 ranges of the body must be the same in the last third of the recording as in the first. Repeated returns from within
 arm's reach (legs, an operator) are ego body, however they move, and so is a part that begins there, however it swings.
-Points of a scan that are connected to the body, where it is the larger part of the whole (a trailer in a bend), belong
-to it. While the sensor stands still none of this is observable, which does no harm: objects that never move are static.
+Points of a scan that are connected to the body, where it is a good part of the whole (a trailer in a bend), belong to
+it. While the sensor stands still none of this is observable, which does no harm: objects that never move are static.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first th
 STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
 GOES_ON = 2.8  # factor on the farthest range of the body, within which points connected to it belong to it
-ATTACHED_SHARE = 0.5  # least share of a connected part that must lie on the body for the whole part to belong to it
+ATTACHED_SHARE = 0.3  # least share of a connected part that must lie on the body for the whole part to belong to it
 _LOOKS = 16  # scans that vote on whether a possible body is world
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
 _TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
 _BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
-_CONNECTED = 0.1  # voxel by which points connect; their ranges enter by logarithms, as returns spread with range
+_CONNECTED = 0.14  # voxel by which points connect; their ranges enter by logarithms, as returns spread with range
 _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
