@@ -103,7 +103,7 @@ def test_who_stands_beside_the_body_is_not_connected_to_it(gap):
 
 
 def test_who_stands_beside_a_large_body_is_not_connected_to_it():
-    # A truck's side reaches far, and still only its own points are connected within decimetres near the sensor.
+    # The side of a truck reaches far. Near the sensor, what is a few decimetres away from it is still another object.
     frames, _ = roundabout()
     lidar = lidar_of(frames, (0, 15, 30, 45, 59))
     assert lidar.body_reach.max() > 3.0
