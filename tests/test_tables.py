@@ -184,7 +184,6 @@ def test_an_ablation_has_a_row_a_choice_and_a_column_a_recording():
         ["everything", "50.0 (1,200)", "50.0 (1,200)"],
         ["no rule", "50.0 (1,200)", "50.0 (1,200)"],
     ]
-
     assert rows.ablation_by_recording(result)[0] == ["", "everything", "no rule"]
     assert rows.ablation_by_recording(result)[2] == ["b", "50.0 (1,200)", "50.0 (1,200)"]
 
