@@ -64,3 +64,8 @@ def hold_array(
     given = getattr(owner, field)
     if given is not None or not is_optional:
         object.__setattr__(owner, field, as_array(given, dtype, shape, field))
+
+
+def evenly_spread(n: int, most: int) -> list[int]:
+    """Return up to `most` of the indices 0 to `n` - 1, evenly spread, the first and the last among them."""
+    return np.linspace(0, n - 1, min(n, most)).astype(int).tolist()

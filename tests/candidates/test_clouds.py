@@ -48,7 +48,7 @@ def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
     recording = record("city", sensor, 4, 5, conditions=Conditions(weather=weather))
     settings = load_settings("default")
     frames, about = Steps(recording, settings, recording.reference_poses, workers=1).frames, settings.candidates
-    lidars = learn_lidars(frames, [frames[0], frames[3]], about.ego_body, 1)
+    lidars = learn_lidars(frames, [frames[0], frames[3]], about, 1)
     return frames[2], look(frames[2], lidars, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
 
 

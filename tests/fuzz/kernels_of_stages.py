@@ -23,7 +23,7 @@ from automos.odometry.surfels import make_surfels
 from automos.paper import erasor, erasor_bins, hierarchy
 from automos.paper.region_ground import fit_region_ground
 from automos.scan import Scan
-from automos.sensor import directions, drifting_seam, ego_body, point_order
+from automos.sensor import directions, drifting_seam, ego_body, on_body, point_order
 from automos.sensor.compensation import compensate
 from automos.sensor.look_through import look_through
 from automos.sensor.range_image import find_neighbours, make_image, project
@@ -57,7 +57,7 @@ def _free_space(points: np.ndarray) -> None:
 def _ego_body(points: np.ndarray) -> None:
     ego_body.find_constant(np.resize(points, (3, 4, 5)), SETTINGS.candidates.ego_body)
     for reach in (np.resize(points, (16, 64)), np.full((16, 64), np.float32(np.inf))):
-        ego_body.cells_within(points, reach, make_pattern())
+        on_body.cells_within(points, reach, make_pattern())
 
 
 def _erasor(points: np.ndarray) -> None:

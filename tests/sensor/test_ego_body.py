@@ -10,7 +10,8 @@ from automos.geometry import inverse, make_transform
 from automos.ground.surface import find_ground
 from automos.scan import Frame
 from automos.sensor.beam_pattern import Lidar, learn_pattern
-from automos.sensor.ego_body import find_ego_body, is_on_body
+from automos.sensor.ego_body import find_ego_body
+from automos.sensor.on_body import is_on_body
 from automos.settings import EgoBodySettings, GroundSettings
 
 BONNET = Block((1.6, 0.0, HEIGHT - 0.8), (1.0, 1.4, 0.3))  # beside a sensor at x = 0
@@ -20,8 +21,12 @@ HOUSES = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in ra
 def lidar_of(frames, sample):
     """The LiDAR as learnt from the frames `sample`, with the body that all frames show."""
     pattern = learn_pattern([frames[i] for i in sample])
-    lidar = Lidar(0, np.eye(4), pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32))
-    return replace(lidar, body_reach=find_ego_body(frames, lidar, EgoBodySettings()))
+    lidar = Lidar(0, np.eye(4), pattern)
+    return replace(lidar, body=find_ego_body(frames, lidar, ground_of, EgoBodySettings()))
+
+
+def ground_of(frame):
+    return find_ground(frame.points_level, frame.origin_level, GroundSettings())[0]
 
 
 def body_points(frames, sample, truth):
@@ -88,7 +93,7 @@ def test_people_who_walk_around_the_sensor_do_not_make_even_ground_a_body(seed):
     for t in 0.1 * np.arange(40):
         frame, _, distance = spin((*HOUSES, *people), x=2.0 * t + 0.5 * np.sin(2.0 * t), time=t)
         frames.append(frame(distance))
-    assert lidar_of(ListFrames(frames), (0, 20)).body_reach.max() == 0.0
+    assert lidar_of(ListFrames(frames), (0, 20)).body is None
 
 
 @pytest.mark.parametrize("gap", [0.4, 0.6])
@@ -106,7 +111,7 @@ def test_who_stands_beside_a_large_body_is_not_connected_to_it():
     # The side of a truck reaches far. Near the sensor, what is a few decimetres away from it is still another object.
     frames, _ = roundabout()
     lidar = lidar_of(frames, (0, 15, 30, 45, 59))
-    assert lidar.body_reach.max() > 3.0
+    assert lidar.body.reach.max() > 3.0
     _, rays, _ = spin(())
     cab, person = Block((0.2, -1.6, -0.4), (2.2, 2.4, 1.8)), Block((1.9, -0.3, -0.6), (0.4, 0.4, 1.7))
     distance, hit = cast((cab, person), np.zeros(3), rays, 0.0)
@@ -281,8 +286,7 @@ def covered(frames, truth):
     """Return which points are body in every sixth scan of a ride, and what they lie on."""
     lidar, found = lidar_of(frames, (0, 15, 30, 45, 59)), []
     for i in range(0, len(frames), 6):
-        is_ground, _ = find_ground(frames[i].points_level, frames[i].origin_level, GroundSettings())
-        found.append(is_on_body(frames[i].points, is_ground, lidar))
+        found.append(is_on_body(frames[i].points, ground_of(frames[i]), lidar))
     return np.concatenate(found), np.concatenate(truth[::6])
 
 

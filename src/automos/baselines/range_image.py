@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.cells import turn_of
 from automos.kernels import kernel
 from automos.scan import Frames
@@ -50,23 +51,18 @@ def shape_for(frames: Frames, row_deg: float, column_deg: float) -> ImageShape:
 
     A sensor of few beams leaves whole rows of finer pixels empty, and nothing could be compared there.
     """
-    pattern = learn_pattern(frames[i] for i in _a_few(frames))
+    pattern = learn_pattern(frames[i] for i in evenly_spread(len(frames), 5))
     row_deg = max(row_deg, float(np.degrees(pattern.row_height)))
     return image_shape(row_deg, max(column_deg, float(np.degrees(pattern.column_width))), -_EDGE_DEG, _EDGE_DEG)
 
 
 def view_of(frames: Frames, edge: float) -> tuple[float, float]:
     """Return the sines of elevation below and above which the share `edge` of the points of `frames` lies each."""
-    points = np.concatenate([frames[i].points for i in _a_few(frames)])
+    points = np.concatenate([frames[i].points for i in evenly_spread(len(frames), 5)])
     if not len(points):
         return -1.0, 1.0
     low, high = np.quantile(points[:, 2] / np.linalg.norm(points, axis=1), (edge, 1.0 - edge))
     return float(low), float(high)
-
-
-def _a_few(frames: Frames) -> npt.NDArray[np.int64]:
-    """Return the indices of five frames, evenly spread."""
-    return np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))
 
 
 @kernel

@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.candidates.observations import Seen, View, learn_lidars, look
 from automos.candidates.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.geometry import inverse
@@ -47,8 +48,8 @@ class FreeSpace:
         """
         self.threads, self.frames, self.settings = threads, frames, settings
         self.stamps = np.asarray(stamps, np.float64)
-        spread = np.unique(np.linspace(0, len(frames) - 1, _PATTERN_SCANS).astype(int))
-        self.lidars = learn_lidars(frames, [frames[i] for i in spread], settings.ego_body, threads)
+        sample = [frames[i] for i in evenly_spread(len(frames), _PATTERN_SCANS)]
+        self.lidars = learn_lidars(frames, sample, settings, threads)
         steps = np.floor(self.stamps / settings.free_space.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
 
@@ -165,6 +166,5 @@ def _vote(
     for view in other.views:
         T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
         looks = look_through(points, T, view.image, tolerances)
-        row_height = np.float32(view.image.pattern.row_height)
-        votes.append(weigh_looks(*looks, *about, row_height))
+        votes.append(weigh_looks(*looks, *about, np.float32(view.image.pattern.row_height)))
     return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

@@ -16,9 +16,10 @@ from automos.ground.surface import find_ground
 from automos.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
 from automos.sensor.beam_pattern import Lidar, learn_pattern
 from automos.sensor.directions import last_looks, motion_of, raw_points
-from automos.sensor.ego_body import find_ego_body, is_on_body
+from automos.sensor.ego_body import find_ego_body
+from automos.sensor.on_body import is_on_body
 from automos.sensor.range_image import RangeImage, find_neighbours, make_image, project
-from automos.settings import EgoBodySettings, GroundSettings
+from automos.settings import CandidatesSettings, GroundSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,23 +56,21 @@ class Seen:
         return replace(self, views=views)
 
 
-def learn_lidars(frames: Frames, sample: list[Frame], ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
+def learn_lidars(frames: Frames, sample: list[Frame], settings: CandidatesSettings, threads: int) -> list[Lidar]:
     """Return the LiDARs in the order of their numbers; patterns are learnt from `sample`, a few of `frames`."""
-    lidars, mounts = [], next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), None)
-    for k, T_scan_sensor in enumerate([np.eye(4)] if mounts is None else mounts):
-        pattern = learn_pattern([frame.of_sensor(k)[1] for frame in sample])
-        lidars.append(Lidar(k, T_scan_sensor, pattern, np.zeros((pattern.n_rows, pattern.n_columns), np.float32)))
-    return with_body(lidars, frames, ego_body, threads)
+    mounts = next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), [np.eye(4)])
+    lidars = [Lidar(k, T, learn_pattern([frame.of_sensor(k)[1] for frame in sample])) for k, T in enumerate(mounts)]
+    return with_body(lidars, frames, settings, threads)
 
 
-def with_body(lidars: list[Lidar], frames: Frames, ego_body: EgoBodySettings, threads: int) -> list[Lidar]:
+def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings, threads: int) -> list[Lidar]:
     """Return `lidars` with the ego body that `frames` show for each of them."""
-    return [replace(lidar, body_reach=find_ego_body(frames, lidar, ego_body, threads)) for lidar in lidars]
 
+    def is_ground(frame: Frame) -> Mask:
+        return find_ground(frame.points_level, frame.origin_level, settings.ground)[0]
 
-def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
-    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`."""
-    return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
+    about = is_ground, settings.ego_body, threads
+    return [replace(lidar, body=find_ego_body(frames, lidar, *about)) for lidar in lidars]
 
 
 def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:

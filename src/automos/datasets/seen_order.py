@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.datasets.time_order import TimeOrder
 from automos.errors import InputError
 from automos.scan import Points
@@ -123,4 +124,4 @@ def _steps_of(order: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
 
 def _spread(steps: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return some of `steps`, evenly spread over them."""
-    return [steps[i] for i in np.unique(np.linspace(0, len(steps) - 1, _STEPS).astype(int))] if steps else []
+    return [steps[i] for i in evenly_spread(len(steps), _STEPS)]

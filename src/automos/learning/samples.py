@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.errors import InputError
 from automos.learning.recordings import LabeledRecording, Shelf
 from automos.network.augmentation import SEED, UNCHANGED, apply_change, draw_change
@@ -65,7 +66,7 @@ class ValidationSamples:
         self._settings = settings
         everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
         n = min(settings.training.validation_scans, len(everything))
-        self._all = [everything[k] for k in np.unique(np.linspace(0, len(everything) - 1, n).astype(int))]
+        self._all = [everything[k] for k in evenly_spread(len(everything), n)]
 
     def begin_epoch(self, epoch: int) -> None:
         """Do nothing: they are the same in every epoch."""
@@ -150,8 +151,4 @@ def measure_scale(
 def _spread_scans(recordings: list[LabeledRecording], n_scans: int) -> list[tuple[LabeledRecording, int]]:
     """Return about `n_scans` scans, some of every recording."""
     each = max(-(-n_scans // len(recordings)), 1)
-    return [
-        (recording, int(i))
-        for recording in recordings
-        for i in np.unique(np.linspace(0, len(recording) - 1, min(each, len(recording))).astype(int))
-    ]
+    return [(recording, i) for recording in recordings for i in evenly_spread(len(recording), each)]

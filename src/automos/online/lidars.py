@@ -43,7 +43,7 @@ class LidarLearner:
         """Take the next frame."""
         if not self.lidars:
             if len(frame.points) >= PATTERN_POINTS:
-                self.lidars = learn_lidars(_FewFrames([frame]), [frame], self._settings.ego_body, 1)
+                self.lidars = learn_lidars(_FewFrames([frame]), [frame], self._settings, 1)
             return
         found = self._task.result(frame.stamp)
         if found is not None:
@@ -56,7 +56,7 @@ class LidarLearner:
         is_due = len(self._apart) == (MIN_SCANS + 1 if self._distance == APART else MOST_SCANS)
         if is_due and not self._task.is_started:
             frames, lidars = _FewFrames(self._apart), self.lidars
-            self._task.start(lambda: with_body(lidars, frames, self._settings.ego_body, 1), frame.stamp)
+            self._task.start(lambda: with_body(lidars, frames, self._settings, 1), frame.stamp)
         if len(self._apart) == MOST_SCANS:
             self._apart, self._distance = self._apart[::2], 2.0 * self._distance
 

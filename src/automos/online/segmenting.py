@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.candidates.observations import Seen, ray_steps
+from automos.candidates.observations import Seen
 from automos.detections import Detections
 from automos.instances.detect import recount
 from automos.online.evidence import EvidenceWindow
@@ -21,7 +21,7 @@ from automos.online.following import FEW, Comparisons
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.scan import Frame, Pose, Scan
-from automos.sensor.beam_pattern import Lidar
+from automos.sensor.beam_pattern import Lidar, ray_steps
 from automos.settings import Settings
 from automos.stages.candidates import candidates_of
 from automos.stages.instances import segment_frame

@@ -60,17 +60,33 @@ class BeamPattern(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class EgoBody:
+    """What of the vehicle or of the operator one LiDAR observes.
+
+    `reach` (H, W) float32, metres, is the range up to which the body reaches along each ray, 0 for none; `extent`
+    (S,) float32, metres, that up to which parts connected to it belong to it, for each of S sectors of azimuth.
+    """
+
+    reach: npt.NDArray[np.float32]
+    extent: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
 class Lidar:
     """What is learnt of one LiDAR: its pose in a scan's frame, its beam pattern, and the ego body that its rays meet.
 
-    `number` counts the LiDARs of merged clouds. `body_reach` (H, W) float32, metres, is the range up to which the ego
-    body reaches along each ray, 0 for none.
+    `number` counts the LiDARs of merged clouds. `body` is None where none was found.
     """
 
     number: int
     T_scan_sensor: Pose
     pattern: BeamPattern
-    body_reach: npt.NDArray[np.float32]
+    body: EgoBody | None = None
+
+
+def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
+    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`."""
+    return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:

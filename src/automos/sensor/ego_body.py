@@ -8,24 +8,26 @@ a few decimetres, or the rolling of a boat at its quay, suffices. Where there ar
 water) those on the rest of a part decide. No vehicle keeps its distance to within the sensor's noise: the edges and
 ranges of the body must be the same in the last third of the recording as in the first. Repeated returns from within
 arm's reach (legs, an operator) are ego body, however they move, and so is a part that begins there, however it swings.
-Points of a scan that are connected to the body, where it is a good part of the whole (a trailer in a bend), belong to
-it. While the sensor stands still none of this is observable, which does no harm: objects that never move are static.
+What is connected to the body belongs to it (`on_body`). While the sensor stands still none of this is observable, which
+does no harm: objects that never move are static.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
+from automos.arrays import evenly_spread
 from automos.geometry import inverse, se3_log, transform
-from automos.scan import MIN_RANGE, Frame, Frames, Mask, Points
-from automos.sensor.beam_pattern import BeamPattern, Lidar, directions
+from automos.scan import Frame, Frames, Mask
+from automos.sensor.beam_pattern import BeamPattern, EgoBody, Lidar, directions
 from automos.sensor.directions import motion_of, raw_points
 from automos.sensor.look_through import EDGE, HIT, look_through
-from automos.sensor.range_image import NO_RAY, UNIT, locate, make_image, over_neighbours, project
+from automos.sensor.on_body import cells_within, extent_in, extent_in_most, parts_of
+from automos.sensor.range_image import NO_RAY, UNIT, make_image, over_neighbours, project
 from automos.settings import EgoBodySettings
 
 Array = npt.NDArray[np.float64]
@@ -46,50 +48,58 @@ MIN_OVERLAP = 0.8  # least share of a part's cells that must be present in both 
 MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first third of the recording to the last
 STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
-GOES_ON = 2.8  # factor on the farthest range of the body, within which points connected to it belong to it
-ATTACHED_SHARE = 0.3  # least share of a connected part that must lie on the body for the whole part to belong to it
-_LOOKS = 16  # scans that vote on whether a possible body is world
+_LOOKS = 16  # scans that vote on whether a possible body is world, and show what is connected to it
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
 _TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
 _BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
-_CONNECTED = 0.14  # voxel by which points connect; their ranges enter by logarithms, as returns spread with range
 _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
 
-def is_on_body(points: Points, is_ground: Mask, lidar: Lidar) -> Mask:
-    """Return (M,) bool: which of `points` (M, 3) of a raw sweep, sensor frame, lie on the body or are connected to it.
+def find_ego_body(
+    frames: Frames,
+    lidar: Lidar,
+    find_ground: Callable[[Frame], Mask],
+    settings: EgoBodySettings,
+    threads: int = 2,
+) -> EgoBody | None:
+    """Return the ego body that `frames` show for one `lidar`, None if there is none or too little motion to find it.
 
-    Ground points, `is_ground` (M,) bool, connect nothing.
+    `find_ground` returns which points of a frame are ground: they connect nothing to the body.
     """
-    is_body, farthest = np.zeros(len(points), np.bool_), GOES_ON * float(lidar.body_reach.max())
-    if farthest == 0.0:
-        return is_body
-    near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < farthest**2)
-    is_body[near] = cells_within(points[near], lidar.body_reach, lidar.pattern) >= 0
-    near = near[is_body[near] | ~is_ground[near]]
-    if is_body.any():
-        part, n_parts = _parts_of(points[near])
-        total, on_body = np.bincount(part, minlength=n_parts), np.bincount(part, is_body[near], n_parts)
-        is_body[near] |= (on_body >= ATTACHED_SHARE * total)[part]
-    return is_body
-
-
-def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threads: int = 2) -> Ranges:
-    """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none."""
-    pattern, nothing = lidar.pattern, np.zeros((lidar.pattern.n_rows, lidar.pattern.n_columns), np.float32)
     T_level_sensor = frames.T_level_sensor @ lidar.T_scan_sensor
-    sample = _scans_apart(T_level_sensor)
-    if len(sample) < MIN_SCANS:
-        return nothing
-    T, max_range = T_level_sensor[sample], settings.max_range
-    if _unevenness(T, frames.stamps[sample]) < MIN_UNEVENNESS:
-        max_range = min(max_range, 0.5 * float(np.linalg.norm(np.ptp(T[:, :3, 3], axis=0))))
+    scans = _scans_apart(T_level_sensor)
+    if len(scans) < MIN_SCANS:
+        return None
+    max_range = _greatest_range(T_level_sensor[scans], frames.stamps[scans], settings)
     if max_range < settings.near_reach:
-        return nothing
+        return None
+
+    def extent(i: int) -> Ranges:
+        frame = frames[i]
+        rows, part = frame.of_sensor(lidar.number)
+        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, max_range)
 
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), sample)))
+        reach = _find_reach(frames, scans, lidar, max_range, settings, pool)
+        if not reach.any():
+            return None
+        return EgoBody(reach, extent_in_most(list(pool.map(extent, _few(scans)))))
+
+
+def _greatest_range(T_level_sensor: Array, stamps: Array, settings: EgoBodySettings) -> float:
+    """Return the range, metres, up to which a body is looked for."""
+    if _unevenness(T_level_sensor, stamps) >= MIN_UNEVENNESS:
+        return settings.max_range
+    return min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(T_level_sensor[:, :3, 3], axis=0))))
+
+
+def _find_reach(
+    frames: Frames, scans: list[int], lidar: Lidar, max_range: float, settings: EgoBodySettings, pool: Executor
+) -> Ranges:
+    """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none."""
+    pattern = lidar.pattern
+    ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))
     first, _, last = np.array_split(ranges, 3)
     ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
     near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
@@ -98,8 +108,7 @@ def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threa
     # Even ground keeps its range, too, and its own hits do not count; people before it would decide that it is body.
     nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
     nearest = np.where(near > 0.0, np.float32(0.0), nearest)
-    looks = np.take(sample, np.unique(np.linspace(0, len(sample) - 1, _LOOKS).astype(int)))
-    asked = [frames[i].of_sensor(lidar.number)[1] for i in looks]
+    asked = [frames[i].of_sensor(lidar.number)[1] for i in _few(scans)]
     is_body = _decide(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     stays = _stays_put(ends, near, slack.max(axis=0), pattern, settings)
@@ -108,14 +117,19 @@ def find_ego_body(frames: Frames, lidar: Lidar, settings: EgoBodySettings, threa
     return np.where((may_be > 0.0) & ~is_body, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
 
 
-def _scans_apart(T: Array) -> list[int]:
-    """Return up to `MAX_SCANS` indices of the poses `T`, evenly spread, each after a displacement or a turn."""
-    sample = [0]
-    for i in np.unique(np.linspace(0, len(T) - 1, 2 * MAX_SCANS).astype(int)):
-        motion = se3_log(inverse(T[sample[-1]]) @ T[i])
+def _scans_apart(T_level_sensor: Array) -> list[int]:
+    """Return up to `MAX_SCANS` indices of the poses, evenly spread, each after a displacement or a turn."""
+    scans = [0]
+    for i in evenly_spread(len(T_level_sensor), 2 * MAX_SCANS):
+        motion = se3_log(inverse(T_level_sensor[scans[-1]]) @ T_level_sensor[i])
         if np.linalg.norm(motion[:3]) + ARM * np.linalg.norm(motion[3:]) > MIN_STEP:
-            sample.append(int(i))
-    return [sample[i] for i in np.unique(np.linspace(0, len(sample) - 1, MAX_SCANS).astype(int))]
+            scans.append(i)
+    return [scans[k] for k in evenly_spread(len(scans), MAX_SCANS)]
+
+
+def _few(scans: list[int]) -> list[int]:
+    """Return up to `_LOOKS` of `scans`, evenly spread."""
+    return [scans[k] for k in evenly_spread(len(scans), _LOOKS)]
 
 
 def _unevenness(T: Array, stamps: Array) -> float:
@@ -167,7 +181,7 @@ def _stays_put(ends: Ranges, near: Ranges, slack: Ranges, pattern: BeamPattern, 
     """
     is_part = np.logical_or(*(ends > 0.0))
     v, u = np.nonzero(is_part)
-    part, n_parts = _parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
+    part, n_parts = parts_of(directions(pattern, v, u) * ends[:, v, u].max(axis=0)[:, None])
     # Allow an offset of one cell to each side.
     in_both = np.all([over_neighbours(end, np.maximum) > 0.0 for end in ends], axis=0)[v, u]
     size = np.bincount(part, minlength=n_parts)
@@ -215,34 +229,7 @@ def _decide(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
     reported, hits, through = votes
     is_body = (reach > 0.0) & ~((hits > _WORLD_SHARE * reported) & (hits >= through))
     v, u = np.nonzero(is_body)
-    part, n_parts = _parts_of(directions(pattern, v, u) * reach[v, u][:, None])
+    part, n_parts = parts_of(directions(pattern, v, u) * reach[v, u][:, None])
     reported, hits, through = (np.bincount(part, of_cells[v, u], n_parts) for of_cells in votes)
     is_body[v, u] = ((through > hits) & (through > _LEAST_SHARE * reported))[part]
     return is_body
-
-
-def cells_within(
-    points: Points, reach: Ranges, pattern: BeamPattern, nearest: Ranges | None = None
-) -> npt.NDArray[np.int32]:
-    """Return (M,) the cell of each of `points` (M, 3) of a raw sweep nearer than its cell's `reach`, -1 for others.
-
-    Where `nearest` (H, W) is given, points before it have -1, too.
-    """
-    cell, ranges = locate(points, pattern)
-    is_within = ranges < np.append(reach, np.float32(0.0))[cell]
-    if nearest is not None:
-        is_within &= ranges >= np.append(nearest, np.float32(0.0))[cell]
-    return np.where(is_within, cell, np.int32(-1))
-
-
-def _parts_of(points: npt.NDArray) -> tuple[npt.NDArray[np.int32], int]:
-    """Return (M,) the connected part that each of `points` (M, 3) belongs to, and one more than the last part."""
-    if len(points) == 0:
-        return np.zeros(0, np.int32), 0
-    ranges = np.maximum(np.linalg.norm(points, axis=1)[:, None], MIN_RANGE)
-    voxels = np.floor(points / ranges * np.log(ranges / MIN_RANGE) / _CONNECTED).astype(np.int64)
-    voxels -= voxels.min(axis=0)
-    grid = np.zeros(voxels.max(axis=0) + 1, np.bool_)
-    grid[tuple(voxels.T)] = True
-    parts, n_parts = ndimage.label(grid, np.ones((3, 3, 3), bool))
-    return parts[tuple(voxels.T)], n_parts + 1

@@ -8,14 +8,14 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.baselines.methods import BASELINES
 from automos.candidates.free_space import FreeSpace
-from automos.candidates.observations import ray_steps
 from automos.ground.surface import find_ground
 from automos.paper.erasor import PUBLISHED
 from automos.parallel import available_cores
 from automos.scan import EGO_BODY, GROUND, OBJECT, Frames
-from automos.sensor.beam_pattern import learn_pattern
+from automos.sensor.beam_pattern import learn_pattern, ray_steps
 from automos.settings import SelfTrainingSettings, Settings
 from automos.stages.network_cue import add_cue, read_cue
 from automos.workspace import Arrays, PerScan
@@ -66,7 +66,7 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     """Yield the moving points of ERASOR or another published method."""
-    pattern = learn_pattern([frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))])
+    pattern = learn_pattern([frames[i] for i in evenly_spread(len(frames), 5)])
     steps = np.array([pattern.row_height, pattern.column_width])
     find_moving = BASELINES[settings.candidates.method].find_moving
     for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
