@@ -43,6 +43,7 @@ from automos.atomic import write_text
 from automos.evaluation.moving import Counts, Scores, count
 from automos.progress import StageProgress
 from automos.scan import Mask, Points, Sequence
+from automos.sensor.beam_pattern import BeamPattern
 from automos.settings import PRESETS
 from automos.simulation import SCENARIOS, record, write_recorded
 from automos.simulation.recorders import Recorded, TurnsByAzimuth
@@ -55,7 +56,23 @@ def no_clouds(points: Points, is_between: npt.NDArray, is_object: Mask) -> Mask:
     return np.zeros(len(points), np.bool_)
 
 
+def all_possible(votes: npt.NDArray, pattern: BeamPattern, reach: npt.NDArray) -> Mask:
+    """Return (H, W) that every possible ego body is one, as `automos.sensor.ego_body._decide` does without votes."""
+    return reach > 0.0
+
+
+def all_constant(ends: npt.NDArray, *_: Any) -> Mask:
+    """Return (H, W) that every part of a possible ego body stays put, in place of those that do."""
+    return np.logical_or(*(ends > 0.0))
+
+
+def everywhere(extents: list[npt.NDArray[np.float32]]) -> npt.NDArray[np.float32]:
+    """Return (S,) an extent of 10 m in every direction, in place of the one that is learnt from those of the scans."""
+    return np.full_like(extents[0], 10.0)
+
+
 JUDGE, PAIRS = "automos.tracking.judge", "automos.tracking.association"
+BODY = "automos.sensor.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
     "poses not refined": {"odometry.refine": False},
@@ -65,6 +82,14 @@ CHOICES: dict[str, dict[str, Any]] = {
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
     "clouds are objects": {"automos.candidates.observations:in_clouds": no_clouds},
+    "what rides along is an object": {f"{BODY}:MIN_SCANS": 10**9},
+    "nothing is connected to the body": {"automos.sensor.on_body:ATTACHED_SHARE": NEVER},
+    "all that is connected is body": {f"{BODY}:extent_in_most": everywhere},
+    "all that keeps its range is body": {f"{BODY}:_decide": all_possible},
+    "edges of the body may move": {f"{BODY}:_stays_put": all_constant},
+    "grazed faces keep their range": {f"{BODY}:GRAZING": 0.0},
+    "within arm's reach all may be objects": {f"{BODY}:NEAR_SHARE": NEVER},
+    "company in even motion is body": {f"{BODY}:MIN_UNEVENNESS": 0.0},
     "the walk on the ground begins level": {"automos.ground.surface:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},
@@ -150,7 +175,7 @@ def scores(
 def stages_from(place: str) -> tuple[str, ...]:
     """Return the stages that a constant, by "module:NAME", shapes."""
     stages, room = ("candidates", "instances", "tracking", "labels"), place.split(".")[1]
-    return stages[stages.index("candidates" if room == "ground" else room) :]
+    return stages[stages.index("candidates" if room in ("ground", "sensor") else room) :]
 
 
 def _forget(folder: Path, constants: dict[str, Any]) -> None:

@@ -34,6 +34,16 @@ _OF_RECORDERS = (
 )
 _HILLS = tuple(f"hills:{sensor}:60:{seed}" for seed in (101, 102, 103) for sensor in ("HDL-64E", "OS1-128", "VLP-16"))
 _OF_HILLS = (*_STORE, "--choices", "everything", "the walk on the ground begins level")
+_BODIES = (
+    *("campus:HDL-64E:40:107@boat", "campus:VLP-16:40:107@truck", "city:OS1-128:40:107@truck"),
+    *("junction:HDL-64E:40:107@backpack", "campus:HDL-64E:40:107@1 % specks in the air"),
+    *("campus:OS1-128:40:107@plain", "city:VLP-16:40:107@three LiDARs"),
+)
+_OF_BODIES = (
+    *("everything", "what rides along is an object", "nothing is connected to the body"),
+    *("all that is connected is body", "all that keeps its range is body", "edges of the body may move"),
+    *("grazed faces keep their range", "within arm's reach all may be objects", "company in even motion is body"),
+)
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")
 
@@ -122,6 +132,12 @@ JOBS = {
             "ablation.py",
             (*_RECORDERS, "--choices", *_OF_RECORDERS),
             (*_RECORDERS[2:4], "--choices", *_OF_RECORDERS),
+        ),
+        Job(
+            "ablation-bodies",
+            "ablation.py",
+            (*_BODIES, "--choices", *_OF_BODIES),
+            (*_BODIES[:2], "--choices", *_OF_BODIES),
         ),
         Job("ablation-hills", "ablation.py", (*_HILLS, *_OF_HILLS), (*_HILLS[:3], *_OF_HILLS)),
         Job(
