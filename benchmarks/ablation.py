@@ -57,7 +57,7 @@ def no_clouds(points: Points, is_between: npt.NDArray, is_object: Mask) -> Mask:
 
 
 def all_possible(votes: npt.NDArray, pattern: BeamPattern, reach: npt.NDArray) -> Mask:
-    """Return (H, W) that every possible ego body is one, as `automos.sensor.ego_body._decide` does without votes."""
+    """Return (H, W) that every possible ego body is one, whatever the votes of others on it."""
     return reach > 0.0
 
 
@@ -85,7 +85,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "what rides along is an object": {f"{BODY}:MIN_SCANS": 10**9},
     "nothing is connected to the body": {"automos.sensor.on_body:ATTACHED_SHARE": NEVER},
     "all that is connected is body": {f"{BODY}:extent_in_most": everywhere},
-    "all that keeps its range is body": {f"{BODY}:_decide": all_possible},
+    "all that keeps its range is body": {f"{BODY}:decide_body": all_possible},
     "edges of the body may move": {f"{BODY}:_stays_put": all_constant},
     "grazed faces keep their range": {f"{BODY}:GRAZING": 0.0},
     "within arm's reach all may be objects": {f"{BODY}:NEAR_SHARE": NEVER},

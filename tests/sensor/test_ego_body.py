@@ -9,8 +9,8 @@ from worlds import Block, cast, van
 from automos.geometry import inverse, make_transform
 from automos.ground.surface import find_ground
 from automos.scan import Frame
-from automos.sensor.beam_pattern import Lidar, learn_pattern
-from automos.sensor.ego_body import find_ego_body
+from automos.sensor.beam_pattern import Lidar, learn_pattern, make_pattern
+from automos.sensor.ego_body import decide_body, find_ego_body
 from automos.sensor.on_body import is_on_body
 from automos.settings import EgoBodySettings, GroundSettings
 
@@ -307,3 +307,34 @@ def test_the_floor_under_a_low_sensor_is_not_its_body():
     found, truth = covered(*scan_along(T, walls, (), lambda i: own, (-50, 20), 32))
     assert found[truth == OWN].mean() > 0.9
     assert found[truth == GROUND].mean() < 0.001
+
+
+def votes_on_a_patch():
+    """A patch of 6 x 10 cells, 5 m away, that may be body, and 40 reports on each of its cells: no votes."""
+    pattern = make_pattern(np.radians(np.arange(-20.0, 0.0, 1.0)), np.radians(1.0))
+    reach, votes = np.zeros((20, 360), np.float32), np.zeros((3, 20, 360))
+    patch = slice(4, 10), slice(100, 110)
+    reach[patch], votes[(0, *patch)] = 5.0, 40.0
+    return pattern, reach, votes, patch
+
+
+def test_a_foot_on_one_place_of_the_road_does_not_make_the_road_a_body():
+    pattern, reach, votes, patch = votes_on_a_patch()
+    votes[(1, *patch)] = 1.0
+    votes[:, 6, 104] = 500.0, 0.0, 400.0
+    assert np.argwhere(decide_body(votes, pattern, reach)).tolist() == [[6, 104]]
+
+
+def test_where_nobody_votes_the_rest_of_the_part_decides():
+    pattern, reach, votes, _ = votes_on_a_patch()
+    votes[2, 4:6, 100:110] = 30.0
+    np.testing.assert_array_equal(decide_body(votes, pattern, reach), reach > 0.0)
+
+
+def test_cells_that_others_hit_often_are_world_whatever_the_rest_is():
+    pattern, reach, votes, _ = votes_on_a_patch()
+    votes[2, 4:10, 100:110] = 30.0
+    votes[1:, 4, 100] = 20.0, 5.0
+    is_body = decide_body(votes, pattern, reach)
+    assert not is_body[4, 100]
+    assert is_body.sum() == 59

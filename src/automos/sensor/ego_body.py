@@ -109,7 +109,7 @@ def _find_reach(
     nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
     nearest = np.where(near > 0.0, np.float32(0.0), nearest)
     asked = [frames[i].of_sensor(lidar.number)[1] for i in _few(scans)]
-    is_body = _decide(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
+    is_body = decide_body(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     stays = _stays_put(ends, near, slack.max(axis=0), pattern, settings)
     reach = np.maximum(np.where(stays, ends.max(axis=0), 0.0), near)
@@ -224,12 +224,18 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
     return votes.reshape(3, *reach.shape)
 
 
-def _decide(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
-    """Return (H, W) bool: cells whose `reach` (H, W; 0 for none) is body, according to their `votes` (3, H, W)."""
+def decide_body(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
+    """Return (H, W) bool: cells whose `reach` (H, W; 0 for none) is body, according to their `votes` (3, H, W).
+
+    Cells whose own votes do not decide follow the majority of the cells of their part. The votes of a cell are about
+    the same few points (a foot on the road), so each cell counts once, however many they are.
+    """
     reported, hits, through = votes
-    is_body = (reach > 0.0) & ~((hits > _WORLD_SHARE * reported) & (hits >= through))
-    v, u = np.nonzero(is_body)
+    is_world = (hits > _WORLD_SHARE * reported) & (hits >= through)
+    is_through = (through > hits) & (through > _LEAST_SHARE * reported)
+    v, u = np.nonzero((reach > 0.0) & ~is_world)
     part, n_parts = parts_of(directions(pattern, v, u) * reach[v, u][:, None])
-    reported, hits, through = (np.bincount(part, of_cells[v, u], n_parts) for of_cells in votes)
-    is_body[v, u] = ((through > hits) & (through > _LEAST_SHARE * reported))[part]
+    n_through, n_hit = (np.bincount(part, of_cells[v, u], n_parts) for of_cells in (is_through, hits > through))
+    is_body = np.zeros(reach.shape, np.bool_)
+    is_body[v, u] = is_through[v, u] | (n_through > n_hit)[part]
     return is_body
