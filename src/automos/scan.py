@@ -19,7 +19,7 @@ from automos.arrays import Mask, Points, Pose, hold_array
 from automos.errors import InputError
 from automos.frames import Frame as Frame
 from automos.frames import Frames as Frames
-from automos.geometry import is_rigid
+from automos.geometry import inverse, is_rigid, transform
 
 OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
@@ -106,13 +106,21 @@ class Scan:
         return f"<Scan {self.name!r}: {len(self)} points, {' '.join(columns)}>"
 
     @cached_property
+    def rays(self) -> Points:
+        """(N, 3) float32, metres: each point in the frame of the LiDAR that measured it; `points` if there is one."""
+        if self.sensor is None or self.T_scan_sensor is None:
+            return self.points
+        rays = np.empty_like(self.points)
+        for k, T_sensor_scan in enumerate(inverse(self.T_scan_sensor)):
+            of_sensor = self.sensor == k
+            rays[of_sensor] = transform(T_sensor_scan, self.points[of_sensor])
+        return rays
+
+    @cached_property
     def is_valid(self) -> Mask:
         """(N,) bool: between MIN_RANGE and MAX_RANGE from the sensor; never where a coordinate is not finite."""
         with np.errstate(over="ignore", invalid="ignore"):  # an overflow is infinite, and too far
-            rays = self.points
-            if self.sensor is not None and self.T_scan_sensor is not None:
-                rays = rays - self.T_scan_sensor[self.sensor, :3, 3].astype(np.float32)
-            squared = np.einsum("ij,ij->i", rays, rays)
+            squared = np.einsum("ij,ij->i", self.rays, self.rays)
         return (squared > MIN_RANGE**2) & (squared < MAX_RANGE**2)
 
 

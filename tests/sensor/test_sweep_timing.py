@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from automos.geometry import make_transform, transform
 from automos.scan import Scan
 from automos.sensor.sweep_timing import SweepTiming, azimuth_times, recorded_duration, sweep_times
 
@@ -40,3 +42,14 @@ def test_times_that_are_no_times_within_a_sweep_tell_not_how_long_it_took(times,
 
 def test_a_compensated_sweep_has_no_times():
     assert sweep_times(Scan(AROUND, time=np.zeros(4, np.float32)), SweepTiming()) is None
+
+
+def test_each_of_several_lidars_turns_about_its_own_axis():
+    # The second one is mounted beside the first and turned by 90 degrees; both measure straight ahead at mid-sweep.
+    beside = make_transform(Rotation.from_euler("z", 90.0, degrees=True).as_matrix(), [1.0, -2.0, 0.5])
+    mounts, ahead = np.stack([np.eye(4), beside]), np.array([[4.0, 0.0, 0.0]], np.float32)
+    points = np.concatenate([transform(mount, ahead) for mount in mounts])
+    scan = Scan(points, sensor=np.array([0, 1], np.uint8), T_scan_sensor=mounts)
+    timing = SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=1.0)
+    np.testing.assert_allclose(sweep_times(scan, timing), 0.0, atol=1e-6)
+    assert sweep_times(Scan(points), timing)[1] == pytest.approx(-np.degrees(np.arctan2(2.0, 1.0)) / 360.0, abs=1e-3)

@@ -69,7 +69,7 @@ def settled_times(
     if timing.source != "azimuth" or timing.seam_deg is not None:
         known = sweep_times(scan, timing)
         return None if known is None else np.take(known, rows)
-    all_times, is_any_twofold = drifting_times(scan.points, timing.turn, timing.turns)
+    all_times, is_any_twofold = drifting_times(scan.rays, timing.turn, timing.turns)
     times, is_twofold = np.take(all_times, rows), np.take(is_any_twofold, rows)
     if is_twofold.sum() < 2 or not np.any(twist):
         return times

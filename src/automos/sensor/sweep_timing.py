@@ -92,7 +92,8 @@ def recorded_duration(scan: Scan) -> float | None:
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
     """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None if unknown.
 
-    NaN for points with two possible times: `compensation.settled_times` chooses one once the motion is known.
+    NaN for points with two possible times: `compensation.settled_times` chooses one once the motion is known. Azimuths
+    are those from the LiDAR that measured a point, in its own frame, where the scan names it.
     """
     if timing.source == "none":
         return None
@@ -103,10 +104,10 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
         return (np.arange(len(scan), dtype=np.float32) + np.float32(0.5)) / np.float32(len(scan)) - np.float32(0.5)
     if timing.source == "azimuth":
         if timing.seam_deg is None:
-            times, is_twofold = drifting_times(scan.points, timing.turn, timing.turns)
+            times, is_twofold = drifting_times(scan.rays, timing.turn, timing.turns)
             times[is_twofold] = np.nan
             return times
-        return azimuth_times(scan.points, timing.turn, timing.seam_deg)
+        return azimuth_times(scan.rays, timing.turn, timing.seam_deg)
     if scan.time is None:
         return np.zeros(len(scan), np.float32)
     fraction = np.nan_to_num(scan.time / np.float32(timing.duration) - np.float32(0.5))
