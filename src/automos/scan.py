@@ -112,9 +112,16 @@ class Scan:
             return self.points
         rays = np.empty_like(self.points)
         for k, T_sensor_scan in enumerate(inverse(self.T_scan_sensor)):
-            of_sensor = self.sensor == k
-            rays[of_sensor] = transform(T_sensor_scan, self.points[of_sensor])
+            rows = np.flatnonzero(self.sensor == k)
+            rays[rows] = transform(T_sensor_scan, self.points[rows])
         return rays
+
+    def of_lidar(self, number: int) -> tuple[npt.NDArray[np.int64], Scan]:
+        """Return the rows of the points that one of several LiDARs measured, and these as a scan in its frame."""
+        rows = np.flatnonzero(self.sensor == number)
+        columns = {name: getattr(self, name) for name in ("intensity", "time", "ring")}
+        of_rows = {name: None if column is None else column[rows] for name, column in columns.items()}
+        return rows, Scan(self.rays[rows], stamp=self.stamp, name=self.name, **of_rows)
 
     @cached_property
     def is_valid(self) -> Mask:

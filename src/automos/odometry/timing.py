@@ -18,6 +18,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
 from automos.scan import Pose, Scan, Sequence
 from automos.sensor.drifting_seam import learn_drifting_seam
+from automos.sensor.one_lidar import with_one_lidar
 from automos.sensor.point_order import learn_order
 from automos.sensor.sweep_timing import SweepTiming, recorded_duration, sweep_times
 from automos.settings import OdometrySettings
@@ -83,6 +84,7 @@ def choose_timing(
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
         return TimingChoice(SweepTiming())
+    sequence, poses = with_one_lidar(sequence, poses)
     timed = _recorded_timings(sequence, clock, wanted)
     if wanted in ("file", "order"):
         return TimingChoice(timed[0])

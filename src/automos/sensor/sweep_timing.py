@@ -92,11 +92,16 @@ def recorded_duration(scan: Scan) -> float | None:
 def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | None:
     """Return (N,) float32 times of all points of `scan` in [-0.5, 0.5] of a sweep, or None if unknown.
 
-    NaN for points with two possible times: `compensation.settled_times` chooses one once the motion is known. Azimuths
-    are those from the LiDAR that measured a point, in its own frame, where the scan names it.
+    NaN for points with two possible times: `compensation.settled_times` chooses one once the motion is known. Where a
+    scan names the LiDARs that measured its points, each has a sweep of its own, about its own axis.
     """
     if timing.source == "none":
         return None
+    if scan.T_scan_sensor is not None:
+        times = np.zeros(len(scan), np.float32)
+        for rows, part in map(scan.of_lidar, range(len(scan.T_scan_sensor))):
+            times[rows] = sweep_times(part, timing)
+        return times
     if timing.source == "order" and timing.order is not None:
         fraction = turns_since_start(scan, timing.order) / np.float32(timing.order.span) - np.float32(0.5)
         return np.minimum(fraction, np.float32(0.5))
@@ -104,10 +109,10 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
         return (np.arange(len(scan), dtype=np.float32) + np.float32(0.5)) / np.float32(len(scan)) - np.float32(0.5)
     if timing.source == "azimuth":
         if timing.seam_deg is None:
-            times, is_twofold = drifting_times(scan.rays, timing.turn, timing.turns)
+            times, is_twofold = drifting_times(scan.points, timing.turn, timing.turns)
             times[is_twofold] = np.nan
             return times
-        return azimuth_times(scan.rays, timing.turn, timing.seam_deg)
+        return azimuth_times(scan.points, timing.turn, timing.seam_deg)
     if scan.time is None:
         return np.zeros(len(scan), np.float32)
     fraction = np.nan_to_num(scan.time / np.float32(timing.duration) - np.float32(0.5))
