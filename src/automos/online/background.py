@@ -14,6 +14,7 @@ from automos.array_sequence import ArraySequence
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing, rear_seam, sees_all_round
 from automos.scan import Scan
+from automos.sensor.one_lidar import with_one_lidar
 from automos.sensor.point_order import learn_order
 from automos.sensor.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
@@ -68,7 +69,7 @@ def timing_from_times(scan: Scan) -> SweepTiming | None:
 
 def usual_timing(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:
     """Return the likely timing of sweeps, from two scans without times; None for a sensor that does not rotate."""
-    sequence = ArraySequence(scans)
+    sequence, _ = with_one_lidar(ArraySequence(scans), None)
     order = learn_order(sequence) if settings.time in ("auto", "order") else None
     if order is not None:
         return SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
