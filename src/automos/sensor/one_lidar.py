@@ -44,7 +44,7 @@ class OneLidar(Sequence):
 
 def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Pose | None]:
     """Return the recording and (N, 4, 4) poses of the LiDAR with most points; both as given if scans name no LiDARs."""
-    scan = sequence[len(sequence) // 2]
+    scan = sequence[0]
     if scan.sensor is None or scan.T_scan_sensor is None:
         return sequence, poses
     number = int(np.bincount(scan.sensor, minlength=len(scan.T_scan_sensor)).argmax())
