@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,15 @@ Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
 """(4, 4) rigid transform, or (N, 4, 4)."""
 Mask = npt.NDArray[np.bool_]
+Item = TypeVar("Item", covariant=True)
+
+
+class Items(Protocol[Item]):
+    """What has a length, and an item for each index."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Item: ...
 
 
 def as_array(values: npt.ArrayLike, dtype: npt.DTypeLike, shape: tuple[int | str, ...], what: str) -> npt.NDArray[Any]:
@@ -66,6 +75,6 @@ def hold_array(
         object.__setattr__(owner, field, as_array(given, dtype, shape, field))
 
 
-def evenly_spread(n: int, most: int) -> list[int]:
-    """Return up to `most` of the indices 0 to `n` - 1, evenly spread, the first and the last among them."""
-    return np.linspace(0, n - 1, min(n, most)).astype(int).tolist()
+def evenly_spread(items: Items[Item], most: int) -> list[Item]:
+    """Return up to `most` of `items`, evenly spread, the first and the last among them."""
+    return [items[i] for i in np.linspace(0, len(items) - 1, min(len(items), most)).astype(int).tolist()]

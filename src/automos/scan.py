@@ -116,9 +116,11 @@ class Scan:
             rays[rows] = transform(T_sensor_scan, self.points[rows])
         return rays
 
-    def of_lidar(self, number: int) -> tuple[npt.NDArray[np.int64], Scan]:
-        """Return the rows of the points that one of several LiDARs measured, and these as a scan in its frame."""
-        rows = np.flatnonzero(self.sensor == number)
+    def of_sensor(self, k: int) -> tuple[npt.NDArray[np.int64] | slice, Scan]:
+        """Return the rows of the points of LiDAR `k`, and a scan of these points alone, in its coordinates."""
+        if self.sensor is None or self.T_scan_sensor is None:
+            return slice(None), self
+        rows = np.flatnonzero(self.sensor == k)
         columns = {name: getattr(self, name) for name in ("intensity", "time", "ring")}
         of_rows = {name: None if column is None else column[rows] for name, column in columns.items()}
         return rows, Scan(self.rays[rows], stamp=self.stamp, name=self.name, **of_rows)

@@ -5,7 +5,7 @@ from automos.sensor.beam_pattern import EgoBody, Lidar, make_pattern
 from automos.sensor.on_body import N_SECTORS, SLACK, SWING, extent_in, extent_in_most, is_on_body, parts_of
 
 PATTERN = make_pattern(np.radians(np.arange(-20.0, 1.0, 1.0)), np.radians(1.0))
-AHEAD = N_SECTORS // 2
+BEHIND = N_SECTORS // 2
 """The bonnet below lies in the two sectors beside azimuth 0: the first, and the last."""
 
 
@@ -61,26 +61,26 @@ def test_the_extent_of_one_scan_is_the_farthest_connected_point_of_each_sector()
     no_ground = np.zeros(len(points), bool)
     extent = extent_in(points, no_ground, reach_of_bonnet(), PATTERN, max_range=10.0)
     assert extent[0] == pytest.approx(np.linalg.norm(points[points[:, 1] >= 0.0], axis=1).max())
-    assert extent[AHEAD] == 0.0
+    assert extent[BEHIND] == 0.0
     alone = extent_in(BONNET, no_ground[: len(BONNET)], reach_of_bonnet(), PATTERN, max_range=10.0)
     assert alone[0] < 2.1 < extent[0]
 
 
 def test_who_stands_at_the_body_in_less_than_half_of_the_scans_does_not_extend_it():
     usual, now_and_then = np.zeros((2, N_SECTORS), np.float32)
-    usual[AHEAD], now_and_then[AHEAD] = 2.0, 4.0
+    usual[BEHIND], now_and_then[BEHIND] = 2.0, 4.0
     expected = np.zeros(N_SECTORS)
-    expected[AHEAD - SWING : AHEAD + SWING + 1] = SLACK * 2.0
+    expected[BEHIND - SWING : BEHIND + SWING + 1] = SLACK * 2.0
     np.testing.assert_allclose(extent_in_most([usual, now_and_then, usual, usual, now_and_then]), expected)
 
 
 def test_a_trailer_that_swings_from_sector_to_sector_is_followed():
     scans = np.zeros((5, N_SECTORS), np.float32)
     for k in range(5):
-        scans[k, AHEAD - 2 + k] = 9.0
+        scans[k, BEHIND - 2 + k] = 9.0
     extent = extent_in_most(list(scans))
-    assert extent[AHEAD] == pytest.approx(9.9)
-    assert extent[AHEAD + N_SECTORS // 4] == 0.0
+    assert extent[BEHIND] == pytest.approx(9.9)
+    assert extent[BEHIND + N_SECTORS // 4] == 0.0
 
 
 def test_parts_are_connected_across_larger_gaps_where_they_are_farther_away():

@@ -51,14 +51,14 @@ def shape_for(frames: Frames, row_deg: float, column_deg: float) -> ImageShape:
 
     A sensor of few beams leaves whole rows of finer pixels empty, and nothing could be compared there.
     """
-    pattern = learn_pattern(frames[i] for i in evenly_spread(len(frames), 5))
+    pattern = learn_pattern(evenly_spread(frames, 5))
     row_deg = max(row_deg, float(np.degrees(pattern.row_height)))
     return image_shape(row_deg, max(column_deg, float(np.degrees(pattern.column_width))), -_EDGE_DEG, _EDGE_DEG)
 
 
 def view_of(frames: Frames, edge: float) -> tuple[float, float]:
     """Return the sines of elevation below and above which the share `edge` of the points of `frames` lies each."""
-    points = np.concatenate([frames[i].points for i in evenly_spread(len(frames), 5)])
+    points = np.concatenate([frame.points for frame in evenly_spread(frames, 5)])
     if not len(points):
         return -1.0, 1.0
     low, high = np.quantile(points[:, 2] / np.linalg.norm(points, axis=1), (edge, 1.0 - edge))

@@ -46,9 +46,9 @@ class FreeSpace:
 
         `stamps` (N,) are the frames' times in seconds, increasing. The result does not depend on `threads`.
         """
-        self.frames, self.stamps, self.settings, self.threads = frames, np.asarray(stamps), settings, threads
-        sample = [frames[i] for i in evenly_spread(len(frames), _PATTERN_SCANS)]
-        self.lidars = learn_lidars(frames, sample, settings, threads)
+        self.threads, self.frames, self.settings = threads, frames, settings
+        self.stamps = np.asarray(stamps, np.float64)
+        self.lidars = learn_lidars(frames, evenly_spread(frames, _PATTERN_SCANS), settings, threads)
         steps = np.floor(self.stamps / settings.free_space.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
 

@@ -77,7 +77,7 @@ def find_renumbering(n: int, points_of: Callable[[int], Points]) -> npt.NDArray[
     for start in _STARTS:
         order = np.argsort(sorted(range(n), key=lambda k: str(k + start)))
         now, then = _steps_of(given), _steps_of(order)
-        rivals = _spread(sorted(now - then)), _spread(sorted(then - now))
+        rivals = [evenly_spread(sorted(steps), _STEPS) for steps in (now - then, then - now)]
         if not rivals[0]:
             continue
         for scan in {scan for steps in rivals for step in steps for scan in step} - looks.keys():
@@ -120,8 +120,3 @@ def _mean_difference(looks: Mapping[int, npt.NDArray[np.float64]], steps: Iterab
 
 def _steps_of(order: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
     return set(zip(order[:-1].tolist(), order[1:].tolist(), strict=True))
-
-
-def _spread(steps: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return some of `steps`, evenly spread over them."""
-    return [steps[i] for i in evenly_spread(len(steps), _STEPS)]

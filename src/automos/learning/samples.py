@@ -66,7 +66,7 @@ class ValidationSamples:
         self._settings = settings
         everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
         n = min(settings.training.validation_scans, len(everything))
-        self._all = [everything[k] for k in evenly_spread(len(everything), n)]
+        self._all = evenly_spread(everything, n)
 
     def begin_epoch(self, epoch: int) -> None:
         """Do nothing: they are the same in every epoch."""
@@ -151,4 +151,4 @@ def measure_scale(
 def _spread_scans(recordings: list[LabeledRecording], n_scans: int) -> list[tuple[LabeledRecording, int]]:
     """Return about `n_scans` scans, some of every recording."""
     each = max(-(-n_scans // len(recordings)), 1)
-    return [(recording, i) for recording in recordings for i in evenly_spread(len(recording), each)]
+    return [(recording, i) for recording in recordings for i in evenly_spread(range(len(recording)), each)]

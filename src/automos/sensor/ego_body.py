@@ -15,7 +15,7 @@ does no harm: objects that never move are static.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
@@ -75,16 +75,15 @@ def find_ego_body(
     if max_range < settings.near_reach:
         return None
 
-    def extent(i: int) -> Ranges:
-        frame = frames[i]
+    def extent(frame: Frame) -> Ranges:
         rows, part = frame.of_sensor(lidar.number)
         return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, max_range)
 
     with ThreadPoolExecutor(threads) as pool:
-        reach = _find_reach(frames, scans, lidar, max_range, settings, pool)
-        if not reach.any():
-            return None
-        return EgoBody(reach, extent_in_most(list(pool.map(extent, _few(scans)))))
+        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))
+        few = [frames[i] for i in evenly_spread(scans, _LOOKS)]
+        reach = _find_reach(ranges, few, lidar, settings)
+        return EgoBody(reach, extent_in_most(list(pool.map(extent, few)))) if reach.any() else None
 
 
 def _greatest_range(T_level_sensor: Array, stamps: Array, settings: EgoBodySettings) -> float:
@@ -94,12 +93,12 @@ def _greatest_range(T_level_sensor: Array, stamps: Array, settings: EgoBodySetti
     return min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(T_level_sensor[:, :3, 3], axis=0))))
 
 
-def _find_reach(
-    frames: Frames, scans: list[int], lidar: Lidar, max_range: float, settings: EgoBodySettings, pool: Executor
-) -> Ranges:
-    """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none."""
+def _find_reach(ranges: Ranges, few: list[Frame], lidar: Lidar, settings: EgoBodySettings) -> Ranges:
+    """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none.
+
+    `ranges` (K, H, W) are those of `_nearest_ranges` in K frames, a `few` of which vote.
+    """
     pattern = lidar.pattern
-    ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))
     first, _, last = np.array_split(ranges, 3)
     ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
     near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
@@ -108,7 +107,7 @@ def _find_reach(
     # Even ground keeps its range, too, and its own hits do not count; people before it would decide that it is body.
     nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
     nearest = np.where(near > 0.0, np.float32(0.0), nearest)
-    asked = [frames[i].of_sensor(lidar.number)[1] for i in _few(scans)]
+    asked = [frame.of_sensor(lidar.number)[1] for frame in few]
     is_body = decide_body(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
     stays = _stays_put(ends, near, slack.max(axis=0), pattern, settings)
@@ -120,16 +119,11 @@ def _find_reach(
 def _scans_apart(T_level_sensor: Array) -> list[int]:
     """Return up to `MAX_SCANS` indices of the poses, evenly spread, each after a displacement or a turn."""
     scans = [0]
-    for i in evenly_spread(len(T_level_sensor), 2 * MAX_SCANS):
+    for i in evenly_spread(range(len(T_level_sensor)), 2 * MAX_SCANS):
         motion = se3_log(inverse(T_level_sensor[scans[-1]]) @ T_level_sensor[i])
         if np.linalg.norm(motion[:3]) + ARM * np.linalg.norm(motion[3:]) > MIN_STEP:
             scans.append(i)
-    return [scans[k] for k in evenly_spread(len(scans), MAX_SCANS)]
-
-
-def _few(scans: list[int]) -> list[int]:
-    """Return up to `_LOOKS` of `scans`, evenly spread."""
-    return [scans[k] for k in evenly_spread(len(scans), _LOOKS)]
+    return evenly_spread(scans, MAX_SCANS)
 
 
 def _unevenness(T: Array, stamps: Array) -> float:

@@ -23,8 +23,7 @@ class OneLidar(Sequence):
         return len(self._sequence)
 
     def __getitem__(self, index: int) -> Scan:
-        scan = self._sequence[index]
-        return scan if scan.T_scan_sensor is None else scan.of_lidar(self._number)[1]
+        return self._sequence[index].of_sensor(self._number)[1]
 
     @property
     def names(self) -> list[str]:

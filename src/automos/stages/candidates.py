@@ -66,7 +66,7 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     """Yield the moving points of ERASOR or another published method."""
-    pattern = learn_pattern([frames[i] for i in evenly_spread(len(frames), 5)])
+    pattern = learn_pattern(evenly_spread(frames, 5))
     steps = np.array([pattern.row_height, pattern.column_width])
     find_moving = BASELINES[settings.candidates.method].find_moving
     for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
