@@ -116,6 +116,11 @@ class Scan:
             rays[rows] = transform(T_sensor_scan, self.points[rows])
         return rays
 
+    @property
+    def n_sensors(self) -> int:
+        """Number of LiDARs that measured it, 1 if it names none."""
+        return 1 if self.T_scan_sensor is None else len(self.T_scan_sensor)
+
     def of_sensor(self, k: int) -> tuple[npt.NDArray[np.int64] | slice, Scan]:
         """Return the rows of the points of LiDAR `k`, and a scan of these points alone, in its coordinates."""
         if self.sensor is None or self.T_scan_sensor is None:

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
+from automos.geometry import transform
 from automos.odometry.motion import timed_points
 from automos.scan import Scan
 from automos.sensor.compensation import compensate, settled_times
@@ -80,6 +81,20 @@ def test_what_is_seen_twice_is_settled_by_where_it_must_be_and_left_out_of_regis
     kept, known = timed_points(Scan(came), timing, OdometrySettings())
     assert len(kept) == len(known) < 0.75 * len(came)
     assert np.isfinite(known).all()
+
+
+def test_each_of_several_lidars_has_a_seam_of_its_own():
+    """A second LiDAR, mounted turned by 90 degrees, drives through a room of its own: its times are as if alone."""
+    points = [cut(1.2, k)[0] for k in (2, 5)]
+    turned = np.eye(4)
+    turned[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+    mounts = np.stack([np.eye(4), turned])
+    timing = SweepTiming("azimuth", turn=1, seam_deg=None, turns=1.2, share=1.0)
+    alone = [settled_times(Scan(p), timing, np.zeros(6), np.arange(len(p))) for p in points]
+    merged = np.concatenate([transform(T, p) for T, p in zip(mounts, points, strict=True)])
+    scan = Scan(merged, sensor=np.repeat(np.uint8([0, 1]), len(points[0])), T_scan_sensor=mounts)
+    found = settled_times(scan, timing, np.zeros(6), np.arange(len(merged)))
+    assert np.mean(np.abs(found - np.concatenate(alone)) < 1e-3) > 0.999
 
 
 def test_the_widest_empty_sector_is_found_across_the_seam():

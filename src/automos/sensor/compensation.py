@@ -69,7 +69,9 @@ def settled_times(
     if timing.source != "azimuth" or timing.seam_deg is not None:
         known = sweep_times(scan, timing)
         return None if known is None else np.take(known, rows)
-    all_times, is_any_twofold = drifting_times(scan.rays, timing.turn, timing.turns)
+    all_times, is_any_twofold = np.zeros(len(scan), np.float32), np.zeros(len(scan), np.bool_)
+    for of_sensor, part in map(scan.of_sensor, range(scan.n_sensors)):
+        all_times[of_sensor], is_any_twofold[of_sensor] = drifting_times(part.points, timing.turn, timing.turns)
     times, is_twofold = np.take(all_times, rows), np.take(is_any_twofold, rows)
     if is_twofold.sum() < 2 or not np.any(twist):
         return times

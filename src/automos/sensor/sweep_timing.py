@@ -99,7 +99,7 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
         return None
     if scan.T_scan_sensor is not None and timing.source != "file":
         times = np.zeros(len(scan), np.float32)
-        for rows, part in map(scan.of_sensor, range(len(scan.T_scan_sensor))):
+        for rows, part in map(scan.of_sensor, range(scan.n_sensors)):
             times[rows] = sweep_times(part, timing)
         return times
     if timing.source == "order" and timing.order is not None:
