@@ -20,9 +20,8 @@ _STORE = ("--store", "STORE")
 _GATE = (*_STORE, "--seeds", "100")
 _FEW_CHOICES = ("everything", "evidence of 1 s only", "where it went does not count")
 _UNCERTAIN_CHOICES = (
-    *("what has stayed is forgotten", "objects may lose their points", "mixed segments stay whole"),
-    *("objects may climb", "what was lost may have stayed", "numbers of points do not choose"),
-    *("what overlaps may be another", "a lost mover may pass its length in a second"),
+    *("numbers of points do not choose", "evidence does not choose", "what has stayed is forgotten"),
+    "a lost mover may pass its length in a second",
 )
 _RECORDERS = (
     *("DRIVE_0005@cut every 1.09 turns", "DRIVE_0005@cut every 1.09 turns, shuffled"),
@@ -38,6 +37,8 @@ _BODIES = (
     *("campus:HDL-64E:40:107@boat", "campus:VLP-16:40:107@truck", "city:OS1-128:40:107@truck"),
     *("junction:HDL-64E:40:107@backpack", "campus:HDL-64E:40:107@1 % specks in the air"),
     *("campus:OS1-128:40:107@plain", "city:VLP-16:40:107@three LiDARs"),
+    *("city:HDL-64E:40:106@boat", "city:HDL-64E:40:108@boat", "slowdown:VLP-16:40:106@truck"),
+    *("campus:HDL-64E:40:106@1 % specks in the air", "campus:HDL-64E:40:108@1 % specks in the air"),
 )
 _OF_BODIES = (
     *("everything", "what rides along is an object", "nothing is connected to the body"),
@@ -124,8 +125,8 @@ JOBS = {
         Job(
             "ablation-sensors",
             "ablation.py",
-            (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES),
-            (*_STORE, "--gate", "100", "--choices", *_UNCERTAIN_CHOICES[:2]),
+            (*_STORE, "--gate", "106", "--choices", *_UNCERTAIN_CHOICES),
+            (*_STORE, "--gate", "106", "--choices", *_UNCERTAIN_CHOICES[:2]),
         ),
         Job(
             "ablation-recorders",

@@ -37,7 +37,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
     "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
     "ablation-recorders": (("ablation-recorders",), make_rows.ablation_of_recordings),
-    "ablation-bodies": (("ablation-bodies",), make_rows.ablation_of_recordings),
+    "ablation-bodies": (("ablation-bodies",), make_rows.ablation_by_recording),
     "ablation-hills": (("ablation-hills",), make_rows.ablation_by_recording),
     "ablation-odometry": (("ablation-odometry",), make_rows.as_it_is),
     "online": (("online",), make_rows.online),
