@@ -40,11 +40,11 @@ def _over_epochs(curve: list[float], epochs: list[int]) -> list[str]:
 
 
 def self_training(result: dict) -> Rows:
-    """One row a recording: IoU, precision and recall of the labels, of the network, and of labels that heard it."""
+    """One row a recording: IoU, precision and recall of the labels, of the network, and of labels with it as a cue."""
     rounds = {
         "labels": "labels",
         "network": "network alone",
-        "labels with the network": "labels that heard the network",
+        "labels with the network": "labels with the network as a cue",
     }
     rows = [["recording", *rounds.values()]]
     for name, found in result.items():

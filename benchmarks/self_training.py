@@ -1,4 +1,4 @@
-"""One round of self-training: do the labels get better when a network that learnt from such labels is heard?
+"""One round of self-training: do the labels get better when a network that learnt from such labels is a cue?
 
     python benchmarks/self_training.py RECORDING... [--weights FILE] [--weight 0.5] [--out FOLDER] [--json FILE]
     python benchmarks/self_training.py --networks FOLDER [--json FILE]       those of `networks.py table-2 --out FOLDER`
@@ -35,14 +35,14 @@ UNSEEN = ("city_HDL-64E_32", "avenue_HDL-64E_31", "junction_HDL-64E_31", "campus
 
 
 def measure(sequence: Sequence, network: Deployed, weight: float, out: Path, workers: int) -> dict[str, Counts]:
-    """Return how labels, network and labels that heard the network do on one recording."""
+    """Return how labels, network and labels with it do on one recording."""
     cue, results = out / "network" / sequence.name, out / "labels" / sequence.name
     plain = load_settings("default")
     label_recording(sequence, results, plain, workers=workers)
     before = evaluate_folder(results / "predictions", sequence).counts
     segment_recording(sequence, cue, network, plain, probabilities=True)
-    heard = {"self_training.folder": str(cue / "probabilities"), "self_training.weight": weight}
-    label_recording(sequence, results, load_settings("default", overrides=heard), workers=workers)
+    with_cue = {"self_training.folder": str(cue / "probabilities"), "self_training.weight": weight}
+    label_recording(sequence, results, load_settings("default", overrides=with_cue), workers=workers)
     after = evaluate_folder(results / "predictions", sequence).counts
     return dict(zip(ROUNDS, (before, evaluate_folder(cue / "predictions", sequence).counts, after), strict=True))
 

@@ -33,6 +33,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
     "gate": (("gate",), make_rows.gate),
     "gate-recordings": (("gate-recordings",), make_rows.gate_recordings),
     "conventions": (("conventions",), make_rows.as_it_is),
+    "point-times": (("point-times",), make_rows.as_it_is),
     "trust": (("trust",), make_rows.trust),
     "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
     "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),

@@ -39,12 +39,12 @@ def test_a_network_that_knows_helps_and_one_that_does_not_changes_nothing(world,
 
 def test_another_cue_is_another_run_and_none_changes_no_key(world, tmp_path):
     plain = stage_keys(world.sequence, load_settings("default"))
-    heard = load_settings("default", overrides={"self_training.folder": str(tmp_path)})
-    keys = stage_keys(world.sequence, heard)
+    with_cue = load_settings("default", overrides={"self_training.folder": str(tmp_path)})
+    keys = stage_keys(world.sequence, with_cue)
     assert keys["odometry"] == plain["odometry"]
     assert keys["candidates"] != plain["candidates"]
     np.save(tmp_path / "000000.npy", np.zeros(3))
-    assert stage_keys(world.sequence, heard)["candidates"] != keys["candidates"]
+    assert stage_keys(world.sequence, with_cue)["candidates"] != keys["candidates"]
     weighed = load_settings("default", overrides={"self_training.weight": 2.0})
     assert stage_keys(world.sequence, weighed) == plain
 
