@@ -1,7 +1,10 @@
+import tracemalloc
+
 import numpy as np
 
 from automos.array_sequence import ArraySequence
 from automos.recording_warnings import recording_warnings
+from automos.scan import Sequence
 
 
 def scans(n):
@@ -31,3 +34,22 @@ def test_too_few_scans_to_decide_anything_are_told_in_figures():
     assert sentence.startswith("2 scans over 0.1 s are too few to decide what moves")
     assert "there are 0 here and should be 8 or more" in sentence
     assert recording_warnings(ArraySequence(scans(12), stamps=np.arange(12.0))) == []
+
+
+class Long(Sequence):
+    """Two hours of scans, of which only the number and the stamps are known."""
+
+    def __len__(self):
+        return 72_000
+
+    @property
+    def stamps(self):
+        return 0.1 * np.arange(len(self))
+
+
+def test_the_memory_of_long_recordings_is_that_of_a_few_of_their_scans():
+    tracemalloc.start()
+    assert recording_warnings(Long()) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6  # a distance from each scan to each other one would be 41 GB

@@ -165,6 +165,14 @@ def test_what_is_no_column_is_told(column, values, message):
         Scan(**{"points": points(5), column: values})
 
 
+def test_the_rotations_of_rounded_mounts_are_made_exact():
+    T = np.eye(4)
+    T[:2, :2] = [[0.71, -0.71], [0.71, 0.71]]  # 45 degrees, to two decimals
+    mount = Scan(points(5), sensor=np.zeros(5), T_scan_sensor=T[None]).T_scan_sensor[0]
+    np.testing.assert_allclose(mount[:3, :3] @ mount[:3, :3].T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(mount[:2, :2], T[:2, :2], atol=0.004)
+
+
 def test_mounts_that_are_no_transforms_are_told():
     with pytest.raises(ValueError, match="T_scan_sensor holds a transform that is none"):
         Scan(points(5), sensor=np.zeros(5), T_scan_sensor=np.full((1, 4, 4), np.nan))

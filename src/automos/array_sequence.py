@@ -61,6 +61,12 @@ class ArraySequence(Sequence):
         require_kind(is_compensated, bool | np.bool_ | None, "is_compensated", "True, False or None")
         require_kind(scans, Iterable, "scans", "a list with an array for each scan")
         self._scans = [scan if isinstance(scan, Scan) else _scan_from_array(scan, i) for i, scan in enumerate(scans)]
+        n_lidars = [scan.n_sensors for scan in self._scans]
+        if len(set(n_lidars)) > 1:
+            odd = next(i for i, n in enumerate(n_lidars) if n != n_lidars[0])
+            raise InputError(
+                f"scan {odd} is of {n_lidars[odd]} LiDARs, scan 0 of {n_lidars[0]}: name the same LiDARs in all scans"
+            )
         if stamps is None and self._scans and all(s.stamp is not None for s in self._scans):
             stamps = np.array([s.stamp for s in self._scans], np.float64)
         self._stamps = None if stamps is None else as_array(stamps, np.float64, (len(self._scans),), "stamps")

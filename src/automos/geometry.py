@@ -129,9 +129,16 @@ def checked_poses(poses: Pose, n: int) -> Pose:
     if not (is_near := (np.abs(poses[:, :3, 3]) < FARTHEST).all(axis=1)).all():
         row = np.argmin(is_near)
         raise InputError(f"pose {row} is not on Earth (further than {FARTHEST:.0e} m from the origin); check its unit.")
-    u, _, vt = np.linalg.svd(poses[:, :3, :3])  # pose files are rounded
-    poses[:, :3, :3] = u @ vt
+    poses = with_exact_rotations(poses)  # pose files are rounded
     return inverse(poses[0]) @ poses
+
+
+def with_exact_rotations(T: Pose) -> Pose:
+    """Return `T` (..., 4, 4) with the exact rotations nearest to given ones, which may be rounded."""
+    exact = np.array(T, np.float64)
+    u, _, vt = np.linalg.svd(exact[..., :3, :3])
+    exact[..., :3, :3] = u @ vt
+    return exact
 
 
 def skew(v: npt.ArrayLike) -> Array:

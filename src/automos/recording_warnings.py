@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.errors import InputError
 from automos.scan import Sequence
 
@@ -33,7 +34,8 @@ def _few(sequence: Sequence) -> list[str]:
     """Where hardly another scan can be asked about a scan, nothing moving is not a finding."""
     n = len(sequence)
     stamps = USUAL_PERIOD * np.arange(n) if sequence.stamps is None else sequence.stamps
-    apart = np.abs(stamps[:, None] - stamps[None])[np.unique(np.linspace(0, n - 1, min(n, 50)).astype(int))]
+    asked = np.array(evenly_spread(stamps, 50))  # all pairs of scans would fill the memory
+    apart = np.abs(asked[:, None] - stamps[None])
     others = int(np.median(((apart >= NEAREST) & (apart <= FARTHEST)).sum(axis=1))) if n else 0
     if others >= ENOUGH:
         return []

@@ -19,7 +19,7 @@ from automos.arrays import Mask, Points, Pose, hold_array
 from automos.errors import InputError
 from automos.frames import Frame as Frame
 from automos.frames import Frames as Frames
-from automos.geometry import inverse, is_rigid, transform
+from automos.geometry import inverse, is_rigid, transform, with_exact_rotations
 
 OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
@@ -92,6 +92,8 @@ class Scan:
             raise InputError(f"sensor names number {self.sensor.max()}, but T_scan_sensor holds {len(mounts)}")
         elif not is_rigid(mounts).all():
             raise InputError("T_scan_sensor holds a transform that is none: rotation and translation in metres only")
+        else:
+            object.__setattr__(self, "T_scan_sensor", with_exact_rotations(mounts))
         stamp = np.asarray(0.0 if self.stamp is None else self.stamp)
         is_time = isinstance(self.stamp, SupportsFloat | None) and stamp.ndim == 0 and stamp.dtype.kind in "fiubO"
         if not isinstance(self.name, str) or not is_time:

@@ -77,6 +77,19 @@ def test_a_repeated_scan_is_where_and_when_the_first_one_was():
     assert len(whole) == 5
 
 
+def test_stamps_of_scans_that_are_repeated_very_often_increase():
+    found = Trajectory(np.tile(np.eye(4), (2, 1, 1)), np.array([0.0, 0.1]), np.ones((2, 6)), SweepTiming(), np.eye(4))
+    is_repeat = np.ones(302, bool)
+    is_repeat[[0, -1]] = False  # a driver that stood for half a minute
+    assert (np.diff(with_repeats(found, is_repeat).stamps) > 0.0).all()
+
+
+def test_a_gap_is_measured_by_the_usual_step_of_few_scans():
+    clock = read_clock(ArraySequence([np.zeros((1, 3))] * 3, stamps=[0.0, 0.1, 0.6]))
+    assert clock.period == pytest.approx(0.1)
+    np.testing.assert_allclose(clock.gaps, [1.0, 5.0])
+
+
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [

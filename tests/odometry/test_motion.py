@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
 
-from automos.geometry import se3_exp, se3_log
-from automos.odometry.motion import can_be_driven, greatest_acceleration, step_twists
+from automos.geometry import make_transform, se3_exp, se3_log
+from automos.odometry.motion import can_be_driven, greatest_acceleration, step_twists, timed_points
+from automos.scan import Scan
+from automos.sensor.sweep_timing import SweepTiming
+from automos.settings import OdometrySettings
 
 
 def test_twists_are_the_mean_of_the_steps_on_both_sides_per_usual_gap():
@@ -50,3 +53,12 @@ def test_one_step_that_is_off_is_noise_and_a_speed_that_leaps_is_not():
 @pytest.mark.parametrize("n", [0, 1, 2, 5])
 def test_too_few_scans_tell_no_acceleration(n):
     assert greatest_acceleration(*driven([0.0, 30.0, 0.0, 30.0, 0.0][:n]))[0] == 0.0
+
+
+def test_missing_returns_of_every_lidar_are_left_out():
+    mounts = np.stack([np.eye(4), make_transform(t=[3.0, 0.0, 0.0])])
+    points = np.array([[0, 0, 0], [9, 0, 0], [3, 0, 0], [9, 1, 0]], np.float32)  # a missing return of each first
+    scan = Scan(points, sensor=np.array([0, 0, 1, 1], np.uint8), T_scan_sensor=mounts)
+    kept, times = timed_points(scan, SweepTiming(), OdometrySettings())
+    np.testing.assert_array_equal(kept, points[[1, 3]])
+    assert times is None

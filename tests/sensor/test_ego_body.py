@@ -10,7 +10,7 @@ from automos.geometry import inverse, make_transform
 from automos.ground.surface import find_ground
 from automos.scan import Frame
 from automos.sensor.beam_pattern import Lidar, learn_pattern, make_pattern
-from automos.sensor.ego_body import decide_body, find_ego_body
+from automos.sensor.ego_body import decide_body, find_ego_body, image_of
 from automos.sensor.on_body import is_on_body
 from automos.settings import EgoBodySettings, GroundSettings
 
@@ -316,6 +316,17 @@ def votes_on_a_patch():
     patch = slice(4, 10), slice(100, 110)
     reach[patch], votes[(0, *patch)] = 5.0, 40.0
     return pattern, reach, votes, patch
+
+
+def test_scans_that_vote_have_their_own_times():
+    frame, _, distance = spin(HOUSES, x=0.0, time=0.0)
+    frames = [frame(distance) for _ in range(2)]
+    turned = (np.arctan2(frames[0].points[:, 1], frames[0].points[:, 0]) / (2.0 * np.pi)).astype(np.float32)
+    seams = [np.mod(turned - seam, np.float32(1.0)) - np.float32(0.5) for seam in (0.0, 0.4)]  # a seam that drifts
+    frames = [replace(f, sweep_time=t, sweep_motion=np.zeros(6)) for f, t in zip(frames, seams, strict=True)]
+    pattern = learn_pattern(frames)
+    first, second = (image_of(f, f.points, pattern).pattern.sweep_time for f in frames)
+    np.testing.assert_allclose(np.median(np.mod(first - second, 1.0)), 0.4, atol=0.02)
 
 
 def test_a_foot_on_one_place_of_the_road_does_not_make_the_road_a_body():

@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 
 from automos import ArraySequence
+from automos.errors import InputError
 from automos.geometry import make_transform
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
@@ -46,3 +48,27 @@ def test_merged_clouds_with_known_mounts_have_the_timing_of_their_lidars():
     ]
     assert found[0].turn == found[1].turn
     assert found[1].source == "order"
+
+
+def test_the_first_scan_and_missing_returns_do_not_decide_which_lidar_has_most_points():
+    missing, hit = np.zeros((6, 3), np.float32), np.full((2, 3), 5.0, np.float32)
+    sensor = np.array([0] * 6 + [1] * 2, np.uint8)
+    scans = [Scan(np.vstack([missing, hit]), sensor=sensor, T_scan_sensor=MOUNTS) for _ in range(3)]
+    scans[0] = Scan(np.zeros((0, 3)), sensor=np.zeros(0, np.uint8), T_scan_sensor=MOUNTS)
+    one, _ = with_one_lidar(ArraySequence(scans), None)
+    assert [len(scan) for scan in one] == [0, 2, 2]
+
+
+def test_times_in_the_file_last_as_long_as_those_of_all_lidars():
+    points, sensor = np.ones((5, 3), np.float32), np.array([0, 0, 0, 1, 1], np.uint8)
+    times = np.array([0.0, 0.05, 0.1, 0.04, 0.14], np.float32)  # the second one begins later
+    scans = [Scan(points, time=times, sensor=sensor, T_scan_sensor=MOUNTS)] * 3
+    drive = ArraySequence(scans, stamps=0.1 * np.arange(3))
+    timing = choose_timing(drive, OdometrySettings(time="file"), None, read_clock(drive)).timing
+    assert (timing.duration, timing.share) == (pytest.approx(0.14), pytest.approx(1.4))
+
+
+def test_scans_of_a_recording_name_the_same_lidars():
+    of_two = merged()[0]
+    with pytest.raises(InputError, match="scan 1 is of 1 LiDARs, scan 0 of 2: name the same LiDARs in all scans"):
+        ArraySequence([of_two, Scan(np.ones((4, 3)))])

@@ -6,7 +6,7 @@ from hypothesis.extra import numpy as hnp
 
 from automos.array_sequence import ArraySequence
 from automos.scan import Scan
-from automos.sensor.point_order import learn_order, turns_since_start
+from automos.sensor.point_order import learn_order, sees_all_round, turns_since_start
 
 BEAMS = 16
 FIRINGS = 1800  # a turn
@@ -99,3 +99,11 @@ def test_whatever_the_points_are_every_one_has_a_time(points):
     assert turned.shape == (300,)
     assert np.isfinite(turned).all()
     learn_order(ArraySequence([Scan(points), Scan(points)]))
+
+
+def test_a_sensor_sees_all_round_though_a_scan_is_empty():
+    whole, _ = stream(0, FIRINGS)[:2]
+    nothing = np.full((100, 3), np.nan, np.float32)
+    assert sees_all_round(ArraySequence([whole, whole, nothing, whole, whole]))
+    assert not sees_all_round(ArraySequence([whole[: len(whole) // 2]] * 3))
+    assert not sees_all_round(ArraySequence([nothing]))

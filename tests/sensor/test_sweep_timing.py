@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from automos.geometry import make_transform, transform
 from automos.scan import Scan
+from automos.sensor.point_order import PointOrder
 from automos.sensor.sweep_timing import SweepTiming, azimuth_times, recorded_duration, sweep_times
 
 AROUND = np.array([[1, 0, 0], [0, 1, 0], [-1, 1e-4, 0], [0, -1, 0]], np.float32)  # 0, 90, 180, 270 degrees
@@ -53,3 +54,15 @@ def test_each_of_several_lidars_turns_about_its_own_axis():
     timing = SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=1.0)
     np.testing.assert_allclose(sweep_times(scan, timing), 0.0, atol=1e-6)
     assert sweep_times(Scan(points), timing)[1] == pytest.approx(-np.degrees(np.arctan2(2.0, 1.0)) / 360.0, abs=1e-3)
+
+
+def test_each_of_several_lidars_begins_where_it_is():
+    """Both turn once from the first point to the last, the second one from 120 degrees on."""
+    turned = np.linspace(0.0, 1.0, 20_000, endpoint=False)
+    azimuth = 2.0 * np.pi * np.concatenate([turned, turned + 1.0 / 3.0])
+    points = 10.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))]).astype(np.float32)
+    mounts = np.tile(np.eye(4), (2, 1, 1))
+    scan = Scan(points, sensor=np.repeat(np.uint8([0, 1]), len(turned)), T_scan_sensor=mounts)
+    order = PointOrder(turn=1, turns=1.0, turns_per_scan=1.0, start=0.0)
+    times = sweep_times(scan, SweepTiming("order", turn=1, share=1.0, order=order))
+    np.testing.assert_allclose(times, np.tile(turned, 2) - 0.5, atol=0.01)

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.errors import InputError
-from automos.geometry import is_rigid
+from automos.geometry import is_rigid, with_exact_rotations
 from automos.reading import is_there, parse_yaml, read_text
 from automos.scan import Pose, Scan
 
@@ -81,10 +81,7 @@ def checked_mount(T: npt.ArrayLike, name: str, where: Path) -> Pose:
             f"{where}: the mount of {name} is not a rigid transform: give 4 x 4 numbers, rotation and translation in "
             "metres only, without scale or mirroring"
         )
-    u, _, vt = np.linalg.svd(T[:3, :3])
-    T = T.copy()
-    T[:3, :3] = u @ vt
-    return T
+    return with_exact_rotations(T)
 
 
 def read_mounts(folder: Path) -> Mounts | None:

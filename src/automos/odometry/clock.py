@@ -97,8 +97,9 @@ def read_clock(sequence: Sequence) -> Clock:
             f"{sequence.name}: scan {least + 1} is {steps[least]:g} s after the previous scan (usual period: "
             f"{usual:g} s): stamps must be in seconds and increase; give valid stamps, or none"
         )
-    gaps = np.where(steps > 1.5 * usual, steps / usual, 1.0)
-    return Clock(stamps, float(steps[gaps == 1.0].mean()), gaps, given is not None)
+    is_gap = steps > 1.5 * usual
+    period = float(steps[~is_gap].mean())
+    return Clock(stamps, period, np.where(is_gap, steps / period, 1.0), given is not None)
 
 
 def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:

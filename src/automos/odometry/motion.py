@@ -37,7 +37,7 @@ def timed_points(
     scan: Scan, timing: SweepTiming, settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), uncompensated, with times (M,) or None; leaves out ambiguous times."""
-    rows = _rows_in_range(scan.points, max(settings.min_range, MIN_RANGE), settings.max_range)
+    rows = _rows_in_range(scan.rays, max(settings.min_range, MIN_RANGE), settings.max_range)
     times = sweep_times(scan, timing)
     if times is not None:
         times = np.take(times, rows)

@@ -11,7 +11,8 @@ from automos.scan import Mask, Scan, Sequence
 from automos.trajectory import Trajectory
 
 REPEAT_DELAY = 1e-3
-"""Seconds by which a repeated scan is stamped later than the original, because stamps must increase."""
+"""Seconds by which a repeated scan is stamped later than the one before, because stamps must increase; less if many
+would reach beyond the next distinct one."""
 
 
 class DistinctScans(Sequence):
@@ -50,9 +51,11 @@ def with_repeats(trajectory: Trajectory, is_repeat: Mask) -> Trajectory:
     """Return the trajectory of all N scans from that of the distinct ones: a repeat has the pose of the original."""
     row = np.cumsum(~is_repeat) - 1
     nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat
+    gaps = np.diff(trajectory.stamps, append=trajectory.stamps[-1] + 1.0)
+    delay = np.minimum(REPEAT_DELAY, 0.5 * gaps / np.bincount(row))
     return replace(
         trajectory,
         T_world_sensor=trajectory.T_world_sensor[row],
-        stamps=trajectory.stamps[row] + REPEAT_DELAY * nth,
+        stamps=trajectory.stamps[row] + delay[row] * nth,
         sweep_motion=trajectory.sweep_motion[row],
     )

@@ -19,7 +19,7 @@ from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, 
 from automos.scan import Pose, Scan, Sequence
 from automos.sensor.drifting_seam import learn_drifting_seam
 from automos.sensor.one_lidar import with_one_lidar
-from automos.sensor.point_order import learn_order
+from automos.sensor.point_order import learn_order, sees_all_round
 from automos.sensor.sweep_timing import SweepTiming, recorded_duration, sweep_times
 from automos.settings import OdometrySettings
 
@@ -84,8 +84,9 @@ def choose_timing(
     wanted = settings.time
     if wanted == "none" or (wanted == "auto" and sequence.is_compensated):
         return TimingChoice(SweepTiming())
+    from_file = _file_timing(sequence, clock) if wanted in ("auto", "file") else None  # of all LiDARs
     sequence, poses = with_one_lidar(sequence, poses)
-    timed = _recorded_timings(sequence, clock, wanted)
+    timed = _recorded_timings(sequence, from_file, wanted)
     if wanted in ("file", "order"):
         return TimingChoice(timed[0])
     is_round = sees_all_round(sequence)
@@ -103,8 +104,7 @@ def choose_timing(
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
             break
     if best is None:  # no motion, so no distortion, or too few surfaces
-        from_file = [timing for timing in timed if timing.source == "file"]
-        return TimingChoice([*from_file, *untimed, *timed, rear_seam()][0])
+        return TimingChoice([*([from_file] if from_file else []), *untimed, *timed, rear_seam()][0])
     choice = TimingChoice(best, search.misfits, [(w.first, w.T_world_sensor) for w in search.windows])
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
@@ -155,11 +155,9 @@ def rear_seam() -> SweepTiming:
     return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
 
 
-def _recorded_timings(sequence: Sequence, clock: Clock, wanted: str) -> list[SweepTiming]:
+def _recorded_timings(sequence: Sequence, from_file: SweepTiming | None, wanted: str) -> list[SweepTiming]:
     """Return the timings from the file's times and from the order of its points, as far as they are requested."""
-    found = []
-    if wanted in ("auto", "file") and (from_file := _file_timing(sequence, clock)):
-        found.append(from_file)
+    found = [from_file] if from_file else []
     if wanted in ("auto", "order") and (order := learn_order(sequence)):
         found.append(SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order))
     if wanted == "file" and not found:
@@ -180,7 +178,7 @@ def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
     if in_a is None or in_b is None:
         return False
     off = np.abs(a.share * in_a - b.share * in_b)[scan.is_valid]
-    return bool((off < SAME_TIME).mean() > MOSTLY)
+    return len(off) > 0 and bool((off < SAME_TIME).mean() > MOSTLY)
 
 
 def _drifting_timings(sequence: Sequence) -> list[SweepTiming]:
@@ -199,10 +197,3 @@ def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
         return None
     period = duration if sequence.stamps is None or len(sequence) < 2 else clock.period
     return SweepTiming("file", duration=duration, share=duration / period)
-
-
-def sees_all_round(sequence: Sequence) -> bool:
-    """Whether a scan has points at nearly all azimuths, as from a sensor that spins about its z axis."""
-    scan = sequence[len(sequence) // 2]
-    x, y = scan.points[scan.is_valid, 0], scan.points[scan.is_valid, 1]
-    return len(np.unique(np.floor(np.arctan2(y, x) * (18.0 / np.pi)))) >= 30

@@ -22,12 +22,12 @@ import numpy.typing as npt
 
 from automos.arrays import evenly_spread
 from automos.geometry import inverse, se3_log, transform
-from automos.scan import Frame, Frames, Mask
+from automos.scan import Frame, Frames, Mask, Points
 from automos.sensor.beam_pattern import BeamPattern, EgoBody, Lidar, directions
-from automos.sensor.directions import motion_of, raw_points
+from automos.sensor.directions import last_looks, motion_of, raw_points
 from automos.sensor.look_through import EDGE, HIT, look_through
 from automos.sensor.on_body import cells_within, extent_in, extent_in_most, parts_of
-from automos.sensor.range_image import NO_RAY, UNIT, make_image, over_neighbours, project
+from automos.sensor.range_image import NO_RAY, UNIT, RangeImage, make_image, over_neighbours, project
 from automos.settings import EgoBodySettings
 
 Array = npt.NDArray[np.float64]
@@ -198,8 +198,7 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
     (H, W), metres.
     """
     raws = [raw_points(frame) for frame in frames]
-    projections = [project(raw, pattern) for raw in raws]
-    images = [make_image(p, pattern, motion_of(f), p.cell >= 0) for f, p in zip(frames, projections, strict=True)]
+    images = [image_of(frame, raw, pattern) for frame, raw in zip(frames, raws, strict=True)]
     may_be_met = over_neighbours(np.where(reach > 0.0, reach + np.float32(_BEFORE), np.float32(0.0)), np.maximum)
     votes = np.zeros((3, reach.size))
     for frame, raw in zip(frames, raws, strict=True):
@@ -216,6 +215,13 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
             of_points += codes >= EDGE, (codes == HIT) & ~meets_itself, codes > HIT
         votes += [np.bincount(cell[rows], of_kind, reach.size) for of_kind in of_points]
     return votes.reshape(3, *reach.shape)
+
+
+def image_of(frame: Frame, raw: Points, pattern: BeamPattern) -> RangeImage:
+    """Return the range image of all points of a frame; each scan has its own times, if its seam drifts."""
+    sweep_time, is_last = last_looks(raw, frame.sweep_time)
+    projection = project(raw, pattern, is_last)
+    return make_image(projection, pattern._replace(sweep_time=sweep_time), motion_of(frame), projection.cell >= 0)
 
 
 def decide_body(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:

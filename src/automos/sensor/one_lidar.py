@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from automos.arrays import evenly_spread
 from automos.geometry import Array
 from automos.scan import Pose, Scan, Sequence
+
+SAMPLES = 5
+"""Scans in which the points of each LiDAR are counted."""
 
 
 class OneLidar(Sequence):
     """The points of LiDAR `number` in each scan of `sequence`, in its own frame.
 
-    What holds for the sweeps of one holds for all of the same model: they are driven alike, each about its own axis.
+    What holds for the sweeps of one holds for all that are driven alike, each about its own axis, from wherever it
+    begins. LiDARs that turn the other way, or not at all, need times in the file.
     """
 
     def __init__(self, sequence: Sequence, number: int):
@@ -42,9 +47,11 @@ class OneLidar(Sequence):
 
 
 def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Pose | None]:
-    """Return the recording and (N, 4, 4) poses of the LiDAR with most points; both as given if scans name no LiDARs."""
-    scan = sequence[0]
-    if scan.sensor is None or scan.T_scan_sensor is None:
+    """Return the recording and (N, 4, 4) poses of the LiDAR with most valid points; as given if scans name none."""
+    few = [sequence[i] for i in evenly_spread(range(len(sequence)), SAMPLES)]
+    mounts = next((scan.T_scan_sensor for scan in few if scan.T_scan_sensor is not None), None)
+    if mounts is None:
         return sequence, poses
-    number = int(np.bincount(scan.sensor, minlength=len(scan.T_scan_sensor)).argmax())
-    return OneLidar(sequence, number), None if poses is None else poses @ scan.T_scan_sensor[number]
+    found = [np.bincount(s.sensor[s.is_valid], minlength=len(mounts)) for s in few if s.sensor is not None]
+    number = int(np.sum(found, axis=0).argmax())
+    return OneLidar(sequence, number), None if poses is None else poses @ mounts[number]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.arrays import evenly_spread
 from automos.geometry import Array
 from automos.kernels import kernel
 from automos.scan import Mask, Points, Scan, Sequence
@@ -22,6 +23,8 @@ MIN_BLOCK = 128
 """Points per block, at least: azimuth offsets of beams must average out."""
 SAMPLES = 5
 """Pairs of neighbouring scans from which the order of a recording is learnt."""
+SECTORS, ALL_ROUND = 36, 30
+"""Sectors of azimuth, and in how many a sensor that spins about its z axis has points."""
 MIN_CONCENTRATION = 0.9
 """Length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
 MIN_STEADY = 0.95
@@ -78,6 +81,12 @@ def sample_pairs(sequence: Sequence) -> list[int]:
     """Return the indices of a few scans, each followed by another."""
     last = len(sequence) - 2
     return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
+
+
+def sees_all_round(sequence: Sequence) -> bool:
+    """Whether scans have points at nearly all azimuths, as from a sensor that spins about its z axis."""
+    seen = (azimuths(sequence[i].points)[1] for i in evenly_spread(range(len(sequence)), SAMPLES))
+    return max(len(np.unique(np.floor(SECTORS * turns))) for turns in seen) >= ALL_ROUND
 
 
 def azimuths(points: Points) -> tuple[Mask, Array]:

@@ -5,7 +5,7 @@ Times are fractions of a sweep in [-0.5, 0.5], so no clock is needed.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -98,6 +98,8 @@ def sweep_times(scan: Scan, timing: SweepTiming) -> npt.NDArray[np.float32] | No
     if timing.source == "none":
         return None
     if scan.T_scan_sensor is not None and timing.source != "file":
+        if timing.order is not None and scan.n_sensors > 1:  # each begins where it is, not where the others do
+            timing = replace(timing, order=replace(timing.order, start=None))
         times = np.zeros(len(scan), np.float32)
         for rows, part in map(scan.of_sensor, range(scan.n_sensors)):
             times[rows] = sweep_times(part, timing)
