@@ -33,9 +33,9 @@ def settings_page() -> str:
     lines = [
         "# Settings",
         "",
-        "Every number that shapes a label. `automos settings` prints them as YAML, `--settings FILE` reads such a",
-        "file, `--set labels.unsure=0.7` changes one. Values are those of preset `default`; where `paper` has another,",
-        "it is named.",
+        "The numbers that a user may want to change. `automos settings` prints them as YAML, `--settings FILE` reads",
+        "such a file, `--set labels.unsure=0.7` changes one. Values are those of preset `default`; where `paper` has",
+        "another, it is named.",
         "",
     ]
     for prefix, group in _groups(Settings):

@@ -6,9 +6,9 @@
 A point becomes moving in `stages/labels.py`, if its segment belongs to a moving track. Whether a track moves is
 decided in `tracking/judge.py`, or in `paper/verdict.py` for the preset `paper`.
 
-Only this file defines the order of the stages; `stages/` has a file for each. A stage takes the results of the earlier
-stages and stores its own in the workspace, scan by scan if possible. A stage whose results exist already, for the same
-recording and settings, is not run again.
+Only this file defines the order of the stages; `stages/` has a file for each of those after the poses. A stage takes
+the results of the earlier stages and stores its own in the workspace, scan by scan if possible. A stage whose results
+exist already, for the same recording and settings, is not run again.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from automos.voxels import VoxelMap
 
 
 class Published(NamedTuple):
-    """Constants, as in the authors' large_scale_05.yaml, their preset for whole sequences.
+    """Constants, as in the authors' large_scale.yaml, their preset for whole sequences.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Every number that affects a result, with its unit, its range and, if it is from the paper, its section.
+"""The numbers that a user may want to change, with unit, range and, if it is from the paper, its section.
 
 There is one module per stage and one group per idea. Lengths are in metres, angles in degrees (in radians where
 published parameters are), times in seconds. Order of precedence: preset < settings file < command line.

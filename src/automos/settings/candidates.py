@@ -28,7 +28,7 @@ class EgoBodySettings(Group):
 
 
 class ErasorSettings(Group):
-    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale_05)."""
+    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale)."""
 
     version: Literal[2, 3] = Field(3, description="2: the paper's rule; 3: the released rule, which removes less")
     max_range: float = Field(

@@ -2,7 +2,7 @@
 
 A point is MOVING if its segment is associated with a moving track (decided by `tracking.judge`, or `paper.verdict` in
 the preset `paper`), or if it stands in the box of one, unless static objects occupied its place in many more scans
-(`tracking.places`). At 1 or 2 scans a second nothing can be tracked, so the evidence on a segment decides
+(`tracking.places`). At 2.5 scans a second or fewer nothing can be tracked, so the evidence on a segment decides
 (`tracking.object_points`). Points of the ego body, and points of less confidence than required, are UNLABELED. All
 others are STATIC.
 """
