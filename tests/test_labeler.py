@@ -229,6 +229,81 @@ def test_a_labeler_whose_caller_stops_pushing_ahead_begins_anew_after_finish():
         np.testing.assert_array_equal(one.labels, other.labels)
 
 
+def test_the_whole_recording_as_lag_leaves_out_what_other_lags_leave_out(caplog):
+    scans = [*SCANS[:6], damaged("late")[10], SCANS[5], Scan(np.full((50, 3), np.nan), stamp=0.55), *SCANS[6:16]]
+    with caplog.at_level(logging.WARNING, "automos.labeler"):
+        given = run([replace(scan, stamp=0.2) if i == 6 else scan for i, scan in enumerate(scans)], math.inf)
+    assert len(caplog.records) == 3  # it is late, repeats the one before, has no valid points
+    assert [(g.index, len(g.labels)) for g in given] == [(i, len(scan)) for i, scan in enumerate(scans)]
+    assert not given[6].labels.any()
+    assert not given[8].labels.any()
+    np.testing.assert_array_equal(given[7].labels, given[5].labels)
+    used = [given[i] for i in range(len(scans)) if i not in (6, 7, 8)]
+    for one, other in zip(used, run(SCANS[:16], math.inf), strict=True):
+        for name in ("stamp", "pose", "labels", "track_ids", "confidence", "objects"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_the_whole_recording_as_lag_begins_anew_when_the_clock_is_set_back_but_not_after_a_gap():
+    first = [replace(scan, stamp=scan.stamp + 3.0 * (i >= 4) + 5.0) for i, scan in enumerate(SCANS[:16])]
+    given, alone = run([*first, *SCANS], math.inf), run(SCANS[4:], math.inf)
+    assert [g.index for g in given] == list(range(16 + len(SCANS)))
+    before, late, after = given[:16], given[16:20], given[20:]
+    assert not any(g.labels.any() for g in late)
+    for one, other in zip(after, alone, strict=True):
+        np.testing.assert_array_equal(one.labels, other.labels)
+    assert after[0].pose[:2, 3] == pytest.approx(before[-1].pose[:2, 3])
+    assert after[0].pose[2, 3] == pytest.approx(alone[0].pose[2, 3])
+    assert {t for g in before for t in g.objects["track"]}.isdisjoint(t for g in after for t in g.objects["track"])
+    points = after[-1].pose[:3, :3] @ SCANS[-1].points.T + after[-1].pose[:3, 3:]
+    for row in after[-1].objects:
+        own = points[:, after[-1].track_ids == row["track"]]
+        assert np.linalg.norm(own[:2].mean(axis=1) - row["center"][:2]) < 1.0
+
+
+def test_a_recording_that_cannot_be_labelled_is_not_lost():
+    settings = automos.load_settings("default", None, {"odometry.time": "file"})
+    labeler = automos.Labeler(settings, lag=math.inf)
+    for scan in SCANS[:3]:
+        labeler.push(scan)
+    for _ in range(2):
+        with pytest.raises(InputError, match="has no time per point"):
+            labeler.finish()
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3, math.inf])
+@pytest.mark.parametrize("as_a", [lambda points: points, Scan], ids=["array", "scan"])
+def test_the_caller_may_write_the_next_scan_into_the_same_array(lag, as_a):
+    n, size = 8, min(len(scan) for scan in SCANS[:8])
+    buffer, labeler, given = np.empty((size, 3), np.float32), automos.Labeler(lag=lag, is_compensated=True), []
+    for scan in SCANS[:n]:
+        buffer[:] = scan.points[:size]
+        given += labeler.push(as_a(buffer), scan.stamp)
+        buffer[:] = 0.0
+    given += labeler.finish()
+    usual = run([Scan(scan.points[:size], stamp=scan.stamp) for scan in SCANS[:n]], lag)
+    for one, other in zip(given, usual, strict=True):
+        np.testing.assert_array_equal(one.labels, other.labels)
+        np.testing.assert_array_equal(one.pose, other.pose)
+
+
+def test_a_scan_repeats_another_though_rays_return_nothing():
+    points = SCANS[3].points.copy()
+    points[5::7] = np.nan
+    given = run([*SCANS[:3], Scan(points, stamp=0.3), Scan(points.copy(), stamp=0.35), *SCANS[4:6]])
+    assert (given[4].labels != Label.UNLABELED).any()
+    for name in ("pose", "labels", "track_ids", "confidence"):
+        np.testing.assert_array_equal(getattr(given[4], name), getattr(given[3], name))
+
+
+def test_a_repeat_after_an_empty_scan_has_the_labels_of_the_one_before_it():
+    empty = Scan(np.full_like(SCANS[3].points, np.nan), stamp=0.33)
+    given = run([*SCANS[:4], empty, replace(SCANS[3], stamp=0.36), *SCANS[4:6]])
+    assert not given[4].labels.any()
+    assert given[3].labels.any()
+    np.testing.assert_array_equal(given[5].labels, given[3].labels)
+
+
 def test_an_interruption_moves_the_sensor_nowhere():
     scans = [Scan(scan.points, stamp=scan.stamp + (40.0 if i >= 8 else 0.0)) for i, scan in enumerate(SCANS[:12])]
     given = run(scans, 0.2)

@@ -1,5 +1,9 @@
 """What a class of the caller's gives is used where it fits, and told by its property where it does not."""
 
+import pickle
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -85,3 +89,22 @@ def test_sequences_of_ours_are_not_looked_at_twice():
     ours = ArraySequence([POINTS[0]])
     assert as_sequence(ours) is ours
     assert as_sequence(as_sequence(Mine())).names == Mine().names
+
+
+class OneFile(Mine):
+    """Five scans in one open file, whose position all threads share."""
+
+    place = 0
+
+    def __getitem__(self, index):
+        self.place = index
+        time.sleep(0.002)
+        return Scan(POINTS[self.place])
+
+
+@pytest.mark.parametrize("carried", [lambda x: x, lambda x: pickle.loads(pickle.dumps(x))], ids=["here", "elsewhere"])
+def test_scans_are_read_one_at_a_time(carried):
+    sequence, asked = carried(as_sequence(OneFile())), list(range(5)) * 4
+    with ThreadPoolExecutor(5) as pool:
+        for i, scan in zip(asked, pool.map(sequence.__getitem__, asked), strict=True):
+            np.testing.assert_array_equal(scan.points, POINTS[i])

@@ -29,6 +29,14 @@ def test_doubled_scans_are_recognised_by_their_points():
     assert sentence == "2 scans are the one before them once more (first: 000005)."
 
 
+def test_doubled_scans_are_recognised_though_rays_return_nothing():
+    doubled = [np.vstack([scan, np.full((2, 3), np.nan, np.float32)]) for scan in scans(20)]
+    doubled[5] = doubled[4].copy()
+    doubled[8] = doubled[9] = np.full((5, 3), np.nan, np.float32)  # without a point there is nothing to repeat
+    (sentence,) = recording_warnings(ArraySequence(doubled))
+    assert sentence == "1 scans are the one before them once more (first: 000005)."
+
+
 def test_too_few_scans_to_decide_anything_are_told_in_figures():
     (sentence,) = recording_warnings(ArraySequence(scans(2)))
     assert sentence.startswith("2 scans over 0.1 s are too few to decide what moves")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from collections.abc import Sequence as Sequence_
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -92,9 +93,10 @@ class ArraySequence(Sequence):
 
     @property
     def repeats(self) -> Mask:
-        """(len,) bool: scans whose points are those of the one before."""
+        """(len,) bool: scans whose points are those of the one before; none without a valid point repeats another."""
         pairs = zip(self._scans[:-1], self._scans[1:], strict=True)
-        return np.array([False, *(len(a) > 0 and np.array_equal(a.points, b.points) for a, b in pairs)][: len(self)])
+        are_same = (np.array_equal(a.points, b.points, equal_nan=True) and a.is_valid.any() for a, b in pairs)
+        return np.array([False, *are_same][: len(self)])
 
     @property
     def is_compensated(self) -> bool | None:
@@ -138,14 +140,23 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
 
 
 def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
-    """Return `scan` as a `Scan`, at `stamp` seconds if given; InputError if it is not an array of points."""
+    """Return `scan` as a `Scan` with arrays of its own, at `stamp` seconds if given.
+
+    Callers may write the next scan into the same buffer while this one is in use.
+
+    Raises
+    ------
+    InputError : it is not an array of points, or `stamp` not a number.
+    """
     if not isinstance(scan, Scan):
         try:
             scan = _scan_from_array(scan, 0)
         except (TypeError, ValueError) as error:
             raise InputError(f"a scan is a Scan or an (N, 3) array, metres: {error}") from None
+    values = {field.name: getattr(scan, field.name) for field in fields(scan)}
+    own: dict[str, Any] = {name: value.copy() for name, value in values.items() if isinstance(value, np.ndarray)}
     try:
-        return scan if stamp is None else replace(scan, stamp=float(stamp))
+        return replace(scan, **own, stamp=scan.stamp if stamp is None else float(stamp))
     except (TypeError, ValueError):
         raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
 

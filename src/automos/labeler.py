@@ -23,15 +23,16 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.arguments import require_kind
-from automos.array_sequence import ArraySequence, as_scan
+from automos.array_sequence import as_scan
 from automos.errors import InputError
-from automos.online.intake import Intake, Kind, Taken
-from automos.online.labelled_scan import LabelledScan, labelled_scans
+from automos.online.intake import LONGEST_GAP, Intake, Kind, Taken
+from automos.online.labelled_scan import LabelledScan
 from automos.online.return_order import ReturnOrder
 from automos.online.segmenting import Segmented
 from automos.online.stream import Stream, require_online_methods
+from automos.online.whole import WholeRecording
 from automos.parallel import available_cores, checked_workers, one_ahead
-from automos.scan import Scan
+from automos.scan import Pose, Scan
 from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan"]
@@ -106,12 +107,8 @@ class Labeler:
         self._is_compensated = is_compensated
         self._threads = checked_workers(threads, "threads")
         self._pool = ThreadPoolExecutor(self._threads or available_cores())
-        self._intake = Intake()
-        self._n = 0
-        self._scans: list[Scan] = []
         self._arrived: deque[_Arrived] = deque()
-        self._order = ReturnOrder()
-        self._stream: Stream | None = None
+        self._begin()
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:
         """Add the next scan; return the scans whose lag has passed, in the order in which they arrived.
@@ -119,7 +116,8 @@ class Labeler:
         Parameters
         ----------
         scan : Scan or (N, 3) or (N, 4) float array
-            Points in metres in the sensor frame; the fourth column is the intensity.
+            Points in metres in the sensor frame; the fourth column is the intensity. They are copied, so the next
+            scan may be written into the same array.
         stamp : float, optional
             Seconds. If not given, the scan's own stamp; if it has none, 0.1 s after the scan before.
 
@@ -133,13 +131,9 @@ class Labeler:
         InputError
             `scan` is not a scan or `stamp` not a number.
         """
-        scan = as_scan(scan, stamp)
-        if math.isinf(self.lag):
-            self._scans.append(scan)
-            return []
-        self._arrive(scan)
+        self._arrive(scan, stamp)
         self._label()
-        return self._order.take()
+        return self._take()
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
         """Yield what `push` returns for each of `scans`; odometry and segmentation of the next scan run meanwhile.
@@ -163,14 +157,11 @@ class Labeler:
         InputError
             One of them is not a scan. Errors raised by `scans` itself pass through.
         """
-        if math.isinf(self.lag):
-            yield from map(self.push, scans)
-            return
         try:
             # A new stream starts at the last pose of the one before, which is known after labelling.
             for _ in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
                 self._label()
-                yield self._order.take()
+                yield self._take()
         finally:
             while self._arrived:
                 self._label()
@@ -183,20 +174,30 @@ class Labeler:
         list of LabelledScan
             The scans that were not returned yet.
         """
-        if math.isinf(self.lag):
-            return self._label_all()
         if self._stream is not None:
             self._order.add(self._stream.finish())
         rest = self._order.take()
-        self._stream, self._intake, self._n, self._order = None, Intake(), 0, ReturnOrder()
+        self._begin()
         return rest
 
-    def _arrive(self, one: Scan | npt.ArrayLike) -> _Arrived:
+    def _begin(self) -> None:
+        """Forget all scans: the next one is the first."""
+        # A recording that is labelled as a whole may have gaps: `label` compares scans before and after one.
+        self._intake = Intake(LONGEST_GAP if math.isfinite(self.lag) else math.inf)
+        self._order, self._n = ReturnOrder(), 0
+        self._stream: Stream | WholeRecording | None = None
+
+    def _take(self) -> list[LabelledScan]:
+        """Return the scans that are ready; all of them at `finish` if the lag is infinite."""
+        return self._order.take() if math.isfinite(self.lag) else []
+
+    def _arrive(self, one: Scan | npt.ArrayLike, stamp: float | None = None) -> _Arrived:
         """Add a scan; do what does not depend on the labels of earlier ones."""
-        scan = as_scan(one)
+        scan = as_scan(one, stamp)
         about = self._intake.take(scan)
         index, self._n = self._n, self._n + 1
-        scan = replace(scan, stamp=about.stamp)
+        if math.isfinite(self.lag) or scan.stamp is not None:  # without a clock, `label` counts the scans itself
+            scan = replace(scan, stamp=about.stamp)
         segmented = self._begin_stream().segment(index, scan) if about.kind is Kind.NEXT else None
         self._arrived.append(_Arrived(index, scan, about, segmented))
         return self._arrived[-1]
@@ -214,27 +215,19 @@ class Labeler:
         if segmented is not None:
             self._order.add(self._begin_stream().follow(segmented))
 
-    def _begin_stream(self) -> Stream:
+    def _begin_stream(self) -> Stream | WholeRecording:
         if self._stream is None:
-            self._stream = Stream(self.settings, self.lag, self._pool, self._is_compensated)
+            self._stream = self._new_stream()
         return self._stream
+
+    def _new_stream(self, T_world_first: Pose | None = None, first_track: int = 0) -> Stream | WholeRecording:
+        if math.isinf(self.lag):
+            return WholeRecording(self.settings, self._is_compensated, self._threads, T_world_first, first_track)
+        return Stream(self.settings, self.lag, self._pool, self._is_compensated, T_world_first, first_track)
 
     def _end_stream(self) -> None:
         """Label what is waiting, and start a new stream at the last pose."""
         if self._stream is None:
             return
         self._order.add(self._stream.finish())
-        before = self._stream
-        self._stream = Stream(
-            self.settings, self.lag, self._pool, self._is_compensated, before.T_world_sensor, before.next_track
-        )
-
-    def _label_all(self) -> list[LabelledScan]:
-        """Return all scans, labelled as `automos.label` does."""
-        from automos.pipeline import label
-
-        scans, self._scans = self._scans, []
-        if not scans:
-            return []
-        recording = ArraySequence(scans, is_compensated=self._is_compensated)
-        return labelled_scans(label(recording, self.settings, workers=self._threads))
+        self._stream = self._new_stream(self._stream.T_world_sensor, self._stream.next_track)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ class OwnSequence(Sequence):
     def __init__(self, given: Sequence):
         """Take the caller's sequence; its scans are looked at when they are asked for."""
         self._given = given
+        self._reading = Lock()  # stages ask for scans in several threads, but one open file has one position
         try:
             self._n = len(given)
         except (TypeError, ValueError, NotImplementedError) as error:
@@ -29,9 +31,18 @@ class OwnSequence(Sequence):
     def __len__(self) -> int:
         return self._n
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process gets: locks are of one process."""
+        return {name: value for name, value in vars(self).items() if name != "_reading"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what `__getstate__` returned."""
+        self.__dict__.update(state, _reading=Lock())
+
     def __getitem__(self, index: int) -> Scan:
         try:
-            scan = self._given[index]
+            with self._reading:
+                scan = self._given[index]
         except (IndexError, NotImplementedError, StopIteration) as error:
             why = f"{type(error).__name__}{f': {error}' if str(error) else ''}"
             raise self._unfit("__getitem__", f"each of its {self._n} scans (scan {index} ends in {why})") from error

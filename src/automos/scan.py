@@ -143,7 +143,8 @@ class Scan:
 class Sequence:
     """Scans in time order. Readers derive from it and override what their format provides.
 
-    A sequence must be cheap to create and to pickle: it holds paths, not points (except `ArraySequence`).
+    A sequence must be cheap to create and to pickle: it holds paths, not points (except `ArraySequence`). Scans are
+    read in several threads and, from copies, in other processes; of a class of your own, in one thread at a time.
 
     Attributes
     ----------

@@ -1,10 +1,11 @@
 import copy
 
 import numpy as np
+import pytest
 
-from automos import load_settings
+from automos import Labeler, load_settings
 from automos.detections import Detections
-from automos.online.following import FEW, PAST_ALONE, TOO_FEW, Comparisons, Following
+from automos.online.following import FEW, MEMORY, PAST_ALONE, TOO_FEW, Comparisons, Following
 from automos.tracking.tracker import Tracker, track_objects, until_last_seen
 from automos.tracking.tracks import Tracks
 from automos.upright_boxes import Boxes
@@ -60,7 +61,7 @@ def test_who_was_asked_shifts_what_is_believed():
 
 def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_asked_too():
     few, more = Comparisons(1, False, True), Comparisons(FEW, False, True)
-    following = Following(SETTINGS)
+    following = Following(SETTINGS, 0.0)
     for k in range(2):
         following.add(0.1 * k, cars(1.0 * k), few)
     before = probability(following, 0.1)
@@ -70,8 +71,19 @@ def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_a
 
 
 def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
-    at_once, later = Following(SETTINGS), Following(SETTINGS)
+    at_once, later = Following(SETTINGS, 0.0), Following(SETTINGS, 0.0)
     at_once.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=True))
     later.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=False))
     assert probability(at_once, 0.0) > SETTINGS.judge.min_probability
     assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once
+
+
+@pytest.mark.parametrize(("lag", "step"), [(MEMORY + 2.0, 0.5), (MEMORY + 0.5, 0.25)])
+def test_a_scan_may_wait_for_longer_than_a_track_is_remembered(lag, step):
+    noise, labeler = np.random.default_rng(0), Labeler(lag=lag, is_compensated=True, threads=1)
+    room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (1500, 3))
+    n = round(2.0 * lag / step)
+    scans = [room + noise.normal(0.0, 0.01, room.shape) for _ in range(n)]
+    given = [done for k, scan in enumerate(scans) for done in labeler.push(scan, step * k)]
+    assert len(given) == n - round(lag / step)
+    assert [done.index for done in given + labeler.finish()] == list(range(n))

@@ -1,8 +1,10 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import street
+from raw_worlds import TOWN, curve, sweep
+from worlds import SCAN_GAP, street
 
 from automos import load_settings
 from automos.geometry import inverse, se3_log
@@ -16,9 +18,9 @@ from automos.simulation import Convention, record, simulate
 SETTINGS = load_settings("default").odometry
 
 
-def follow(scans, **kwargs):
+def follow(scans, settings=SETTINGS, **kwargs):
     with ThreadPoolExecutor(1) as pool:
-        odometry = CausalOdometry(SETTINGS, pool, **kwargs)
+        odometry = CausalOdometry(settings, pool, **kwargs)
         return [odometry.step(scan) for scan in scans]
 
 
@@ -92,6 +94,26 @@ def test_the_order_of_the_points_times_the_second_scan():
     world = record("city", "VLP-16", 6, seed=3, convention=Convention(turns=1.09, order="time"))
     moved = follow([Scan(scan.points, stamp=scan.stamp) for scan in world])
     assert [step.posed.timing.source for step in moved] == ["none"] + (len(moved) - 1) * ["order"]
+
+
+def test_a_sweep_of_half_the_time_between_scans_is_known_to_be_one_after_some_seconds():
+    """Recorded times of 50 ms per scan, ten scans per second."""
+    pose, scans = curve(6.0, 0.0), []
+    for k in range(48):
+        middle = SCAN_GAP * k
+        scan = sweep(TOWN, lambda now, middle=middle: pose(0.5 * (middle + now)), middle)  # twice as fast
+        scans.append(replace(scan, time=0.5 * scan.time))
+    shares = [step.posed.timing.share for step in follow(scans)]
+    assert shares[:20] == 20 * [1.0]
+    assert shares[-1] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(("time", "source"), [("azimuth", "azimuth"), ("order", "order"), ("auto", "file")])
+def test_recorded_times_are_not_used_where_the_settings_name_others(time, source):
+    world = record("city", "VLP-16", 4, seed=3, convention=Convention(turns=1.0, order="time"))
+    scans = [replace(scan, time=np.linspace(0.0, 0.1, len(scan), dtype=np.float32)) for scan in world]
+    moved = follow(scans, settings=load_settings("default", None, {"odometry.time": time}).odometry)
+    assert moved[-1].posed.timing.source == source
 
 
 def test_an_answer_never_comes_sooner_however_fast_it_was_found():

@@ -23,9 +23,7 @@ from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 
 MEMORY = 8.0
-"""Seconds of a track on which its verdict is based."""
-
-
+"""Seconds of a track on which its verdict is based; as many as the lag if that is longer."""
 PAST_ALONE = 1.0
 """Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. On
 simulated worlds, four in five objects with a probability of 0.6 to 0.8 without it move."""
@@ -94,9 +92,10 @@ class _Step:
 class Following:
     """The tracks of one stream."""
 
-    def __init__(self, settings: TrackingSettings, first_track: int = 0):
-        """Take the settings of the tracker, and the number of the first new object."""
+    def __init__(self, settings: TrackingSettings, lag: float, first_track: int = 0):
+        """Take the settings of the tracker, the lag in seconds, and the number of the first new object."""
         self._settings = settings
+        self._memory = max(MEMORY, lag)  # a scan that waits for its lag is still asked for
         self._tracker = Tracker(settings, first_track)
         self._steps: deque[_Step] = deque()
         self._moved: dict[int, float] = {}
@@ -111,7 +110,7 @@ class Following:
         """Track all objects into the next scan, whose segments `found` are final."""
         terms = segment_terms(found, compared.is_far)
         self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), terms, compared.shift))
-        while self._steps[0].stamp < stamp - MEMORY:
+        while self._steps[0].stamp < stamp - self._memory:
             self._steps.popleft()
             self._has_forgotten = True
 

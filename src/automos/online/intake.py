@@ -43,7 +43,9 @@ class Taken:
 class Intake:
     """Checks every scan before it is processed."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest_gap: float = LONGEST_GAP) -> None:
+        """Take the seconds without scans after which a new stream starts."""
+        self._longest_gap = longest_gap
         self._stamp: float | None = None
         self._points: Points | None = None
         self._n_lidars = 0
@@ -78,7 +80,7 @@ class Intake:
             return Kind.EMPTY, "it has no valid points; it is returned unlabelled"
         if self._stamp is None or self._points is None:
             return Kind.NEXT, ""
-        if len(scan) == len(self._points) and np.array_equal(scan.points, self._points):
+        if len(scan) == len(self._points) and np.array_equal(scan.points, self._points, equal_nan=True):
             return Kind.REPEAT, "it repeats the previous scan; it gets the same labels"
         if _n_lidars(scan) != self._n_lidars:
             return Kind.RESTART, f"it has {_n_lidars(scan)} LiDARs, after {self._n_lidars}; a new stream starts"
@@ -92,7 +94,7 @@ class Intake:
             return Kind.RESTART, f"the clock was set back to {stamp:.3f} s; a new stream starts"
         gap = stamp - self._stamp
         usual = float(np.median(self._steps)) if self._steps else LONGEST_GAP
-        if gap > max(LONGEST_GAP, USUAL_GAPS * usual):
+        if gap > max(self._longest_gap, USUAL_GAPS * usual):
             return Kind.RESTART, f"no scans for {gap:.1f} s; a new stream starts"
         return Kind.NEXT, ""
 

@@ -1,7 +1,8 @@
 """Learns the sensor model during a stream: the directions of the beams, and the ego body.
 
-The first scan with enough points provides the beams. The ego body is determined in the background from scans some
-distance apart, again whenever the path has doubled in length, until its whole range was observed from elsewhere.
+The first scan with enough points provides the beams; of a LiDAR that has too few in it, a later one. The ego body is
+determined in the background from scans some distance apart, again whenever the path has doubled in length, until its
+whole range was observed from elsewhere.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy.typing as npt
 from automos.candidates.observations import learn_lidars, with_body
 from automos.online.background import BackgroundTask
 from automos.scan import Frame, Pose
-from automos.sensor.beam_pattern import Lidar
+from automos.sensor.beam_pattern import Lidar, is_known, learn_pattern
 from automos.sensor.ego_body import MIN_SCANS
 from automos.settings import CandidatesSettings
 
@@ -47,7 +48,8 @@ class LidarLearner:
             return
         found = self._task.result(frame.stamp)
         if found is not None:
-            self.lidars, self._task = found, BackgroundTask(DELAY)
+            self.lidars, self._task = _with_bodies(self.lidars, found), BackgroundTask(DELAY)
+        self.lidars = [lidar if is_known(lidar.pattern) else _learnt(lidar, frame) for lidar in self.lidars]
         if self._distance > self._settings.ego_body.max_range or len(frame.points) < PATTERN_POINTS:
             return
         if self._apart and np.linalg.norm(frame.origin_level - self._apart[-1].origin_level) < self._distance:
@@ -61,8 +63,21 @@ class LidarLearner:
             self._apart, self._distance = self._apart[::2], 2.0 * self._distance
 
     def forget_poses(self) -> None:
-        """Restart with later frames, because the poses of earlier ones are outdated."""
+        """Restart with later frames, because the poses of earlier ones are outdated; so is a search among them."""
         self._apart, self._distance = [], APART
+        self._task = BackgroundTask(DELAY)
+
+
+def _learnt(lidar: Lidar, frame: Frame) -> Lidar:
+    """Return `lidar`, whose pattern was unknown, with that of its points in `frame`, if these are enough."""
+    pattern = learn_pattern([frame.of_sensor(lidar.number)[1]])
+    return replace(lidar, pattern=pattern, body=None) if is_known(pattern) else lidar
+
+
+def _with_bodies(lidars: list[Lidar], found: list[Lidar]) -> list[Lidar]:
+    """Return `lidars` with the bodies `found`, except where these are in a grid that was replaced since."""
+    pairs = zip(lidars, found, strict=True)
+    return [replace(now, body=then.body) if now.pattern is then.pattern else now for now, then in pairs]
 
 
 class _FewFrames:

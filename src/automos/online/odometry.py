@@ -18,6 +18,7 @@ from automos.geometry import inverse, se3_log
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import TRIAL_SCANS, find_start
 from automos.odometry.moving_windows import MIN_BEND
+from automos.odometry.timing import SAME_TIME
 from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.online.path import Path, Posed, TimedScan
 from automos.scan import Pose, Scan
@@ -129,7 +130,7 @@ class CausalOdometry:
 
     def _guess_timing(self, scan: Scan) -> None:
         """Assume the points' own times, or usual ones from the second scan on: sensors send uncompensated points."""
-        timing = timing_from_times(scan)
+        timing = timing_from_times(scan) if self._settings.time in ("auto", "file") else None
         if timing is None and self._n == 1:
             timing = usual_timing([self._last[0][0].scan, scan], self._settings)
         if timing is not None:
@@ -180,7 +181,7 @@ class CausalOdometry:
         self._timing_task = self._timing_task if timing is None else None
         twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
         is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
-        if not is_other_start and (timing is None or str(timing) == str(self._path.timing)):  # ignores last digits
+        if not is_other_start and (timing is None or _are_alike(timing, self._path.timing)):
             return None
         return self._follow_again(timing or self._path.timing, twist if start is None else start)
 
@@ -206,3 +207,8 @@ class CausalOdometry:
             self._steps.append(passed)
             gap = passed / usual if passed > 1.5 * usual else 1.0
         return TimedScan(scan, self._stamp, gap, self._period)
+
+
+def _are_alike(a: SweepTiming, b: SweepTiming) -> bool:
+    """Whether two timings differ in their last digits at most; the text of one from the file leaves out its share."""
+    return str(a) == str(b) and abs(a.share - b.share) < SAME_TIME

@@ -39,7 +39,7 @@ class ReturnOrder:
                 scan = self._ready.pop(index)
             else:
                 scan = self._unusable(index, about, n_points)
-            if about.kind is not Kind.LATE:
+            if about.kind not in (Kind.LATE, Kind.EMPTY):  # a repeat after it has the labels of the scan before it
                 self._last = scan
             self._pending.popleft()
             done.append(scan)

@@ -36,7 +36,7 @@ class Stream:
         """Take the arguments of `Labeler`, a thread pool, and the last state of the stream that this one continues."""
         self._settings = settings
         self._segmenting = Segmenting(settings, lag, pool, is_compensated, T_world_first)
-        self._following = Following(settings.tracking, first_track)
+        self._following = Following(settings.tracking, lag, first_track)
 
     @property
     def next_track(self) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -85,28 +86,42 @@ class Lidar:
 
 
 def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
-    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`."""
-    return np.max([(lidar.pattern.row_height, lidar.pattern.column_width) for lidar in lidars], axis=0)
+    """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`.
+
+    Those without a known pattern do not count, unless all are: most have no points.
+    """
+    patterns = [lidar.pattern for lidar in lidars if is_known(lidar.pattern)] or [lidar.pattern for lidar in lidars]
+    return np.max([(pattern.row_height, pattern.column_width) for pattern in patterns], axis=0)
+
+
+@cache
+def unknown_pattern() -> BeamPattern:
+    """Return the pattern of a LiDAR of which nothing is known: rows and columns half a degree apart."""
+    return make_pattern(np.arange(-60, 60) * _UNKNOWN, _UNKNOWN)
+
+
+def is_known(pattern: BeamPattern) -> bool:
+    """Whether a pattern was learnt from points."""
+    return not np.array_equal(pattern.row_of_sine, unknown_pattern().row_of_sine)
 
 
 def learn_pattern(frames: Iterable[Frame]) -> BeamPattern:
     """Return the beam pattern in the raw angles of `frames` (a handful of frames is enough).
 
-    Frames with too few points are skipped; if all are, rows and columns are half a degree apart.
+    Frames with too few points are skipped; if all are, it is `unknown_pattern`.
     """
     frames = [frame for frame in frames if len(frame.points) >= MIN_POINTS]
     raw = [raw_points(frame) for frame in frames]
     times = [last_looks(points, frame.sweep_time)[0] for points, frame in zip(raw, frames, strict=True)]
     angles = [_angles(points.astype(np.float64)) for points in raw]
-    unknown = make_pattern(np.arange(-60, 60) * _UNKNOWN, _UNKNOWN)
     if not angles:
-        return unknown
+        return unknown_pattern()
     step, kept = _azimuth_step(angles, _MICRO_ROW)
     if step is None:  # if coordinates were rounded, angles are exact only far away
         step, kept = _azimuth_step([scan[:, scan[2] > np.median(scan[2])] for scan in angles], _ROUGH_ROW)
     density, edges = _row_density(angles, step, kept)
     if not (np.isfinite(density).all() and density.sum() > 0.0):  # all points are on a line or at one place
-        return unknown
+        return unknown_pattern()
     if step is None:  # no beam repeats: use square cells with one ray in each
         step = float(np.sqrt(_ELEVATION_BIN * len(density) / density.sum()))
         density = density * step
