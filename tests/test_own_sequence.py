@@ -108,3 +108,12 @@ def test_scans_are_read_one_at_a_time(carried):
     with ThreadPoolExecutor(5) as pool:
         for i, scan in zip(asked, pool.map(sequence.__getitem__, asked), strict=True):
             np.testing.assert_array_equal(scan.points, POINTS[i])
+
+
+def test_scans_of_other_lidars_are_refused():
+    def given(self, index):
+        mounts, sensor = np.tile(np.eye(4), (2, 1, 1)), np.zeros(len(POINTS[index]), np.uint8)
+        return Scan(POINTS[index]) if index < 3 else Scan(POINTS[index], sensor=sensor, T_scan_sensor=mounts)
+
+    with pytest.raises(InputError, match=r"must give scans of the same LiDARs \(scan \d is of 2"):
+        automos.label(sequence_with(__getitem__=given), workers=1)

@@ -20,6 +20,7 @@ class OwnSequence(Sequence):
     def __init__(self, given: Sequence):
         """Take the caller's sequence; its scans are looked at when they are asked for."""
         self._given = given
+        self._n_sensors: int | None = None  # LiDARs of each scan, known from the first one
         self._reading = Lock()  # stages ask for scans in several threads, but one open file has one position
         try:
             self._n = len(given)
@@ -49,6 +50,10 @@ class OwnSequence(Sequence):
         if not isinstance(scan, Scan):
             found = f"as scan {index} it gives a {type(scan).__name__}; automos.Scan(points) makes one of an array"
             raise self._unfit("__getitem__", f"an automos.Scan ({found})")
+        self._n_sensors = self._n_sensors or scan.n_sensors
+        if scan.n_sensors != self._n_sensors:
+            found = f"scan {index} is of {scan.n_sensors}, an earlier one of {self._n_sensors}"
+            raise self._unfit("__getitem__", f"scans of the same LiDARs ({found})")
         return scan
 
     def _unfit(self, what: str, wish: str) -> InputError:
