@@ -10,6 +10,8 @@ from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
 from automos.scan import Scan
 from automos.settings import OdometrySettings
+from automos.simulation import Conditions, Convention
+from automos.simulation import record as record_drive
 
 N = 18
 POSE = curve(8.0, 0.5)
@@ -166,3 +168,15 @@ def test_a_sensor_that_looks_one_way_does_not_spin():
 def test_times_asked_for_but_not_there_are_an_error_that_says_what_to_do():
     with pytest.raises(InputError, match=r"no time per point; set odometry\.time"):
         choose(ArraySequence([np.ones((5, 3))] * 3), time="file")
+
+
+def test_sweeps_of_half_the_time_between_scans_are_found_where_full_ones_are_as_wrong_as_none():
+    drive = record_drive("city", "OS1-128", 40, 109, convention=Convention(every=2))
+    timing = choose(drive)
+    assert (timing.source, timing.turn, timing.share) == ("azimuth", -1, 0.5)
+
+
+def test_the_most_common_seam_is_compared_though_the_vehicle_hides_the_rear():
+    drive = record_drive("city", "OS1-128", 40, 109, conditions=Conditions(rig="truck"))
+    timing = choose(drive)
+    assert (timing.source, timing.turn, timing.seam_deg) == ("azimuth", -1, 180.0)

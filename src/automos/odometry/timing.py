@@ -27,6 +27,7 @@ _log = logging.getLogger(__name__)
 
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuth seams that are tried, the most common first: others must be clearly better."""
+CIRCLE = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
 SAME_TIME = 0.02
 """Share of the time between scans by which two consistent timings of a point may differ."""
 OTHER_MOTION = 0.2
@@ -124,22 +125,26 @@ def _best_hypothesis(
     best = search.best(known[:1], selected=known[1:], rare=reversed_sweeps)
     if is_by_azimuth and (best is None or best.source == "none"):
         best = search.best(drifting, selected=untimed) if drifting else _best_seam(search, untimed)
-    if best is None or best.source == "none":
-        return best
-    shorter = [replace(best, share=share * best.share) for share in _shares(best, clock)]
+    if best is None:
+        return None
+    # Of sweeps over half of the time between scans, full compensation is as wrong as none.
+    likely = [best] if best.source != "none" else [*timed[:1], *drifting]
+    if not likely and is_by_azimuth:
+        likely = search.likeliest(CIRCLE, 1)
+    shorter = [replace(full, share=share * full.share) for full in likely for share in _shares(full, clock)]
     is_shorter = len(shorter) > 0 and search.likeliest([best, *shorter], 1) != [best]
     return search.best([best], rare=shorter) if is_shorter else best
 
 
 def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
     """Return the best timing by azimuth with a fixed seam, or `untimed`."""
-    circle = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-    (found,) = search.likeliest(circle, 1)
+    (found,) = search.likeliest(CIRCLE, 1)
     around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
-    likely = search.likeliest([*circle, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
-    rear = [timing for timing in likely if timing.seam_deg == SEAMS_DEG[0]]
-    best = search.best([*untimed, *rear], selected=[timing for timing in likely if timing not in rear])
-    return best if best == SweepTiming() else search.best(likely[:1], selected=likely[1:])
+    likely = search.likeliest([*CIRCLE, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
+    others = [timing for timing in likely if timing.seam_deg != SEAMS_DEG[0]]
+    rear = [timing for timing in likely if timing not in others] or [replace(found, seam_deg=SEAMS_DEG[0])]
+    best = search.best([*untimed, *rear], selected=others)
+    return best if best == SweepTiming() else search.best(rear[:1], selected=[*rear[1:], *others])
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
