@@ -274,3 +274,38 @@ def test_a_disk_that_is_full_is_told_with_the_name_of_what_could_not_be_written(
     assert not [
         path for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_size > 16 and "out" in str(path)
     ]
+
+
+@pytest.mark.parametrize("format", ["pcd", "ply", "panoptic", "instances", "sustech", "cvat", "segments"])
+def test_scans_of_another_recording_are_not_mixed_with_those_of_an_earlier_export(run, tmp_path, format):
+    out = export(run, format, tmp_path / "out")
+    scans = make_scans()
+    object.__setattr__(scans[1], "name", "000007")
+    other = make_run(tmp_path / "other", scans=scans)
+    before = content(out)
+    with pytest.raises(InputError, match=r"out holds \d files of scans that street has not \(first: 000001\."):
+        export(other, format, out)
+    assert content(out) == before
+
+
+@pytest.mark.parametrize("format", ["pcd", "openlabel", "mcap", "semantickitti"])
+def test_a_place_that_cannot_be_is_one_sentence(run, tmp_path, format):
+    if format == "mcap":
+        pytest.importorskip("rosbags")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"cannot be written \(Not a directory\): choose another --out"):
+        export(run, format, tmp_path / "file" / "out")
+
+
+def test_a_zip_whose_packed_bytes_are_damaged_is_not_joined(tmp_path):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in ("11", "12")]
+    path = export(runs[0], "semantickitti", tmp_path / "all.zip")
+    damaged = bytearray(path.read_bytes())
+    with zipfile.ZipFile(path) as archive:
+        at = archive.getinfo("sequences/11/predictions/000000.label").header_offset
+    at += 30 + len("sequences/11/predictions/000000.label")
+    damaged[at : at + 3] = b"\xff" * 3  # no block of deflate begins so
+    path.write_bytes(damaged)
+    with pytest.raises(InputError, match=r"all.zip is not a zip file that can be read"):
+        export(runs[1], "semantickitti", path)
+    assert path.read_bytes() == damaged

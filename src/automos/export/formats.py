@@ -16,10 +16,12 @@ class Export:
     Attributes
     ----------
     writes : what it makes, in one line.
-    write : takes a run and the folder (or file) to write; what is there already is replaced, never mixed with.
+    write : takes a run and the folder (or file) to write; what is there already is replaced.
     needs : the extra to install, None where the core suffices.
     suffix : of the one file it writes; empty where it writes a folder.
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
+    per_scan : patterns of the files, named after the scans, that readers of the folder take; those of other scans are
+        not mixed with them.
     """
 
     writes: str
@@ -27,3 +29,4 @@ class Export:
     needs: str | None = None
     suffix: str = ""
     is_of_points: bool = False
+    per_scan: tuple[str, ...] = ()

@@ -12,6 +12,7 @@ from pathlib import Path
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.export.formats import Export
+from automos.reading import DAMAGE
 from automos.results.run_files import RunFiles
 
 
@@ -48,8 +49,8 @@ def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
             for entry in before.infolist():
                 if entry.filename != "sequences/" and not entry.filename.startswith(without):
                     archive.writestr(entry, before.read(entry))
-    except zipfile.BadZipFile:
-        raise InputError(f"{old} is not a zip file; remove it or choose another --out") from None
+    except DAMAGE:
+        raise InputError(f"{old} is not a zip file that can be read; remove it or choose another --out") from None
 
 
 EXPORT = Export(writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip")
