@@ -340,3 +340,15 @@ def test_columns_whose_names_differ_by_their_case_alone_are_told_and_other_lette
         to_scan({name: np.ones(1) for name in ("x", "y", "z", "Z")}, tmp_path)
     scan = to_scan({name: np.full(1, k) for k, name in enumerate(("\u0437", "x", "y", "z"))}, tmp_path)
     assert scan.points.tolist() == [[1.0, 2.0, 3.0]]
+
+
+@pytest.mark.parametrize("text", ["x,y,z,intensity\n1,2,3,4\n", "1,2,3,4\n"])
+def test_text_may_begin_with_the_mark_that_spreadsheets_write(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8-sig")
+    columns = read_columns(tmp_path / "a.csv", "xyz")
+    assert {name: column.tolist() for name, column in columns.items()} == {
+        "x": [1],
+        "y": [2],
+        "z": [3],
+        "intensity": [4],
+    }

@@ -7,6 +7,7 @@ first line that names x, y and z names the columns.
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ _COMMENT = re.compile(rb"(#|//)[^\n]*")
 
 def read(path: Path) -> Columns:
     """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
-    text = read_bytes(path).lstrip()
+    text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     first_line, _, rest = text.partition(b"\n")
