@@ -43,7 +43,7 @@ def read_poses(
     n_scans : int
         Number of scans that the poses belong to.
     stamps : (n_scans,) float64, optional
-        Increasing times of the scans in seconds. TUM poses are interpolated at these if the two clocks agree.
+        Times of the scans in seconds, in any order. TUM poses are interpolated at these if the two clocks agree.
     T_camera_sensor : (4, 4) float64, optional
         Pose of the sensor in the frame of the body whose poses the file holds (KITTI: the left camera).
     names : sequence of str, optional
@@ -212,7 +212,7 @@ def _at_scans(
     if stamps is not None:
         scan_stamps = np.asarray(stamps, np.float64)
         gap = _nearest_gap(scan_stamps, pose_stamps)
-        tolerance = 0.5 * np.median(np.diff(scan_stamps)) if len(scan_stamps) > 1 else np.inf
+        tolerance = 0.5 * np.median(np.diff(np.sort(scan_stamps))) if len(scan_stamps) > 1 else np.inf
         if (gap <= tolerance).all():
             return interpolate_poses(pose_stamps, T, scan_stamps)
         if len(T) != n_scans:

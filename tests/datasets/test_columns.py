@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.datasets.columns import find_time_unit, to_scan
+from automos.datasets.columns import find_time_unit, time_column, to_scan
 
 XYZ = {axis: np.arange(4, dtype=np.float32) for axis in "xyz"}
 
@@ -67,3 +67,11 @@ def test_rings_are_beam_numbers_of_any_type(name, dtype):
 @pytest.mark.parametrize("values", [[0.5, 1, 2, 3], [-1, 0, 1, 2], [np.nan, 0, 1, 2], [0, 1, 2, 70000]])
 def test_a_ring_that_is_no_beam_number_is_no_ring(values):
     assert to_scan({**XYZ, "ring": np.array(values)}, Path("a")).ring is None
+
+
+@pytest.mark.parametrize("kind", ["i1", "i2", ">i4"])
+def test_times_of_either_sign_span_more_than_their_type_holds(kind):
+    most = np.iinfo(kind).max
+    times = np.linspace(-most, most, 100).astype(kind)
+    column = time_column({"t": times})
+    assert int(column.max()) - int(column.min()) == column.max() - column.min() == 2 * most

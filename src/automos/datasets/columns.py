@@ -125,8 +125,13 @@ def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
 
 def time_column(columns: Columns) -> npt.NDArray | None:
     """Return the first column named as a time whose values differ, else None."""
-    columns = {_plain(key): column for key, column in columns.items()}
-    return next((columns[name] for name in _TIME if name in columns and _span(columns[name]) > 0), None)
+    plain = {_plain(key): column for key, column in columns.items()}
+    return next((times for name in _TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
+
+
+def _subtractable(times: npt.NDArray) -> npt.NDArray:
+    """Return `times` (N,) in a type that holds the difference of any two of them: int16 of either sign may not."""
+    return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
 
 
 def has_time_column(columns: Columns) -> bool:

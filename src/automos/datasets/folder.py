@@ -22,7 +22,7 @@ from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
 from automos.datasets.seen_order import put_in_seen_order
-from automos.datasets.time_order import put_in_order
+from automos.datasets.time_order import put_in_order, usual_step, with_all_times
 from automos.datasets.units import unit_of
 from automos.errors import InputError
 from automos.geometry import inverse
@@ -67,7 +67,7 @@ class FolderSequence(Sequence):
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
-        self._gap = _usual_gap(times)
+        self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
             times = self._times_of_points()
         self._stamps: npt.NDArray[np.float64] | None = None
@@ -143,7 +143,7 @@ class FolderSequence(Sequence):
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
         index = range(len(self))[index]
-        return motion_beside(self.source, self._names, index, self[index], self.truth(index))
+        return motion_beside(self.source, self, index)
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
@@ -172,8 +172,8 @@ class FolderSequence(Sequence):
 
     @cached_property
     def _copy_of(self) -> npt.NDArray[np.int64]:
-        """(len,) for each scan the first one whose file holds the same."""
-        return files.find_copies(self._paths)
+        """(len,) for each scan the first one whose file holds the same points; those without are no copies."""
+        return files.find_copies(self._paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
@@ -190,7 +190,7 @@ class FolderSequence(Sequence):
         return times
 
     def _times_of_points(self) -> npt.NDArray[np.float64]:
-        """Return (len,) seconds at which the scans' points begin, on their common clock; NaN where none has a time."""
+        """Return (len,) seconds at which the scans' points begin, on their common clock; see `with_all_times`."""
         unit = self._point_times.unit
 
         def start(path: Path) -> float:
@@ -198,7 +198,7 @@ class FolderSequence(Sequence):
             return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
 
         with ThreadPoolExecutor() as pool:
-            return np.array(list(pool.map(start, self._paths)))
+            return with_all_times(np.array(list(pool.map(start, self._paths))))
 
     @cached_property
     def _has_truth(self) -> bool:
@@ -222,14 +222,11 @@ class FolderSequence(Sequence):
         if self._codec in WIDTHS:
             return PointTimes()
         columns = read_columns(self._fullest, self._codec)
-        others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
+        # Those of few points, as recordings may begin and end with, have no times.
+        most = self._fullest.stat().st_size
+        full = [path for path in self._paths if 2 * path.stat().st_size >= most]
+        others = [full[0], full[-1]] if time_column(columns) is not None else []
         return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder, self._gap)
-
-
-def _usual_gap(times: npt.NDArray[np.float64] | None) -> float | None:
-    """Return the seconds that usually lie between scans; None without a clock."""
-    steps = np.zeros(0) if times is None else np.diff(np.sort(times))
-    return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
 
 
 def _warn_of_viewpoint(path: Path) -> None:
