@@ -199,3 +199,9 @@ def test_what_cannot_be_is_refused_by_name():
         Convention(turns=0.0)
     with pytest.raises(InputError, match="n_lidars is 9"):
         record("city", n_lidars=9)
+
+
+@pytest.mark.parametrize("about", [{"turns": 20.0}, {"first_cut": 1000.0}, {"leave_out": 1}])
+def test_a_recorder_that_keeps_no_scan_is_refused(about):
+    with pytest.raises(InputError, match=rf"keeps no scan of {N_SWEEPS} turns: give more, or"):
+        kept(**about)
