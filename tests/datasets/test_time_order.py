@@ -64,8 +64,9 @@ def test_a_clock_set_back_to_before_the_first_scan_does_not_put_the_second_half_
     assert "the clock jumps back at 1 scans" in found.warnings[0]
 
 
-def test_two_halves_that_fit_together_the_other_way_round_are_put_so():
-    found = put_in_order(np.r_[2.0 + 0.1 * np.arange(20), 0.1 * np.arange(20)], names(40), WHERE)
+@pytest.mark.parametrize("pause", [0.0, 10.0])
+def test_two_halves_that_fit_together_the_other_way_round_are_put_so(pause):
+    found = put_in_order(np.r_[2.0 + pause + 0.1 * np.arange(20), 0.1 * np.arange(20)], names(40), WHERE)
     np.testing.assert_array_equal(found.order, [*range(20, 40), *range(20)])
 
 

@@ -16,8 +16,8 @@ import numpy.typing as npt
 _MIXED = 3
 """Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
 do more than this often for each time, two runs of the clock overlap."""
-_HOLE = 10.0
-"""Usual steps between two runs of the clock, put in order, from which neither follows the other: the clock was set."""
+_HOLE = 60.0
+"""Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
 
@@ -62,7 +62,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     ordered = stamps[order]
     run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
     changes = int((np.diff(run) != 0).sum())
-    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered, usual)):
+    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -78,13 +78,13 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
-def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64], usual: float) -> bool:
-    """Return whether a clock ran back to before the first scan, and nowhere on to where it had begun.
+def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64]) -> bool:
+    """Return whether a clock ran back to before the first scan, and then not on to where it had begun.
 
     So does one that counts from the hour, or that is set by hours. Two halves in the wrong order fit together instead.
     """
     first = int(np.flatnonzero(order == 0)[0])
-    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE * usual
+    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
 
 
 def usual_step(stamps: npt.NDArray[np.float64] | None) -> float | None:
