@@ -10,6 +10,7 @@ from made_run import CENTERS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, YAW
 from scipy.spatial.transform import Rotation
 
 from automos.datasets.codecs import read_columns
+from automos.export import load_export
 from automos.geometry import inverse, transform
 
 
@@ -230,3 +231,12 @@ def test_segments_holds_the_points_of_one_scan_at_a_time(run, tmp_path, monkeypa
     text = (out / "segmentation.json").read_text()
     assert text == json.dumps(json.loads(text))
     assert len(json.loads(text)["frames"]) == 3
+
+
+@pytest.mark.parametrize("format", ["openlabel", "segments", "supervisely"])
+def test_tracks_are_listed_once_however_many_tracks_and_scans_there_are(run, tmp_path, monkeypatch, format):
+    listed = []
+    tracks = type(run).tracks.fget
+    monkeypatch.setattr(type(run), "tracks", property(lambda self: listed.append(1) or tracks(self)))
+    export(run, format, tmp_path / f"out{load_export(format).suffix}")
+    assert len(listed) == 1

@@ -33,7 +33,7 @@ def write(run: RunFiles, out: Path) -> None:
     segmentation.json static points are object 1, unlabeled ones 0, and each moving object has an id of its own.
     """
     (out / "pointclouds").mkdir(parents=True, exist_ok=True)
-    samples, cuboids = [], []
+    samples, cuboids, loose = [], [], max(run.tracks, default=0) + 2
     # Scan by scan: a number for every point of an hour is more than memory holds.
     with atomic_path(out / "segmentation.json") as temporary, temporary.open("w", encoding="utf-8") as segmentation:
         segmentation.write('{"format_version": "0.2", "frames": [')
@@ -50,7 +50,7 @@ def write(run: RunFiles, out: Path) -> None:
                 }
             )
             cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
-            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, len(scan))))
+            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, len(scan), loose)))
         segmentation.write("]}")
     write_text(out / "sample.json", json.dumps({"frames": samples}))
     write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
@@ -84,12 +84,11 @@ def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
     ]
 
 
-def _segmentation(run: RunFiles, index: int, n_points: int) -> dict[str, Any]:
-    """Return one frame: object 1 is all that is static, the moving track k is object k + 1."""
+def _segmentation(run: RunFiles, index: int, n_points: int, loose: int) -> dict[str, Any]:
+    """Return one frame: object 1 is all that is static, the moving track k is k + 1, what moves on no track `loose`."""
     label, instance = run.labels(index, n_points), run.instances(index, n_points)
     objects = np.select([label == Label.MOVING, label == Label.STATIC], [instance + 1, 1], 0)
-    # Moving points that no track claims are an object of their own, behind all others.
-    objects[(label == Label.MOVING) & (instance == 0)] = max(run.tracks, default=0) + 2
+    objects[(label == Label.MOVING) & (instance == 0)] = loose
     found = [int(number) for number in np.unique(objects) if number > 0]
     annotations = [
         {"id": number, "category_id": CATEGORIES["static" if number == 1 else "moving"], "track_id": number}
