@@ -309,3 +309,15 @@ def test_a_zip_whose_packed_bytes_are_damaged_is_not_joined(tmp_path):
     with pytest.raises(InputError, match=r"all.zip is not a zip file that can be read"):
         export(runs[1], "semantickitti", path)
     assert path.read_bytes() == damaged
+
+
+@pytest.mark.parametrize(
+    ("format", "names"), [("semantickitti", ("a", "b")), ("semantickitti", ("1", "01")), ("pcd", "aa")]
+)
+def test_recordings_that_would_replace_each_other_are_refused(tmp_path, format, names):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in names]
+    with pytest.raises(InputError, match=r"would both be written as \w+: export them one by one"):
+        export_run(
+            tmp_path / "runs", [run.sequence for run in runs], format, tmp_path / f"out{load_export(format).suffix}"
+        )
+    assert not list(tmp_path.glob("out*"))

@@ -94,7 +94,7 @@ def export_run(
     target = folder / "export" / format if out is None else given_path(out, "where to export to")
     require_kind(sequences, Sequence, "sequences", "a list of the recordings that were labelled")
     written: dict[Path, None] = {}
-    for sequence in map(as_sequence, sequences):
+    for sequence in _distinct(sequences, export):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
         _require_free(place, sequence, is_file=bool(export.suffix))
@@ -120,6 +120,20 @@ def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
     refuse_results(place)
     if not is_file:
         refuse_anyones(place)
+
+
+def _distinct(sequences: Sequence[ScanSequence], export: Export) -> list[ScanSequence]:
+    """Return the recordings; InputError where the results of two of them would replace each other."""
+    first: dict[str, ScanSequence] = {}
+    for sequence in map(as_sequence, sequences):
+        called = export.name_of(sequence.name)
+        if called in first:
+            raise InputError(
+                f"two recordings ({first[called].name}, {sequence.name}) would both be written as {called}: export "
+                "them one by one, each to an --out of its own"
+            )
+        first[called] = sequence
+    return list(first.values())
 
 
 def _write(export: Export, run: RunFiles, place: Path) -> None:

@@ -22,6 +22,7 @@ class Export:
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
     per_scan : patterns of the files, named after the scans, that readers of the folder take; those of other scans are
         not mixed with them.
+    name_of : returns what the results of a recording are called, of its name; no two may be called the same.
     """
 
     writes: str
@@ -30,3 +31,4 @@ class Export:
     suffix: str = ""
     is_of_points: bool = False
     per_scan: tuple[str, ...] = ()
+    name_of: Callable[[str], str] = str
