@@ -473,3 +473,11 @@ def test_scans_without_points_are_no_copies_of_each_other(tmp_path, write_points
     sequence = open_sequence(tmp_path)
     assert not sequence.repeats.any()
     assert sequence.warnings == []
+
+
+def test_a_scan_that_went_away_since_is_one_sentence(kitti):
+    sequence = open_sequence(kitti)
+    (kitti / "velodyne" / "000001.bin").unlink()
+    for ask in (sequence.fingerprint, lambda: sequence.warnings, lambda: sequence[1]):
+        with pytest.raises(InputError, match=r"velodyne/000001\.bin cannot be read: No such file or directory"):
+            ask()

@@ -28,7 +28,7 @@ from automos.errors import InputError
 from automos.geometry import inverse
 from automos.label_files import read_labels
 from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.reading import is_there, read_text
+from automos.reading import damage_reported, is_there, read_text
 from automos.scan import LATEST, Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -148,9 +148,10 @@ class FolderSequence(Sequence):
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
         digest = hashlib.sha256(self._codec.encode())
-        for path in self._paths:
-            status = path.stat()
-            digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
+        with damage_reported(self._folder):
+            for path in self._paths:
+                status = path.stat()
+                digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
         if self._stamps is not None:
             digest.update(self._stamps.tobytes())
         if self._mounts is not None:
@@ -173,7 +174,8 @@ class FolderSequence(Sequence):
     @cached_property
     def _copy_of(self) -> npt.NDArray[np.int64]:
         """(len,) for each scan the first one whose file holds the same points; those without are no copies."""
-        return files.find_copies(self._paths, self._n_points)
+        with damage_reported(self._folder):
+            return files.find_copies(self._paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
