@@ -321,3 +321,11 @@ def test_recordings_that_would_replace_each_other_are_refused(tmp_path, format, 
             tmp_path / "runs", [run.sequence for run in runs], format, tmp_path / f"out{load_export(format).suffix}"
         )
     assert not list(tmp_path.glob("out*"))
+
+
+def test_mcap_counts_from_the_first_point_whatever_a_caller_counts_from(tmp_path):
+    pytest.importorskip("rosbags")
+    scans = make_scans()
+    scans[0].time[:] = [-0.09, -0.06, -0.03, 0.0, np.nan, 0.01]
+    path = export(make_run(tmp_path / "run", scans=scans), "mcap", tmp_path / "a.mcap")
+    np.testing.assert_allclose(open_sequence(path)[0].time, [0.0, 0.03, 0.06, 0.09, 0.0, 0.1], atol=1e-6)
