@@ -101,7 +101,10 @@ class FolderSequence(Sequence):
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds from the points' own times, else times.txt, else the file names, else None."""
+        """(len,) seconds from the points' own times, else times.txt, else None.
+
+        Where files are named by times: from times.txt, else the names.
+        """
         return self._stamps
 
     @property
