@@ -74,5 +74,6 @@ def test_scans_without_a_time_get_one_between_those_beside_them():
     nan = np.nan
     times = with_all_times(np.array([nan, 5.0, 5.1, nan, 5.3, 5.4, 5.5, nan, nan]))
     np.testing.assert_allclose(times, 4.9 + 0.1 * np.arange(9))
+    np.testing.assert_allclose(with_all_times(np.array([1.0, nan, 1.2])), [1.0, 1.1, 1.2])
     few = np.array([nan, nan, 1.0, 1.1, 1.2, nan, nan])
     np.testing.assert_array_equal(with_all_times(few), few)

@@ -99,10 +99,10 @@ def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     Beyond the ends, usual steps lead on. Where more than half are NaN there is no clock, and they are left.
     """
     known = np.flatnonzero(np.isfinite(stamps))
-    step = usual_step(stamps[known])
-    if step is None or 2 * len(known) < len(stamps):
+    steps = np.diff(stamps[known]) / np.diff(known)
+    if not (steps > 0.0).any() or 2 * len(known) < len(stamps):
         return stamps
-    rows = np.arange(len(stamps))
+    rows, step = np.arange(len(stamps)), np.median(steps[steps > 0.0])
     beyond = np.minimum(rows - known[0], 0) + np.maximum(rows - known[-1], 0)
     return np.where(np.isfinite(stamps), stamps, np.interp(rows, known, stamps[known]) + step * beyond)
 
