@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from automos.datasets import open_sequence
 from automos.datasets.columns import find_time_unit, time_column, to_scan
 
 XYZ = {axis: np.arange(4, dtype=np.float32) for axis in "xyz"}
@@ -75,3 +76,22 @@ def test_times_of_either_sign_span_more_than_their_type_holds(kind):
     times = np.linspace(-most, most, 100).astype(kind)
     column = time_column({"t": times})
     assert int(column.max()) - int(column.min()) == column.max() - column.min() == 2 * most
+
+
+def test_dates_and_texts_beside_the_points_are_passed_over(tmp_path):
+    kinds = [
+        ("x", "f4"),
+        ("y", "f4"),
+        ("z", "f4"),
+        ("timestamp", "M8[us]"),
+        ("ring", "U4"),
+        ("sensor", "U4"),
+        ("time_stamp", "f4"),
+    ]
+    rows = np.ones(50, kinds)
+    rows["time_stamp"], rows["ring"] = np.linspace(0.0, 0.1, 50), "a"
+    for i in range(2):
+        np.save(tmp_path / f"{i}.npy", rows)
+    scan = open_sequence(tmp_path)[1]
+    np.testing.assert_array_equal(scan.time, rows["time_stamp"])
+    assert scan.ring is None
