@@ -278,6 +278,7 @@ def test_an_array_that_holds_no_points_is_told(tmp_path, array, message):
         "x,y,z,Intensity\n1,2,3,4\n5,6,7,8\n",
         "//Z X Y Scalar_Intensity\n3 1 2 4\n7 5 6 8\n",
         "ring i x y z\n0 4 1 2 3\n0 8 5 6 7\n",
+        '"x","y","z","intensity"\n1,2,3,4\n5,6,7,8\n',
         "# made by hand\n\n# x y z ring intensity\n1 2 3 0 4\n5 6 7 0 8\n",
         "# made by hand\n# y up\nx,y,z,ring,intensity\n1,2,3,0,4\n5,6,7,0,8\n",
     ],

@@ -82,7 +82,7 @@ def _behind_remarks(text: bytes) -> bytes:
 
 
 def _names_in(line: bytes) -> list[str]:
-    return _names(line.translate(_DIVIDERS).decode("utf-8", "replace"))
+    return _names(line.translate(_DIVIDERS, b'"').decode("utf-8", "replace"))  # statistics programs quote names
 
 
 def _names(first_line: str) -> list[str]:
