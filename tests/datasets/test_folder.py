@@ -481,3 +481,12 @@ def test_a_scan_that_went_away_since_is_one_sentence(kitti):
     for ask in (sequence.fingerprint, lambda: sequence.warnings, lambda: sequence[1]):
         with pytest.raises(InputError, match=r"velodyne/000001\.bin cannot be read: No such file or directory"):
             ask()
+
+
+def test_times_txt_is_used_where_most_scans_have_no_points_with_times(tmp_path, write_points, columns):
+    for i in range(8):
+        n = 500 if i in (0, 7) else 1
+        times = 1.6e9 + 0.1 * i + np.linspace(0.0, 0.099, 500)
+        write_points(tmp_path / f"{i}.pcd", {**{k: v[:n] for k, v in columns.items()}, "t": times[:n].astype("f8")})
+    (tmp_path / "times.txt").write_text("".join(f"{0.1 * i:.3f}\n" for i in range(8)))
+    np.testing.assert_allclose(open_sequence(tmp_path).stamps, 0.1 * np.arange(8))

@@ -69,7 +69,7 @@ class FolderSequence(Sequence):
         times = self._read_times(stamps)
         self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
-            times = self._times_of_points()
+            times = self._times_of_points(times)
         self._stamps: npt.NDArray[np.float64] | None = None
         if times is None:
             ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
@@ -101,10 +101,7 @@ class FolderSequence(Sequence):
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds from the points' own times, else times.txt, else None.
-
-        Where files are named by times: from times.txt, else the names.
-        """
+        """(len,) seconds from the points' own times, else times.txt; where names are times, times.txt, else these."""
         return self._stamps
 
     @property
@@ -194,8 +191,8 @@ class FolderSequence(Sequence):
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
         return times
 
-    def _times_of_points(self) -> npt.NDArray[np.float64]:
-        """Return (len,) seconds at which the scans' points begin, on their common clock; see `with_all_times`."""
+    def _times_of_points(self, others: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        """Return (len,) seconds at which the scans' points begin, on one clock; `others` if too few have any."""
         unit = self._point_times.unit
 
         def start(path: Path) -> float:
@@ -203,7 +200,8 @@ class FolderSequence(Sequence):
             return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
 
         with ThreadPoolExecutor() as pool:
-            return with_all_times(np.array(list(pool.map(start, self._paths))))
+            times = with_all_times(np.array(list(pool.map(start, self._paths))))
+        return times if others is None or np.isfinite(times).all() else others
 
     @cached_property
     def _has_truth(self) -> bool:
