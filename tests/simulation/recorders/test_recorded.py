@@ -197,6 +197,8 @@ def test_what_cannot_be_is_refused_by_name():
         Convention(order="sideways")
     with pytest.raises(InputError, match=r"turns is 0.0; it lies between 0.05 and 20"):
         Convention(turns=0.0)
+    with pytest.raises(InputError, match=r"reference_speed is nan; it lies between -10 and 10"):
+        Convention.parse(["reference=start", "reference_speed=nan"])
     with pytest.raises(InputError, match="n_lidars is 9"):
         record("city", n_lidars=9)
 
