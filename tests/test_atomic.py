@@ -140,3 +140,13 @@ def test_numbers_are_written_as_they_lie_in_memory(tmp_path):
     assert np.fromfile(tmp_path / "a.bin", np.float32).tolist() == rows.ravel().tolist()
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), rows)
     assert (tmp_path / "none.bin").stat().st_size == 0
+
+
+def test_two_who_write_one_file_at_a_time_do_not_write_into_each_other(file):
+    with (
+        atomic_path(file) as one,
+        atomic_path(file) as other,
+    ):  # two threads, or containers whose processes have one number
+        one.write_text("one, which is longer")
+        other.write_text("other")
+    assert file.read_text() == "one, which is longer"

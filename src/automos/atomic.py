@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
@@ -25,7 +26,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     if path.name in ("", "..") or _is_special(path):
         raise InputError(f"{path} is a folder, a device or the like: give the name of a file to write")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    # Not the process's number: that of another container, or of another thread, may be the same.
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         yield temporary
         os.replace(temporary, path)

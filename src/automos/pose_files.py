@@ -43,7 +43,7 @@ def read_poses(
     n_scans : int
         Number of scans that the poses belong to.
     stamps : (n_scans,) float64, optional
-        Increasing times of the scans in seconds. TUM poses are interpolated at these if the two clocks agree.
+        Times of the scans in seconds, in any order. TUM poses are interpolated at these if the two clocks agree.
     T_camera_sensor : (4, 4) float64, optional
         Pose of the sensor in the frame of the body whose poses the file holds (KITTI: the left camera).
     names : sequence of str, optional
@@ -211,8 +211,8 @@ def _at_scans(
         )
     if stamps is not None:
         scan_stamps = np.asarray(stamps, np.float64)
-        gap = _nearest_gap(scan_stamps, pose_stamps)
-        tolerance = 0.5 * np.median(np.diff(scan_stamps)) if len(scan_stamps) > 1 else np.inf
+        gap = nearest_gap(scan_stamps, pose_stamps)
+        tolerance = 0.5 * np.median(np.diff(np.sort(scan_stamps))) if len(scan_stamps) > 1 else np.inf
         if (gap <= tolerance).all():
             return interpolate_poses(pose_stamps, T, scan_stamps)
         if len(T) != n_scans:
@@ -227,7 +227,7 @@ def _at_scans(
     return T
 
 
-def _nearest_gap(times: npt.NDArray[np.float64], pose_times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def nearest_gap(times: npt.NDArray[np.float64], pose_times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return (len(times),) seconds to the nearest of sorted `pose_times`."""
     after = np.searchsorted(pose_times, times).clip(0, len(pose_times) - 1)
     before = (after - 1).clip(0)

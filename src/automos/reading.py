@@ -104,8 +104,11 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Return the text in a regular file; errors are those of `read_bytes`, and UnicodeDecodeError."""
-    return read_bytes(path, MAX_TEXT).decode("utf-8")
+    """Return the text in a regular file, without the mark that editors of Windows begin it with.
+
+    Errors are those of `read_bytes`, and UnicodeDecodeError.
+    """
+    return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
 
 
 def read_json(path: Path) -> Any:

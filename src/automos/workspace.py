@@ -31,7 +31,7 @@ RUN_FILE = "run.json"
 RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""
 LONGEST_NAME = 230
-"""Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a process's number, too."""
+"""Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a random number, too."""
 
 
 def fingerprint(*parts: object) -> str:

@@ -42,3 +42,11 @@ def test_boxes_that_are_none_are_told_with_their_file(folder, key, value, said):
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match=rf"000001\.json {said}"):
         open_sequence(folder, "bin").truth_motion(0)
+
+
+def test_scans_without_boxes_beside_them_are_not_read(folder, monkeypatch):
+    sequence = open_sequence(folder, "bin")
+    (folder / "boxes" / "000000.json").unlink()
+    monkeypatch.setattr(type(sequence), "__getitem__", lambda *_: 1 / 0)
+    monkeypatch.setattr(type(sequence), "truth", lambda *_: 1 / 0)
+    assert sequence.truth_motion(0) is None

@@ -3,7 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.datasets.columns import find_time_unit, to_scan
+from automos.datasets import open_sequence
+from automos.datasets.columns import find_time_unit, time_column, to_scan
 
 XYZ = {axis: np.arange(4, dtype=np.float32) for axis in "xyz"}
 
@@ -67,3 +68,30 @@ def test_rings_are_beam_numbers_of_any_type(name, dtype):
 @pytest.mark.parametrize("values", [[0.5, 1, 2, 3], [-1, 0, 1, 2], [np.nan, 0, 1, 2], [0, 1, 2, 70000]])
 def test_a_ring_that_is_no_beam_number_is_no_ring(values):
     assert to_scan({**XYZ, "ring": np.array(values)}, Path("a")).ring is None
+
+
+@pytest.mark.parametrize("kind", ["i1", "i2", ">i4"])
+def test_times_of_either_sign_span_more_than_their_type_holds(kind):
+    most = np.iinfo(kind).max
+    times = np.linspace(-most, most, 100).astype(kind)
+    column = time_column({"t": times})
+    assert int(column.max()) - int(column.min()) == column.max() - column.min() == 2 * most
+
+
+def test_dates_and_texts_beside_the_points_are_passed_over(tmp_path):
+    kinds = [
+        ("x", "f4"),
+        ("y", "f4"),
+        ("z", "f4"),
+        ("timestamp", "M8[us]"),
+        ("ring", "U4"),
+        ("sensor", "U4"),
+        ("time_stamp", "f4"),
+    ]
+    rows = np.ones(50, kinds)
+    rows["time_stamp"], rows["ring"] = np.linspace(0.0, 0.1, 50), "a"
+    for i in range(2):
+        np.save(tmp_path / f"{i}.npy", rows)
+    scan = open_sequence(tmp_path)[1]
+    np.testing.assert_array_equal(scan.time, rows["time_stamp"])
+    assert scan.ring is None

@@ -105,3 +105,16 @@ def test_a_link_to_itself_is_told_by_its_name(tmp_path):
     (touch(tmp_path, "0.bin") / "1.bin").symlink_to("1.bin")
     with pytest.raises(InputError, match=r"1\.bin cannot be read"):
         list_scans(tmp_path)
+
+
+def test_nanoseconds_that_were_joined_to_seconds_without_zeros_are_no_decimals(tmp_path):
+    nanoseconds = [1_700_000_000 * 10**9 + 10**8 * i + 5_000_000 for i in range(20)]
+    written = [f"{t // 10**9}.{t % 10**9}.pcd" for t in nanoseconds]  # 1700000000.5000000 is .005
+    names, _, stamps = list_scans(touch(tmp_path, *written))
+    assert names == written
+    np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-6)
+
+
+def test_decimals_without_their_last_zeros_stay_decimals(tmp_path):
+    decimals = ["7.1", "7.2", "7.312345678", "7.4", "7.5"]
+    np.testing.assert_allclose(stamps_from_names([f"{d}.pcd" for d in decimals]), [float(d) for d in decimals])

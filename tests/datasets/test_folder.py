@@ -430,3 +430,63 @@ def test_a_time_that_no_clock_shows_is_told_with_its_line(tmp_path, time):
     (tmp_path / "times.txt").write_text(f"0.0\n{time}\n0.2\n")
     with pytest.raises(InputError, match=r"times\.txt, line 2: the time is not a number of seconds"):
         open_sequence(tmp_path)
+
+
+@pytest.mark.parametrize("n_points", [0, 1])
+@pytest.mark.parametrize("without", [(5,), (0, 11)], ids=["middle", "ends"])
+def test_scans_of_no_or_one_point_do_not_take_the_clock_from_all(tmp_path, write_points, columns, n_points, without):
+    for i in range(12):
+        n = n_points if i in without else 500
+        times = 1.6e9 + 0.1 * i + np.linspace(0.0, 0.099, 500)
+        write_points(tmp_path / f"{i}.pcd", {**{k: v[:n] for k, v in columns.items()}, "t": times[:n].astype("f8")})
+    sequence = open_sequence(tmp_path)
+    np.testing.assert_allclose(sequence.stamps, 1.6e9 + 0.1 * np.arange(12), atol=1e-3)
+    assert sequence.warnings == []
+
+
+def test_poses_with_times_go_with_their_scans_though_the_names_are_in_no_order(tmp_path):
+    for i in range(6):
+        np.full((5, 4), i, np.float32).tofile(tmp_path / f"{i}.bin")
+    times = 0.1 * np.arange(6)[::-1]  # the last scan has the first name
+    (tmp_path / "times.txt").write_text("".join(f"{t:.3f}\n" for t in times))
+    write_tum(
+        tmp_path / "poses.txt", np.stack([make_transform(t=[10.0 * t, 0.0, 0.0]) for t in times[::-1]]), times[::-1]
+    )
+    sequence = open_sequence(tmp_path)
+    assert sequence.names == list("543210")
+    np.testing.assert_allclose(sequence.reference_poses[:, 0, 3], range(6), atol=1e-6)
+
+
+def test_times_and_poses_may_begin_with_the_mark_of_windows_editors(kitti):
+    expected = open_sequence(kitti)
+    for name in ("times.txt", "poses.txt", "calib.txt"):
+        (kitti / name).write_bytes(b"\xef\xbb\xbf" + (kitti / name).read_bytes().replace(b"\n", b"\r\n"))
+    sequence = open_sequence(kitti)
+    np.testing.assert_array_equal(sequence.stamps, expected.stamps)
+    np.testing.assert_array_equal(sequence.reference_poses, expected.reference_poses)
+
+
+@pytest.mark.parametrize("suffix", ["pcd", "ply", "npy"])
+def test_scans_without_points_are_no_copies_of_each_other(tmp_path, write_points, columns, suffix):
+    for i, n in enumerate((500, 0, 0, 400, 0)):
+        write_points(tmp_path / f"{i}.{suffix}", {name: column[:n] for name, column in columns.items()})
+    sequence = open_sequence(tmp_path)
+    assert not sequence.repeats.any()
+    assert sequence.warnings == []
+
+
+def test_a_scan_that_went_away_since_is_one_sentence(kitti):
+    sequence = open_sequence(kitti)
+    (kitti / "velodyne" / "000001.bin").unlink()
+    for ask in (sequence.fingerprint, lambda: sequence.warnings, lambda: sequence[1]):
+        with pytest.raises(InputError, match=r"velodyne/000001\.bin cannot be read: No such file or directory"):
+            ask()
+
+
+def test_times_txt_is_used_where_most_scans_have_no_points_with_times(tmp_path, write_points, columns):
+    for i in range(8):
+        n = 500 if i in (0, 7) else 1
+        times = 1.6e9 + 0.1 * i + np.linspace(0.0, 0.099, 500)
+        write_points(tmp_path / f"{i}.pcd", {**{k: v[:n] for k, v in columns.items()}, "t": times[:n].astype("f8")})
+    (tmp_path / "times.txt").write_text("".join(f"{0.1 * i:.3f}\n" for i in range(8)))
+    np.testing.assert_allclose(open_sequence(tmp_path).stamps, 0.1 * np.arange(8))

@@ -121,3 +121,11 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(folder):
     path.write_text("P2: 1 2 3\n")
     with pytest.raises(InputError, match=r"calib/0000.txt has no line 'R_rect' of 9 numbers"):
         open_sequence(folder)._T_rectified_sensor  # noqa: B018
+
+
+def test_scans_are_in_the_order_of_their_numbers_whatever_they_saw(folder, monkeypatch):
+    expected = open_sequence(folder)
+    monkeypatch.setattr("automos.datasets.folder.put_in_seen_order", lambda *_: 1 / 0)
+    sequence = open_sequence(folder)
+    assert sequence.names == expected.names
+    np.testing.assert_array_equal(sequence.stamps, 0.1 * np.arange(len(sequence)))

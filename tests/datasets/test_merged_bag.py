@@ -69,3 +69,18 @@ def test_lidars_that_sit_nowhere_are_told(tmp_path, joints, why):
 def test_a_topic_that_is_named_twice_is_told(tmp_path, topics):
     with pytest.raises(InputError, match="names the topic /front/points twice"):
         open_sequence(f"{write(tmp_path / 'log.mcap')}/{topics}")
+
+
+def test_scans_are_repeats_only_where_every_topic_gives_the_same_points(tmp_path):
+    stamps = [0.0, 0.1, 0.2]
+    front = messages(stamps, 5.0)  # stands still
+    rear = [messages([t], x)[0] for t, x in zip(stamps, [7.0, 7.0, 8.0], strict=True)]
+    topics = {"/front/points": front, "/rear/points": rear}
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", topics, frames=FRAMES, joints=JOINTS) / BOTH)
+    assert sequence.repeats.tolist() == [False, True, False]
+
+
+def test_a_mount_that_was_sent_again_is_the_last_that_was_sent(tmp_path):
+    wrong = ("base", "rear", [9.0, 9.0, 9.0], [0.0, 0.0, 0.0, 1.0])
+    scan = open_sequence(write(tmp_path / "log.mcap", joints=[wrong, *JOINTS]) / BOTH)[1]
+    np.testing.assert_allclose(scan.T_scan_sensor[1][:3, 3], [-3.0, 0.0, 0.0], atol=1e-9)

@@ -68,3 +68,12 @@ def test_points_of_no_mounted_lidar_are_told(tmp_path, write_points, columns):
     sequence = open_sequence(folder(tmp_path, write_points, columns, "- {name: a}\n- {name: b}\n"))
     with pytest.raises(InputError, match="nothing says which of a, b measured a point"):
         sequence[0]
+
+
+def test_a_scan_without_points_needs_no_columns_that_say_whose_they_are(tmp_path):
+    np.save(tmp_path / "0.npy", np.column_stack([np.full((40, 4), 5.0), np.arange(40) % 64]))
+    np.save(tmp_path / "1.npy", np.zeros((0, 3)))
+    (tmp_path / "mounts.yaml").write_text(MOUNTS)
+    scan = open_sequence(tmp_path)[1]
+    assert scan.sensor.shape == (0,)
+    assert scan.n_sensors == 2

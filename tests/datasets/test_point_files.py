@@ -278,6 +278,9 @@ def test_an_array_that_holds_no_points_is_told(tmp_path, array, message):
         "x,y,z,Intensity\n1,2,3,4\n5,6,7,8\n",
         "//Z X Y Scalar_Intensity\n3 1 2 4\n7 5 6 8\n",
         "ring i x y z\n0 4 1 2 3\n0 8 5 6 7\n",
+        '"x","y","z","intensity"\n1,2,3,4\n5,6,7,8\n',
+        "# made by hand\n\n# x y z ring intensity\n1 2 3 0 4\n5 6 7 0 8\n",
+        "# made by hand\n# y up\nx,y,z,ring,intensity\n1,2,3,0,4\n5,6,7,0,8\n",
     ],
 )
 def test_text_may_be_divided_and_named_in_many_ways(tmp_path, text):
@@ -340,3 +343,15 @@ def test_columns_whose_names_differ_by_their_case_alone_are_told_and_other_lette
         to_scan({name: np.ones(1) for name in ("x", "y", "z", "Z")}, tmp_path)
     scan = to_scan({name: np.full(1, k) for k, name in enumerate(("\u0437", "x", "y", "z"))}, tmp_path)
     assert scan.points.tolist() == [[1.0, 2.0, 3.0]]
+
+
+@pytest.mark.parametrize("text", ["x,y,z,intensity\n1,2,3,4\n", "1,2,3,4\n"])
+def test_text_may_begin_with_the_mark_that_spreadsheets_write(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8-sig")
+    columns = read_columns(tmp_path / "a.csv", "xyz")
+    assert {name: column.tolist() for name, column in columns.items()} == {
+        "x": [1],
+        "y": [2],
+        "z": [3],
+        "intensity": [4],
+    }

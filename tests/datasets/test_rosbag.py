@@ -235,3 +235,22 @@ def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monke
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[ros\]'"):
         open_sequence(path)
+
+
+def test_clouds_of_which_the_second_half_is_empty_in_all_are_no_repeats(tmp_path):
+    def rows(k):  # upside down: the beams of the lower half look at the sky
+        return {axis: np.concatenate([np.full(64, k + 1.0), np.zeros(192)]).astype("f4") for axis in "xyz"}
+
+    messages = [(k, 5.0 + 0.1 * k, cloud(rows(k), height=16)) for k in range(4)]
+    for name in ("log.bag", "log.mcap"):
+        assert not open_sequence(write_bag(tmp_path / name, {"/p": messages})).repeats.any()
+
+
+@pytest.mark.parametrize("name", ["log.bag", "log.mcap"])
+@pytest.mark.parametrize("frame", ["l", "lidar", "os_sensor"])
+def test_clouds_without_points_are_no_repeats_of_each_other(tmp_path, name, frame):
+    none = cloud({axis: np.zeros(0, "f4") for axis in "xyz"})
+    one = cloud({axis: np.ones(1, "f4") for axis in "xyz"})
+    messages = [(k, 5.0 + 0.1 * k, parts) for k, parts in enumerate([one, one, none, none])]
+    sequence = open_sequence(write_bag(tmp_path / name, {"/p": messages}, frames={"/p": frame}))
+    assert sequence.repeats.tolist() == [False, True, False, False]

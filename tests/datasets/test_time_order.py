@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.datasets.time_order import put_in_order
+from automos.datasets.time_order import put_in_order, with_all_times
 
 WHERE = Path("log")
 
@@ -52,3 +52,28 @@ def test_times_that_no_clock_tells_apart_are_one():
     np.testing.assert_array_equal(found.order, [0, 3, 1, 2, 4])
     assert np.diff(found.stamps).min() > 0.01
     assert any("1 scans have the time of the one before them (first: 003)" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("hours", [3600.0, 7200.0])
+def test_a_clock_set_back_to_before_the_first_scan_does_not_put_the_second_half_first(hours):
+    stamps = 3599.0 + 0.1 * np.arange(20)
+    stamps[11:] -= hours
+    found = put_in_order(stamps, names(20), WHERE)
+    np.testing.assert_array_equal(found.order, range(20))
+    np.testing.assert_allclose(np.diff(found.stamps), 0.1)
+    assert "the clock jumps back at 1 scans" in found.warnings[0]
+
+
+@pytest.mark.parametrize("pause", [0.0, 10.0])
+def test_two_halves_that_fit_together_the_other_way_round_are_put_so(pause):
+    found = put_in_order(np.r_[2.0 + pause + 0.1 * np.arange(20), 0.1 * np.arange(20)], names(40), WHERE)
+    np.testing.assert_array_equal(found.order, [*range(20, 40), *range(20)])
+
+
+def test_scans_without_a_time_get_one_between_those_beside_them():
+    nan = np.nan
+    times = with_all_times(np.array([nan, 5.0, 5.1, nan, 5.3, 5.4, 5.5, nan, nan]))
+    np.testing.assert_allclose(times, 4.9 + 0.1 * np.arange(9))
+    np.testing.assert_allclose(with_all_times(np.array([1.0, nan, 1.2])), [1.0, 1.1, 1.2])
+    few = np.array([nan, nan, 1.0, 1.1, 1.2, nan, nan])
+    np.testing.assert_array_equal(with_all_times(few), few)

@@ -1,6 +1,7 @@
 """Boxes and tracks in other tools' files, with every number worked out from the run that was made by hand."""
 
 import json
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -9,6 +10,7 @@ from made_run import CENTERS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, YAW
 from scipy.spatial.transform import Rotation
 
 from automos.datasets.codecs import read_columns
+from automos.export import load_export
 from automos.geometry import inverse, transform
 
 
@@ -204,3 +206,37 @@ def test_supervisely_gets_an_episode_whose_figures_name_their_objects(run, tmp_p
             keys.add(figure["key"])
     assert len(keys) == 1 + 2 + 4
     assert all(len(key) == 32 and int(key, 16) >= 0 for key in keys)
+
+
+def test_points_on_no_track_are_an_object_of_their_own_for_segments_though_ids_have_gaps(tmp_path):
+    run = make_run(tmp_path / "run")
+    path = run.folder / "tracks.json"
+    tracks = json.loads(path.read_text())
+    tracks["tracks"] = [track for track in tracks["tracks"] if track["id"] == 2]  # as after a merge that removed one
+    path.write_text(json.dumps(tracks))
+    out = export(run, "segments", tmp_path / "sample")
+    first = json.loads((out / "segmentation.json").read_text())["frames"][0]
+    assert first["point_annotations"] == [1, 3, 3, 0, 1, 4]
+
+
+def test_segments_holds_the_points_of_one_scan_at_a_time(run, tmp_path, monkeypatch):
+    n_points = 200_000
+    frame = lambda *_: {"point_annotations": [0] * n_points}  # noqa: E731
+    monkeypatch.setattr("automos.export.segments._segmentation", frame)
+    tracemalloc.start()
+    out = export(run, "segments", tmp_path / "sample")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5 * 8 * n_points  # a list of pointers, its texts and what joins them; three scans have three of each
+    text = (out / "segmentation.json").read_text()
+    assert text == json.dumps(json.loads(text))
+    assert len(json.loads(text)["frames"]) == 3
+
+
+@pytest.mark.parametrize("format", ["openlabel", "segments", "supervisely"])
+def test_tracks_are_listed_once_however_many_tracks_and_scans_there_are(run, tmp_path, monkeypatch, format):
+    listed = []
+    tracks = type(run).tracks.fget
+    monkeypatch.setattr(type(run), "tracks", property(lambda self: listed.append(1) or tracks(self)))
+    export(run, format, tmp_path / f"out{load_export(format).suffix}")
+    assert len(listed) == 1

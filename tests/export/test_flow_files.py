@@ -3,13 +3,14 @@
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_run import INSTANCES, STAMPS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, export, make_run
+from made_run import INSTANCES, STAMPS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, export, make_run, make_scans
 
-from automos.export.flow import scan_flow
+from automos.export.flow import scan_flow, timestamps
 from automos.geometry import inverse, transform
 
 NANOSECONDS = [str(1000 * round(1e6 * stamp)) for stamp in STAMPS]
@@ -114,3 +115,23 @@ def test_a_full_disk_is_a_sentence_for_opensceneflow_too(run, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert "street.h5 could not be written" in done.stdout
     assert not list((tmp_path / "limited" / "flow").iterdir())
+
+
+def test_names_that_count_microseconds_are_written_as_nanoseconds(tmp_path):
+    scans = make_scans()
+    for scan, stamp in zip(scans, STAMPS, strict=True):
+        object.__setattr__(scan, "name", str(round(1e6 * stamp)))  # as Waymo's are
+    assert timestamps(make_run(tmp_path / "run", scans=scans)) == NANOSECONDS
+    for scan, nanoseconds in zip(scans, NANOSECONDS, strict=True):
+        object.__setattr__(scan, "name", nanoseconds)
+    assert timestamps(make_run(tmp_path / "again", scans=scans)) == NANOSECONDS
+
+
+def test_opensceneflow_gets_ids_above_zero_of_whatever_tracks(run, tmp_path, monkeypatch):
+    h5py = pytest.importorskip("h5py")
+    ids = np.array([0, 1, 32767, 32768, 65536, 70000])
+    monkeypatch.setattr(
+        "automos.export.opensceneflow.scan_flow", lambda run, k: replace(scan_flow(run, k), instances=ids)
+    )
+    with h5py.File(export(run, "opensceneflow", tmp_path / "out") / "street.h5") as file:
+        assert file[NANOSECONDS[0]]["flow_instance_id"][:].tolist() == [0, 1, 32767, 1, 2, 4466]

@@ -381,3 +381,14 @@ def test_corrections_are_not_written_over_by_what_is_made_of_them(run, root, tmp
         with pytest.raises(InputError, match="holds the corrections, which would be written over"):
             merge(run, corrected, out)
     assert (other / "run.json").read_bytes() == (root / "run" / "run.json").read_bytes()
+
+
+def test_what_another_run_left_does_not_stay_among_the_results(run, root, tmp_path):
+    out = tmp_path / "out"
+    merge(run, root / "sustech", out)
+    for stale in ("predictions/999999.label", f"confidences/{run.names[0]}.npy"):
+        (out / stale).parent.mkdir(exist_ok=True)
+        (out / stale).write_bytes(b"of another run")
+    merge(run, root / "sustech", out)
+    assert sorted(path.stem for path in (out / "predictions").iterdir()) == sorted(run.names)
+    assert not any(out.glob("confidences/*"))

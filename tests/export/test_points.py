@@ -274,3 +274,58 @@ def test_a_disk_that_is_full_is_told_with_the_name_of_what_could_not_be_written(
     assert not [
         path for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_size > 16 and "out" in str(path)
     ]
+
+
+@pytest.mark.parametrize("format", ["pcd", "ply", "panoptic", "instances", "sustech", "cvat", "segments"])
+def test_scans_of_another_recording_are_not_mixed_with_those_of_an_earlier_export(run, tmp_path, format):
+    out = export(run, format, tmp_path / "out")
+    scans = make_scans()
+    object.__setattr__(scans[1], "name", "000007")
+    other = make_run(tmp_path / "other", scans=scans)
+    before = content(out)
+    with pytest.raises(InputError, match=r"out holds \d files of scans that street has not \(first: 000001\."):
+        export(other, format, out)
+    assert content(out) == before
+
+
+@pytest.mark.parametrize("format", ["pcd", "openlabel", "mcap", "semantickitti"])
+def test_a_place_that_cannot_be_is_one_sentence(run, tmp_path, format):
+    if format == "mcap":
+        pytest.importorskip("rosbags")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"cannot be written \(Not a directory\): choose another --out"):
+        export(run, format, tmp_path / "file" / "out")
+
+
+def test_a_zip_whose_packed_bytes_are_damaged_is_not_joined(tmp_path):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in ("11", "12")]
+    path = export(runs[0], "semantickitti", tmp_path / "all.zip")
+    damaged = bytearray(path.read_bytes())
+    with zipfile.ZipFile(path) as archive:
+        at = archive.getinfo("sequences/11/predictions/000000.label").header_offset
+    at += 30 + len("sequences/11/predictions/000000.label")
+    damaged[at : at + 3] = b"\xff" * 3  # no block of deflate begins so
+    path.write_bytes(damaged)
+    with pytest.raises(InputError, match=r"all.zip is not a zip file that can be read"):
+        export(runs[1], "semantickitti", path)
+    assert path.read_bytes() == damaged
+
+
+@pytest.mark.parametrize(
+    ("format", "names"), [("semantickitti", ("a", "b")), ("semantickitti", ("1", "01")), ("pcd", "aa")]
+)
+def test_recordings_that_would_replace_each_other_are_refused(tmp_path, format, names):
+    runs = [make_run(tmp_path / "runs" / name, name=name) for name in names]
+    with pytest.raises(InputError, match=r"would both be written as \w+: export them one by one"):
+        export_run(
+            tmp_path / "runs", [run.sequence for run in runs], format, tmp_path / f"out{load_export(format).suffix}"
+        )
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_mcap_counts_from_the_first_point_whatever_a_caller_counts_from(tmp_path):
+    pytest.importorskip("rosbags")
+    scans = make_scans()
+    scans[0].time[:] = [-0.09, -0.06, -0.03, 0.0, np.nan, 0.01]
+    path = export(make_run(tmp_path / "run", scans=scans), "mcap", tmp_path / "a.mcap")
+    np.testing.assert_allclose(open_sequence(path)[0].time, [0.0, 0.03, 0.06, 0.09, 0.0, 0.1], atol=1e-6)

@@ -13,28 +13,30 @@ from automos.errors import InputError
 from automos.geometry import transform
 from automos.labels import Label
 from automos.reading import is_there, read_json
-from automos.scan import Pose, Scan
+from automos.scan import Pose, Sequence
 from automos.upright_boxes import Boxes
 
 FOLDER = "boxes"
 
 
-def motion_beside(
-    source: Path, names: list[str], index: int, scan: Scan, truth: npt.NDArray[np.uint32] | None
-) -> npt.NDArray[np.float32] | None:
+def motion_beside(source: Path, sequence: Sequence, index: int) -> npt.NDArray[np.float32] | None:
     """Return what `Sequence.truth_motion` does, of the boxes in `source`; None without boxes or instance ids.
 
     Raises
     ------
     InputError : a file of boxes that is damaged.
     """
-    if truth is None or not is_there(source / FOLDER / f"{names[index]}.json"):
+    names = sequence.names
+    if not is_there(source / FOLDER / f"{names[index]}.json"):
+        return None  # before anything is read: few recordings have boxes, and all their scans are asked
+    truth = sequence.truth(index)
+    if truth is None:
         return None
     ids, boxes, T_level_sensor = _read(source / FOLDER / f"{names[index]}.json")
     later = (np.zeros(0, np.int64), Boxes.empty())
     if index + 1 < len(names) and is_there(source / FOLDER / f"{names[index + 1]}.json"):
         later = _read(source / FOLDER / f"{names[index + 1]}.json")[:2]
-    points = transform(T_level_sensor, scan.points)
+    points = transform(T_level_sensor, sequence[index].points)
     instance = (truth >> 16).astype(np.int64)
     motion = motion_with_boxes(points, instance, (ids, boxes), later) @ T_level_sensor[:3, :3].astype(np.float32)
     motion[(truth & 0xFFFF) == Label.UNLABELED] = np.nan

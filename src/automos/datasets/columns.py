@@ -60,7 +60,7 @@ def to_scan(
     """
     columns = _by_plain_names(columns, path)
     points = _coordinates(columns, path)
-    columns = {key: column for key, column in columns.items() if column.dtype.kind in "fiu"}
+    columns = _numbers(columns)
     if unit != 1.0:
         points *= np.float32(unit)
     _refuse_map(points, path)
@@ -125,8 +125,13 @@ def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
 
 def time_column(columns: Columns) -> npt.NDArray | None:
     """Return the first column named as a time whose values differ, else None."""
-    columns = {_plain(key): column for key, column in columns.items()}
-    return next((columns[name] for name in _TIME if name in columns and _span(columns[name]) > 0), None)
+    plain = _numbers(columns)
+    return next((times for name in _TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
+
+
+def _subtractable(times: npt.NDArray) -> npt.NDArray:
+    """Return `times` (N,) in a type that holds the difference of any two of them: int16 of either sign may not."""
+    return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
 
 
 def has_time_column(columns: Columns) -> bool:
@@ -136,12 +141,12 @@ def has_time_column(columns: Columns) -> bool:
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
     """Return the (N,) beam of each point, None where there is none."""
-    return _ring(_first({_plain(key): column for key, column in columns.items()}, _RING))
+    return _ring(_first(_numbers(columns), _RING))
 
 
 def sensor_column(columns: Columns) -> npt.NDArray[np.int64] | None:
     """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
-    values = _ring(_first({_plain(key): column for key, column in columns.items()}, _SENSOR))
+    values = _ring(_first(_numbers(columns), _SENSOR))
     return None if values is None else values.astype(np.int64)
 
 
@@ -153,6 +158,11 @@ def find_time_unit(times: npt.NDArray) -> float:
     """
     span = _span(times)
     return next((unit for unit in (1.0, 1e-3, 1e-6) if span * unit <= MAX_SWEEP), 1e-9)
+
+
+def _numbers(columns: Columns) -> Columns:
+    """Return by plain names what is numbers: dates and texts, which tables hold beside points, are of no use."""
+    return {_plain(key): column for key, column in columns.items() if column.dtype.kind in "fiu"}
 
 
 def _plain(name: str) -> str:

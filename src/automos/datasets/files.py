@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,6 +18,9 @@ from automos.errors import InputError
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
 _TEXT = {".txt", ".csv"}
+
+_LONGEST_HEADER = 1 << 14
+"""Bytes of a file that may be all header: longer ones hold points."""
 
 _EPOCH = (1.0e9, 2.2e9)
 """Seconds since 1970 that a recording may bear: 2001 to 2039."""
@@ -85,8 +88,11 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
 
 
-def find_copies(paths: Sequence[Path]) -> npt.NDArray[np.int64]:
-    """Return (N,) for each of `paths` the index of the first that holds the same, byte for byte; empty ones differ."""
+def find_copies(paths: Sequence[Path], n_points: Callable[[int], int]) -> npt.NDArray[np.int64]:
+    """Return (N,) for each of `paths` the index of the first that holds the same, byte for byte; empty ones differ.
+
+    `n_points` returns the number of points in one of them.
+    """
     sizes = [path.stat().st_size for path in paths]
     of_size = Counter(sizes)
     glimpses = [
@@ -97,9 +103,18 @@ def find_copies(paths: Sequence[Path]) -> npt.NDArray[np.int64]:
     copy_of = np.arange(len(paths))
     first: dict[bytes, int] = {}
     for i, path in enumerate(paths):
-        if glimpses[i] is not None and alike[glimpses[i]] > 1:
+        if glimpses[i] is not None and alike[glimpses[i]] > 1 and not _is_all_header(sizes[i], i, n_points):
             copy_of[i] = first.setdefault(hashlib.sha256(path.read_bytes()).digest(), i)
     return copy_of
+
+
+def _is_all_header(size: int, index: int, n_points: Callable[[int], int]) -> bool:
+    """Return whether a file, of `size` bytes, holds no points."""
+    if size > _LONGEST_HEADER:
+        return False
+    with suppress(InputError):  # reported when the scan itself is read
+        return n_points(index) == 0
+    return False
 
 
 def are_repeats(copy_of: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
@@ -172,10 +187,34 @@ def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
     if len(found) < 2 or any(stamp is None for stamp in found):
         return None
     stamps = np.array(found, np.float64)
+    unpadded = _unpadded_stamps(names)
+    if unpadded is not None and _unevenness(unpadded) < _unevenness(stamps):
+        stamps = unpadded
     steps = np.diff(np.sort(stamps))
     if steps.min() <= 0 or not _PERIOD[0] <= np.median(steps) <= _PERIOD[1]:
         return None
     return stamps
+
+
+def _unpadded_stamps(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    """Return (N,) seconds where what is behind the points may be whole nanoseconds, 12.5000000 for 12.005; else None.
+
+    Scripts join a message's seconds and nanoseconds so. None of them begins with a zero, and some have nine digits.
+    """
+    found = [re.findall(r"(\d+)\.(\d+)", name[: -len(_suffix(name))])[-1:] for name in names]
+    parts = [part for last in found for part in last]
+    lengths = {len(behind) for _, behind in parts}
+    if len(parts) < len(names) or max(lengths) != 9 or len(lengths) == 1:
+        return None
+    if any(str(int(behind)) != behind for _, behind in parts):
+        return None
+    return np.array([int(seconds) + 1e-9 * int(behind) for seconds, behind in parts])
+
+
+def _unevenness(stamps: npt.NDArray[np.float64]) -> float:
+    """Return the seconds by which steps between `stamps` (N,) in order differ from the usual one, on average."""
+    steps = np.diff(np.sort(stamps))
+    return float(np.abs(steps - np.median(steps)).mean())
 
 
 def _stamp(name: str) -> float | None:

@@ -22,13 +22,13 @@ from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
 from automos.datasets.seen_order import put_in_seen_order
-from automos.datasets.time_order import put_in_order
+from automos.datasets.time_order import put_in_order, usual_step, with_all_times
 from automos.datasets.units import unit_of
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.label_files import read_labels
 from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.reading import is_there, read_text
+from automos.reading import damage_reported, is_there, read_text
 from automos.scan import LATEST, Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
@@ -67,9 +67,9 @@ class FolderSequence(Sequence):
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
-        self._gap = _usual_gap(times)
+        self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
-            times = self._times_of_points()
+            times = self._times_of_points(times)
         self._stamps: npt.NDArray[np.float64] | None = None
         if times is None:
             ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
@@ -101,7 +101,7 @@ class FolderSequence(Sequence):
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds from the points' own times, else times.txt, else the file names, else None."""
+        """(len,) seconds from the points' own times, else times.txt; where names are times, times.txt, else these."""
         return self._stamps
 
     @property
@@ -143,14 +143,15 @@ class FolderSequence(Sequence):
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
         index = range(len(self))[index]
-        return motion_beside(self.source, self._names, index, self[index], self.truth(index))
+        return motion_beside(self.source, self, index)
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
         digest = hashlib.sha256(self._codec.encode())
-        for path in self._paths:
-            status = path.stat()
-            digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
+        with damage_reported(self._folder):
+            for path in self._paths:
+                status = path.stat()
+                digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
         if self._stamps is not None:
             digest.update(self._stamps.tobytes())
         if self._mounts is not None:
@@ -172,8 +173,9 @@ class FolderSequence(Sequence):
 
     @cached_property
     def _copy_of(self) -> npt.NDArray[np.int64]:
-        """(len,) for each scan the first one whose file holds the same."""
-        return files.find_copies(self._paths)
+        """(len,) for each scan the first one whose file holds the same points; those without are no copies."""
+        with damage_reported(self._folder):
+            return files.find_copies(self._paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
@@ -189,8 +191,8 @@ class FolderSequence(Sequence):
         times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
         return times
 
-    def _times_of_points(self) -> npt.NDArray[np.float64]:
-        """Return (len,) seconds at which the scans' points begin, on their common clock; NaN where none has a time."""
+    def _times_of_points(self, others: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        """Return (len,) seconds at which the scans' points begin, on one clock; `others` if too few have any."""
         unit = self._point_times.unit
 
         def start(path: Path) -> float:
@@ -198,7 +200,8 @@ class FolderSequence(Sequence):
             return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
 
         with ThreadPoolExecutor() as pool:
-            return np.array(list(pool.map(start, self._paths)))
+            times = with_all_times(np.array(list(pool.map(start, self._paths))))
+        return times if others is None or np.isfinite(times).all() else others
 
     @cached_property
     def _has_truth(self) -> bool:
@@ -222,14 +225,11 @@ class FolderSequence(Sequence):
         if self._codec in WIDTHS:
             return PointTimes()
         columns = read_columns(self._fullest, self._codec)
-        others = [self._paths[0], self._paths[-1]] if time_column(columns) is not None else []
+        # Those of few points, as recordings may begin and end with, have no times.
+        most = self._fullest.stat().st_size
+        full = [path for path in self._paths if 2 * path.stat().st_size >= most]
+        others = [full[0], full[-1]] if time_column(columns) is not None else []
         return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder, self._gap)
-
-
-def _usual_gap(times: npt.NDArray[np.float64] | None) -> float | None:
-    """Return the seconds that usually lie between scans; None without a clock."""
-    steps = np.zeros(0) if times is None else np.diff(np.sort(times))
-    return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
 
 
 def _warn_of_viewpoint(path: Path) -> None:

@@ -49,12 +49,15 @@ class KittiTrackingSequence(FolderSequence):
     def __init__(self, source: Path):
         """List the scans in folder `source`."""
         super().__init__(source, codec="bin")
+        self._frames = np.array([int(name) for name in self._names])
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
         stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
         if stray is not None:
-            raise InputError(f"{source} has a scan named {stray!r}; the benchmark names scans by their number")
-        self._frames = np.array([int(name) for name in self._names])
-        self._stamps = _PERIOD * self._frames
-        require_increasing(self._stamps, self._names, source)
+            raise InputError(f"{self.source} has a scan named {stray!r}; the benchmark names scans by their number")
+        times = _PERIOD * np.array([int(name) for name in self._names])
+        require_increasing(times, self._names, self.source)
+        return times
 
     @property
     def is_compensated(self) -> bool:

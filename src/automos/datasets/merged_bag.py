@@ -80,8 +80,13 @@ class MergedBagSequence(Sequence):
 
     @property
     def repeats(self) -> Mask:
-        """(len,) bool: messages of the first topic with the points of the one before."""
-        return self._parts[0].repeats
+        """(len,) bool: scans to which every topic gives the points of the one before."""
+        repeats = np.ones(len(self), bool)
+        for part, rows in zip(self._parts, self._rows, strict=True):
+            is_next = np.diff(rows, prepend=rows[:1]) == 1
+            repeats &= (np.diff(rows, prepend=rows[:1]) == 0) | (is_next & part.repeats[rows])
+        repeats[:1] = False
+        return repeats
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topics."""
@@ -116,7 +121,8 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     """Return (K, 4, 4) T_scan_sensor of the topics' frames in that of the first."""
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
-    for parent, child, translation, xyzw in parts[0].static_transforms():
+    latest = {joint[1]: joint for joint in parts[0].static_transforms()}  # sent again, it takes the place of the first
+    for parent, child, translation, xyzw in latest.values():
         T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
         joints.setdefault(parent, []).append((child, T))
         joints.setdefault(child, []).append((parent, inverse(T)))

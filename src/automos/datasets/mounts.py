@@ -50,7 +50,9 @@ class Mounts:
         InputError
             Points that say nothing of where they are from, or are of a LiDAR without a mount.
         """
-        if self.rings is not None and scan.ring is not None:
+        if len(scan) == 0:
+            sensor = np.zeros(0, np.int64)  # a file without points may have no columns either
+        elif self.rings is not None and scan.ring is not None:
             sensor = np.full(len(scan), len(self.names), np.int64)
             for k, (first, last) in enumerate(self.rings):
                 sensor[(scan.ring >= first) & (scan.ring <= last)] = k

@@ -6,8 +6,9 @@ points without a return (zero or NaN) included.
 
 from __future__ import annotations
 
+import zlib
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +16,28 @@ from automos.datasets.columns import Columns
 from automos.errors import InputError
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+EMPTY = -1
+"""The digest of clouds without points, which are not each other's repeats."""
+
+
+def header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
+    """Return the seconds in a message's header, without decoding what follows."""
+    big = is_ros2 and raw[1] == 0
+    seconds, nanoseconds = np.frombuffer(raw, ">u4" if big else "<u4", 2, offset=4).tolist()
+    return seconds + 1e-9 * nanoseconds
+
+
+def cloud_digest(raw: bytes | memoryview, is_ros2: bool) -> int:
+    """Return a number that clouds as they lie in a bag share, if they hold the same whatever their time; EMPTY if none.
+
+    All of it is digested: half of an organised cloud may be the same in every message, where the beams meet nothing.
+    """
+    order: Literal["big", "little"] = "big" if is_ros2 and raw[1] == 0 else "little"
+    at = 16 + int.from_bytes(raw[12:16], order)  # behind the name of the frame
+    at += -at % 4 if is_ros2 else 0
+    height, width = (int.from_bytes(raw[k : k + 4], order) for k in (at, at + 4))
+    return zlib.crc32(raw[12:]) if height * width else EMPTY
 
 
 def read_columns(message: Any, where: str) -> Columns:

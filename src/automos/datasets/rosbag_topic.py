@@ -23,7 +23,7 @@ from automos.datasets.columns import Columns, time_column, to_scan
 from automos.datasets.foreign import limited
 from automos.datasets.formats import import_extra
 from automos.datasets.listed import digest_of_files
-from automos.datasets.point_cloud2 import read_columns
+from automos.datasets.point_cloud2 import EMPTY, cloud_digest, header_stamp, read_columns
 from automos.datasets.point_times import PointTimes, judge_times
 from automos.datasets.time_order import put_in_order
 from automos.errors import AutomosError, InputError
@@ -111,8 +111,8 @@ class RosbagSequence(Sequence):
 
     @property
     def repeats(self) -> Mask:
-        """(len,) bool: messages with the points of the one before."""
-        return np.concatenate([[False], self._digests[1:] == self._digests[:-1]])
+        """(len,) bool: messages with the points of the one before; those without points are none."""
+        return np.concatenate([[False], (self._digests[1:] == self._digests[:-1]) & (self._digests[1:] != EMPTY)])
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
@@ -163,11 +163,14 @@ class RosbagSequence(Sequence):
     def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
         """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
         rows = [
-            (recorded, _header_stamp(raw, self._reader.is2), len(raw), zlib.crc32(raw[len(raw) // 2 :]))
-            for _, recorded, raw in self._reader.messages(connections=self._connections())
+            (recorded, header_stamp(raw, self._reader.is2), len(raw), self._digest(raw, connection.msgtype))
+            for connection, recorded, raw in self._reader.messages(connections=self._connections())
         ]
         recorded, headers, sizes, digests = zip(*rows, strict=True) if rows else ((), (), (), ())
         return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, int), np.array(digests)
+
+    def _digest(self, raw: bytes | memoryview, kind: str) -> int:
+        return cloud_digest(raw, self._reader.is2) if kind == _CLOUD else zlib.crc32(raw[len(raw) // 2 :])
 
     def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         if len(headers) > 1 and headers.min() == headers.max():
@@ -225,13 +228,6 @@ def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
             "joined by +, to merge them"
         )
     return clouds[0]
-
-
-def _header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
-    """Return the seconds in a message's header, without decoding what follows."""
-    big = is_ros2 and raw[1] == 0
-    seconds, nanoseconds = np.frombuffer(raw, ">u4" if big else "<u4", 2, offset=4).tolist()
-    return seconds + 1e-9 * nanoseconds
 
 
 @contextmanager

@@ -9,9 +9,11 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import FARTHEST, inverse, is_rigid
-from automos.pose_files import MAX_SKEW, interpolate_poses
+from automos.pose_files import MAX_SKEW, interpolate_poses, nearest_gap
 from automos.scan import Pose
 
+_HOLE = 1.0
+"""Seconds from the nearest pose beyond which a scan's is not known: in that time a vehicle turns off."""
 _NO_POSE = (
     "{} holds a pose that is none, is not on Earth, or whose rotation is scaled, sheared or mirrored; copy it again"
 )
@@ -61,7 +63,8 @@ def poses_at(
     Raises
     ------
     InputError
-        The poses do not reach a scan: they begin later or end earlier by more than half the time between scans.
+        The poses do not reach a scan: they begin later or end earlier by more than half the time between scans, or
+        there are none for a while.
     """
     if len(pose_stamps) == 0:
         raise InputError(f"{path} holds no poses")
@@ -75,6 +78,13 @@ def poses_at(
         raise InputError(
             f"{path} has no pose for scan {scan} (time {stamps[scan]:.6f}): its poses are from {times[0]:.6f} to "
             f"{times[-1]:.6f}; it belongs to another recording or is not whole"
+        )
+    apart = nearest_gap(stamps, times)
+    if (apart > _HOLE).any():
+        scan = int(np.argmax(apart > _HOLE))
+        raise InputError(
+            f"{path} has no pose for scan {scan} (time {stamps[scan]:.6f}): the nearest is {apart[scan]:.2f} s away; "
+            "it is not whole: copy it again"
         )
     return interpolate_poses(times, T, stamps)
 

@@ -16,6 +16,8 @@ import numpy.typing as npt
 _MIXED = 3
 """Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
 do more than this often for each time, two runs of the clock overlap."""
+_HOLE = 60.0
+"""Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
 
@@ -59,7 +61,8 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     order = np.argsort(stamps, kind="stable")
     ordered = stamps[order]
     run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
-    if (np.diff(run) != 0).sum() > _MIXED * len(back):
+    changes = int((np.diff(run) != 0).sum())
+    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -73,6 +76,35 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     if (np.diff(ordered) == 0.0).any():
         warnings.append(_repeated(ordered, in_order, where))
     return TimeOrder(order, _apart(ordered, usual), warnings)
+
+
+def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64]) -> bool:
+    """Return whether a clock ran back to before the first scan, and then not on to where it had begun.
+
+    So does one that counts from the hour, or that is set by hours. Two halves in the wrong order fit together instead.
+    """
+    first = int(np.flatnonzero(order == 0)[0])
+    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
+
+
+def usual_step(stamps: npt.NDArray[np.float64] | None) -> float | None:
+    """Return the seconds that usually lie between scans at `stamps` (N,), in any order; None without a clock."""
+    steps = np.zeros(0) if stamps is None else np.diff(np.sort(stamps))
+    return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
+
+
+def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return `stamps` (N,) with the few that are NaN, of scans without points, evenly between those beside them.
+
+    Beyond the ends, usual steps lead on. Where more than half are NaN there is no clock, and they are left.
+    """
+    known = np.flatnonzero(np.isfinite(stamps))
+    steps = np.diff(stamps[known]) / np.diff(known)
+    if not (steps > 0.0).any() or 2 * len(known) < len(stamps):
+        return stamps
+    rows, step = np.arange(len(stamps)), np.median(steps[steps > 0.0])
+    beyond = np.minimum(rows - known[0], 0) + np.maximum(rows - known[-1], 0)
+    return np.where(np.isfinite(stamps), stamps, np.interp(rows, known, stamps[known]) + step * beyond)
 
 
 def _repeated(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> str:

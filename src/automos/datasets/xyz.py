@@ -1,12 +1,13 @@
 """Points as text, one a line: x y z [intensity [ring]], or columns named in the first line.
 
-Blanks, tabs, commas or semicolons divide the columns; lines starting with # or // are comments, and a comment in the
-first line that names x, y and z names the columns.
+Blanks, tabs, commas or semicolons divide the columns; lines starting with # or // are comments, and one before the
+numbers that names x, y and z names the columns; else the first line that is none may.
 """
 
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +23,16 @@ _EMPTY = (b",,", b";;", b", ,", b"; ;", b",\t,", b";\t;", b"\n,", b"\n;")
 _COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]+[^,\s]")
 """Where a line has both, its commas are those of decimals."""
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
+_REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
 
 
 def read(path: Path) -> Columns:
     """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
-    text = read_bytes(path).lstrip()
+    text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    first_line, _, rest = text.partition(b"\n")
-    names = _names(first_line.translate(_DIVIDERS).decode("utf-8", "replace"))
+    first_line, _, rest = _behind_remarks(text).partition(b"\n")
+    names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
@@ -69,6 +71,18 @@ def _has_empty_cell(lines: bytes) -> bool:
 
 def _without_comments(text: bytes) -> bytes:
     return _COMMENT.sub(b"", text) if b"#" in text or b"//" in text else text
+
+
+def _behind_remarks(text: bytes) -> bytes:
+    """Return `text` without the comments at its start, up to one that names the columns."""
+    at = 0
+    while (remark := _REMARK.match(text, at)) and not _names_in(remark[0].lstrip()):
+        at = remark.end()
+    return text[at:].lstrip()
+
+
+def _names_in(line: bytes) -> list[str]:
+    return _names(line.translate(_DIVIDERS, b'"').decode("utf-8", "replace"))  # statistics programs quote names
 
 
 def _names(first_line: str) -> list[str]:

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 from automos.arguments import given_path, require_kind
 from automos.array_sequence import as_sequence
+from automos.atomic import faults_reported
 from automos.errors import InputError
 
 if TYPE_CHECKING:
     from automos.export.formats import Export
+    from automos.results.run_files import RunFiles
     from automos.scan import Sequence as ScanSequence
 
 EXPORTS: tuple[str, ...] = (
@@ -92,11 +94,11 @@ def export_run(
     target = folder / "export" / format if out is None else given_path(out, "where to export to")
     require_kind(sequences, Sequence, "sequences", "a list of the recordings that were labelled")
     written: dict[Path, None] = {}
-    for sequence in map(as_sequence, sequences):
+    for sequence in _distinct(sequences, export):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
         _require_free(place, sequence, is_file=bool(export.suffix))
-        export.write(run, place)
+        _write(export, run, place)
         written[place] = None  # each once, in order
     return list(written)
 
@@ -118,6 +120,39 @@ def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
     refuse_results(place)
     if not is_file:
         refuse_anyones(place)
+
+
+def _distinct(sequences: Sequence[ScanSequence], export: Export) -> list[ScanSequence]:
+    """Return the recordings; InputError where the results of two of them would replace each other."""
+    first: dict[str, ScanSequence] = {}
+    for sequence in map(as_sequence, sequences):
+        called = export.name_of(sequence.name)
+        if called in first:
+            raise InputError(
+                f"two recordings ({first[called].name}, {sequence.name}) would both be written as {called}: export "
+                "them one by one, each to an --out of its own"
+            )
+        first[called] = sequence
+    return list(first.values())
+
+
+def _write(export: Export, run: RunFiles, place: Path) -> None:
+    """Write one recording's results to `place`; InputError where that cannot be, or holds others."""
+    _require_unmixed(place, export, run)
+    with faults_reported(place):
+        export.write(run, place)
+
+
+def _require_unmixed(place: Path, export: Export, run: RunFiles) -> None:
+    """Raise InputError where an earlier export left files of other scans in folder `place`: readers take them, too."""
+    names = set(run.names)
+    found = (path for pattern in export.per_scan for path in place.glob(pattern) if not path.name.startswith("."))
+    others = sorted(path for path in found if path.stem not in names)
+    if others:
+        raise InputError(
+            f"{place} holds {len(others)} files of scans that {run.sequence.name} has not (first: {others[0].name}), "
+            "which would be mixed with its own: remove them, or choose another --out"
+        )
 
 
 def _place(out: Path, export: Export, name: str, n_recordings: int) -> Path:

@@ -76,4 +76,8 @@ def _item(run: RunFiles, index: int) -> dict[str, Any]:
     }
 
 
-EXPORT = Export(writes="CVAT task: point_clouds/, annotations.zip (Datumaro 3D)", write=write)
+EXPORT = Export(
+    writes="CVAT task: point_clouds/, annotations.zip (Datumaro 3D)",
+    write=write,
+    per_scan=("point_clouds/default/*.pcd",),
+)

@@ -175,9 +175,11 @@ def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedS
             if len(overlap) and overlap.max() > SAME_OBJECT:
                 votes[track, int(found.ids[overlap.argmax()])] += 1
     known: dict[int, int] = {}
+    taken: set[int] = set()
     for (track, original), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
-        if track not in known and original not in known.values():
+        if track not in known and original not in taken:
             known[track] = original
+            taken.add(original)
     new = max(run.tracks, default=0) + 1
     for track in sorted({track for scan in edits.values() for track in scan} - known.keys()):
         known[track], new = new, new + 1

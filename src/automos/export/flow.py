@@ -97,8 +97,13 @@ def score_flow(results: Path, sequences: Iterable[Sequence]) -> FlowCounts | Non
 
 
 def timestamps(run: RunFiles) -> list[str]:
-    """Return the scans' times in nanoseconds, as texts: their own names where those are, else rounded to 1 us."""
+    """Return the scans' times in nanoseconds, as texts: their own names where those are, else rounded to 1 us.
+
+    Of sixteen digits, names may count microseconds (Waymo's do); the scans' stamps show it.
+    """
     if all(name.isdecimal() and len(name) >= 16 for name in run.names):
-        return list(run.names)
+        counts = np.array([float(name) for name in run.names])
+        if not np.allclose(1e-6 * counts, run.stamps, rtol=0.0, atol=1e-3):
+            return list(run.names)
     micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64)
     return [str(1000 * int(value)) for value in micro]

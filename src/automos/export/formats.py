@@ -16,10 +16,13 @@ class Export:
     Attributes
     ----------
     writes : what it makes, in one line.
-    write : takes a run and the folder (or file) to write; what is there already is replaced, never mixed with.
+    write : takes a run and the folder (or file) to write; what is there already is replaced.
     needs : the extra to install, None where the core suffices.
     suffix : of the one file it writes; empty where it writes a folder.
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
+    per_scan : patterns of the files, named after the scans, that readers of the folder take; those of other scans are
+        not mixed with them.
+    name_of : returns what the results of a recording are called, of its name; no two may be called the same.
     """
 
     writes: str
@@ -27,3 +30,5 @@ class Export:
     needs: str | None = None
     suffix: str = ""
     is_of_points: bool = False
+    per_scan: tuple[str, ...] = ()
+    name_of: Callable[[str], str] = str

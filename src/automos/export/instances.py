@@ -19,4 +19,4 @@ def write(run: RunFiles, out: Path) -> None:
         write_npy(out / f"{run.names[index]}.npy", ids.astype(np.uint32))
 
 
-EXPORT = Export(writes="folder of .npy: track id of every point, 0 for none", write=write)
+EXPORT = Export(writes="folder of .npy: track id of every point, 0 for none", write=write, per_scan=("*.npy",))

@@ -64,4 +64,5 @@ EXPORT = Export(
     write=write,
     is_of_points=True,
     needs="las",
+    per_scan=("*.laz",),
 )

@@ -36,13 +36,18 @@ def write(run: RunFiles, out: Path) -> None:
             for index in run.each("writing .mcap"):
                 columns = point_columns(run, index)
                 if "time" in columns:
-                    seconds = columns.pop("time").astype(np.float64)
-                    columns["t"] = np.round(1e9 * seconds).astype(np.uint32)
+                    columns["t"] = _nanoseconds(columns.pop("time"))
                 nanoseconds = round(1e9 * run.stamps[index])
                 message = _cloud(types.types, columns, nanoseconds)
                 writer.write(connection, nanoseconds, types.serialize_cdr(message, message.__msgtype__))
         with atomic_path(out) as temporary:
             next(bag.glob("*.mcap")).replace(temporary)
+
+
+def _nanoseconds(seconds: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
+    """Return (N,) times of points from the first on, of a caller's own sequence, too: negative ones and NaN (0) are."""
+    start = np.fmin.reduce(seconds, initial=0.0)
+    return np.round(1e9 * np.nan_to_num(seconds - np.float64(start), posinf=0.0)).astype(np.uint32)
 
 
 def _require_times(run: RunFiles) -> None:

@@ -20,7 +20,7 @@ from automos.export.relabel import Change, compare, relabel
 from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
 from automos.reading import damage_reported, is_there, read_bytes
-from automos.results.claiming import require_room
+from automos.results.claiming import PER_SCAN, require_room
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.workspace import RUN_FILE
@@ -75,6 +75,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     require_room(out, run.sequence)
     with held(out):
         (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
+        _remove_others(out, run.names)
         _copy_beside(run, out)
         merged = _write_labels(run, corrected if has_labels else None, edits, out)
         write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
@@ -82,6 +83,17 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         if is_there(run.folder / RUN_FILE):
             _copy_file(run.folder / RUN_FILE, out / RUN_FILE)
     return merged
+
+
+def _remove_others(out: Path, names: list[str]) -> None:
+    """Remove what another run left of each scan in `out`, but for labels that are replaced.
+
+    Its other scans would stay among these, and its confidences would be taken for those of these labels.
+    """
+    replaced = {out / "predictions" / f"{name}.label" for name in names}
+    for path in (path for pattern in PER_SCAN for path in out.glob(pattern)):
+        if path not in replaced:
+            path.unlink()
 
 
 def _write_labels(run: RunFiles, corrected: Path | None, edits: dict[int, EditedScan], out: Path) -> Merged:

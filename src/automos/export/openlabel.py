@@ -18,7 +18,8 @@ _WORLD, _SENSOR = "world", "lidar"
 def write(run: RunFiles, out: Path) -> None:
     """Write the JSON file `out`; an object's type is moving, static or unknown."""
     frames: dict[str, Any] = {}
-    seen: dict[int, list[int]] = {track: [] for track in run.tracks}
+    tracks = run.tracks
+    seen: dict[int, list[int]] = {track: [] for track in tracks}
     for index in run.each("writing objects"):
         found = run.boxes_level(index)
         objects = {}
@@ -53,14 +54,13 @@ def write(run: RunFiles, out: Path) -> None:
         },
         "frame_intervals": [{"frame_start": 0, "frame_end": len(run) - 1}],
         "frames": frames,
-        "objects": {str(track): _object(run, track, scans) for track, scans in seen.items()},
+        "objects": {str(track): _object(track, scans, *tracks[track]) for track, scans in seen.items()},
     }
     out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, json.dumps({"openlabel": content}))
 
 
-def _object(run: RunFiles, track: int, scans: list[int]) -> dict[str, Any]:
-    verdict, confidence = run.tracks[track]
+def _object(track: int, scans: list[int], verdict: str, confidence: float) -> dict[str, Any]:
     runs = np.split(scans, np.flatnonzero(np.diff(scans) > 1) + 1) if scans else []
     return {
         "name": f"object {track}",

@@ -57,7 +57,8 @@ def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
         "flow": found.flow,
         "flow_is_valid": found.is_known,
         "flow_category_indices": np.zeros(len(scan), np.uint8),
-        "flow_instance_id": found.instances.astype(np.int16),
+        # 15 bits are all there is: ids beyond wrap, but never to 0, which means "no instance", or below.
+        "flow_instance_id": np.where(found.instances > 0, (found.instances - 1) % 0x7FFF + 1, 0).astype(np.int16),
         "ego_motion": found.T_next_this.astype(np.float32),
     }
 

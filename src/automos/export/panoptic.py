@@ -19,4 +19,6 @@ def write(run: RunFiles, out: Path) -> None:
         write_raw(out / f"{run.names[index]}.label", packed)
 
 
-EXPORT = Export(writes="folder of .label: class below, track id in the upper 16 bits", write=write)
+EXPORT = Export(
+    writes="folder of .label: class below, track id in the upper 16 bits", write=write, per_scan=("*.label",)
+)

@@ -36,4 +36,9 @@ def write_pcd(path: Path, columns: dict[str, npt.NDArray]) -> None:
         file.write(rows.tobytes())
 
 
-EXPORT = Export(writes="folder of .pcd: x y z intensity time ring label instance", write=write, is_of_points=True)
+EXPORT = Export(
+    writes="folder of .pcd: x y z intensity time ring label instance",
+    write=write,
+    is_of_points=True,
+    per_scan=("*.pcd",),
+)

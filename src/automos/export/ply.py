@@ -25,4 +25,9 @@ def write(run: RunFiles, out: Path) -> None:
             file.write(rows.tobytes())
 
 
-EXPORT = Export(writes="folder of .ply: x y z intensity time ring label instance", write=write, is_of_points=True)
+EXPORT = Export(
+    writes="folder of .ply: x y z intensity time ring label instance",
+    write=write,
+    is_of_points=True,
+    per_scan=("*.ply",),
+)

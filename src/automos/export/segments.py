@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from automos.atomic import write_text
+from automos.atomic import atomic_path, write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
 from automos.export.point_columns import scan_columns
@@ -33,24 +33,27 @@ def write(run: RunFiles, out: Path) -> None:
     segmentation.json static points are object 1, unlabeled ones 0, and each moving object has an id of its own.
     """
     (out / "pointclouds").mkdir(parents=True, exist_ok=True)
-    samples, cuboids, segmentations = [], [], []
-    for index in run.each("writing sample"):
-        name, scan = run.names[index], run.scan(index)
-        write_pcd(out / "pointclouds" / f"{name}.pcd", scan_columns(scan, run.points_at_pose(scan, index)))
-        timestamp = round(1e9 * run.stamps[index])
-        samples.append(
-            {
-                "name": name,
-                "timestamp": timestamp,
-                "pcd": {"url": f"pointclouds/{name}.pcd", "type": "pcd"},
-                "ego_pose": _ego_pose(run.T_level_sensor(index)),
-            }
-        )
-        cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
-        segmentations.append(_segmentation(run, index, len(scan)))
+    samples, cuboids, loose = [], [], max(run.tracks, default=0) + 2
+    # Scan by scan: a number for every point of an hour is more than memory holds.
+    with atomic_path(out / "segmentation.json") as temporary, temporary.open("w", encoding="utf-8") as segmentation:
+        segmentation.write('{"format_version": "0.2", "frames": [')
+        for index in run.each("writing sample"):
+            name, scan = run.names[index], run.scan(index)
+            write_pcd(out / "pointclouds" / f"{name}.pcd", scan_columns(scan, run.points_at_pose(scan, index)))
+            timestamp = round(1e9 * run.stamps[index])
+            samples.append(
+                {
+                    "name": name,
+                    "timestamp": timestamp,
+                    "pcd": {"url": f"pointclouds/{name}.pcd", "type": "pcd"},
+                    "ego_pose": _ego_pose(run.T_level_sensor(index)),
+                }
+            )
+            cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
+            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, len(scan), loose)))
+        segmentation.write("]}")
     write_text(out / "sample.json", json.dumps({"frames": samples}))
     write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
-    write_text(out / "segmentation.json", json.dumps({"format_version": "0.2", "frames": segmentations}))
     categories = [{"id": number, "name": verdict, "has_instances": True} for verdict, number in CATEGORIES.items()]
     write_text(out / "categories.json", json.dumps({"format_version": "0.1", "categories": categories}, indent=1))
 
@@ -81,12 +84,11 @@ def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
     ]
 
 
-def _segmentation(run: RunFiles, index: int, n_points: int) -> dict[str, Any]:
-    """Return one frame: object 1 is all that is static, the moving track k is object k + 1."""
+def _segmentation(run: RunFiles, index: int, n_points: int, loose: int) -> dict[str, Any]:
+    """Return one frame: object 1 is all that is static, the moving track k is k + 1, what moves on no track `loose`."""
     label, instance = run.labels(index, n_points), run.instances(index, n_points)
     objects = np.select([label == Label.MOVING, label == Label.STATIC], [instance + 1, 1], 0)
-    # Moving points that no track claims are an object of their own, behind all others.
-    objects[(label == Label.MOVING) & (instance == 0)] = len(run.tracks) + 2
+    objects[(label == Label.MOVING) & (instance == 0)] = loose
     found = [int(number) for number in np.unique(objects) if number > 0]
     annotations = [
         {"id": number, "category_id": CATEGORIES["static" if number == 1 else "moving"], "track_id": number}
@@ -95,4 +97,4 @@ def _segmentation(run: RunFiles, index: int, n_points: int) -> dict[str, Any]:
     return {"format_version": "0.2", "annotations": annotations, "point_annotations": objects.tolist()}
 
 
-EXPORT = Export(writes="Segments.ai sample, cuboids and segmentation", write=write)
+EXPORT = Export(writes="Segments.ai sample, cuboids and segmentation", write=write, per_scan=("pointclouds/*.pcd",))

@@ -12,6 +12,7 @@ from pathlib import Path
 from automos.atomic import atomic_path
 from automos.errors import InputError
 from automos.export.formats import Export
+from automos.reading import DAMAGE
 from automos.results.run_files import RunFiles
 
 
@@ -26,8 +27,7 @@ def write(run: RunFiles, out: Path) -> None:
     stray = next((name for name in run.names if not name.isdecimal()), None)
     if stray is not None:
         raise InputError(f"{run.sequence.name} has a scan named {stray!r}; the benchmark names scans by six digits")
-    name = run.sequence.name
-    sequence = f"{int(name):02d}" if name.isdecimal() else "00"
+    sequence = _number_of(run.sequence.name)
     folder = f"sequences/{sequence}/predictions/"
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -41,6 +41,11 @@ def write(run: RunFiles, out: Path) -> None:
             archive.writestr(entry, packed.astype("<u4").tobytes(), zipfile.ZIP_DEFLATED)
 
 
+def _number_of(name: str) -> str:
+    """Return the two digits of the sequence that a recording of this name is."""
+    return f"{int(name):02d}" if name.isdecimal() else "00"
+
+
 def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
     """Copy the other sequences of zip `old`, that a benchmark's sequences may be written one after the other."""
     try:
@@ -48,8 +53,10 @@ def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
             for entry in before.infolist():
                 if entry.filename != "sequences/" and not entry.filename.startswith(without):
                     archive.writestr(entry, before.read(entry))
-    except zipfile.BadZipFile:
-        raise InputError(f"{old} is not a zip file; remove it or choose another --out") from None
+    except DAMAGE:
+        raise InputError(f"{old} is not a zip file that can be read; remove it or choose another --out") from None
 
 
-EXPORT = Export(writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip")
+EXPORT = Export(
+    writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip", name_of=_number_of
+)

@@ -46,4 +46,6 @@ def xyz(values: np.ndarray) -> dict[str, float]:
     return {axis: round(float(value), 6) for axis, value in zip("xyz", values, strict=True)}
 
 
-EXPORT = Export(writes="SUSTechPOINTS scene: lidar/*.pcd, label/*.json", write=write)
+EXPORT = Export(
+    writes="SUSTechPOINTS scene: lidar/*.pcd, label/*.json", write=write, per_scan=("lidar/*.pcd", "label/*.json")
+)

@@ -197,5 +197,13 @@ def test_what_cannot_be_is_refused_by_name():
         Convention(order="sideways")
     with pytest.raises(InputError, match=r"turns is 0.0; it lies between 0.05 and 20"):
         Convention(turns=0.0)
+    with pytest.raises(InputError, match=r"reference_speed is nan; it lies between -10 and 10"):
+        Convention.parse(["reference=start", "reference_speed=nan"])
     with pytest.raises(InputError, match="n_lidars is 9"):
         record("city", n_lidars=9)
+
+
+@pytest.mark.parametrize("about", [{"turns": 20.0}, {"first_cut": 1000.0}, {"leave_out": 1}])
+def test_a_recorder_that_keeps_no_scan_is_refused(about):
+    with pytest.raises(InputError, match=rf"keeps no scan of {N_SWEEPS} turns: give more, or"):
+        kept(**about)

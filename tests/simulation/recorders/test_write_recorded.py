@@ -49,3 +49,5 @@ def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(InputError, match="exists and holds no recording of this kind"):
         write_recorded(made(), tmp_path)
+    with pytest.raises(InputError, match=r"thesis\.tex is not a folder; choose a new one"):
+        write_recorded(made(), tmp_path / "thesis.tex")

@@ -132,6 +132,7 @@ def _value(name: str, text: str, kind: Any) -> Any:
 _BOUNDS = (
     ("turns", 0.05, 20.0),
     ("first_cut", 0.0, 1e6),
+    ("reference_speed", -10.0, 10.0),
     ("lost_packets", 0.0, 1.0),
     ("every", 1, 10**6),
     ("leave_out", 0, 10**6),

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from automos.errors import InputError
 from automos.geometry import inverse, se3_exp, se3_log
 from automos.scan import Pose, Scan, Sequence
 from automos.simulation.recorders.convention import Convention
@@ -60,6 +61,10 @@ class Recorded(Sequence):
         self.name = turns.name
         n_cuts = int((len(turns) - convention.first_cut) / convention.turns + 1e-9)
         self._cuts = kept_cuts(n_cuts, convention)
+        if len(self._cuts) == 0:
+            raise InputError(
+                f"a recorder ({convention}) keeps no scan of {len(turns)} turns: give more, or another convention"
+            )
 
     def __len__(self) -> int:
         return len(self._cuts)

@@ -35,6 +35,8 @@ def write_recorded(recorded: Recorded, out: str | Path) -> Path:
         `out` holds something else.
     """
     out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is not a folder; choose a new one.")
     if out.exists() and any(out.iterdir()) and not (out / MARKER).exists():
         raise InputError(f"{out} exists and holds no recording of this kind; choose a new folder.")
     for name in ("velodyne", "labels"):
