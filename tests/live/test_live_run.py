@@ -1,5 +1,6 @@
 """The loop and the feeds, with a labeler that does as it is told."""
 
+import signal
 import socket
 import threading
 import time
@@ -126,6 +127,21 @@ def test_ctrl_c_gives_back_what_was_pushed_and_tells():
     assert [index for _, index in seen] == [0, 1, 2, 3, 4]
     assert "5 scans labelled, 0 left out" in tally.sentence("street")
     assert not [t for t in threading.enumerate() if t.name == "automos-live"]
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system has no signals of its own")
+def test_ctrl_c_in_the_middle_of_a_sink_waits_for_it_and_the_rest_is_given_back():
+    begun, ended = [], []
+
+    def sink(scan, given):
+        begun.append((scan.name, given.index))
+        if given.index == 4:
+            signal.raise_signal(signal.SIGINT)
+        ended.append((scan.name, given.index))
+
+    tally = run_live(Replay(recording(100), speed=0), Slow(late=2), [sink])
+    assert begun == ended == [(f"{i:06d}", i) for i in range(tally.labelled)]
+    assert 7 <= tally.labelled < 100  # those of the lag, too
 
 
 @pytest.mark.parametrize("error", [InputError("the cable is cut"), KeyError("the cable is cut")])
