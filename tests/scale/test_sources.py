@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from automos.errors import InputError
-from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
+from automos.scale.sources import alone, describe, find_all, name_of, parse_shard, take_shard
 
 
 def write_log(folder: Path) -> Path:
@@ -70,6 +70,13 @@ def test_a_list_names_paths_beside_it_and_what_is_missing_is_found_out_later(tmp
     assert describe(found[0]).startswith("2 scans from ")
 
 
+def test_a_name_in_a_list_is_not_cut_where_a_comment_could_begin(tmp_path):
+    for name in ("drive", "drive#2"):
+        write_log(tmp_path / name)
+    (tmp_path / "fleet.txt").write_text("drive#2 # the second\n#drive\n")
+    assert names_and_sources(find_all(str(tmp_path / "fleet.txt"))) == [("drive#2", str(tmp_path / "drive#2"))]
+
+
 @pytest.mark.parametrize(("content", "word"), [("", "names no recordings"), ("# nothing\n", "names no recordings")])
 def test_an_empty_list_is_told(tmp_path, content, word):
     (tmp_path / "fleet.txt").write_text(content)
@@ -122,6 +129,20 @@ def test_in_a_store_scans_side_by_side_are_a_recording_and_so_is_a_log():
     assert find_all(f"{root}/logs/plain")[0].source == f"{root}/logs/plain"
     with pytest.raises(InputError, match="holds nothing"):
         find_all("memory://elsewhere")
+
+
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [
+        ("fleet/", "fleet"), ("2026.11.25", "2026.11.25"), ("fleet.txt", "fleet"), (".", "here"), ("fleet/..", "here"),
+        ("s3://user:word@bucket/logs/v1.2/?key=x", "v1.2"), ("s3://bucket", "bucket"),
+    ],
+)  # fmt: skip
+def test_results_of_several_recordings_are_named_after_all_of_the_last_part(tmp_path, monkeypatch, source, name):
+    (tmp_path / "here" / "fleet").mkdir(parents=True)
+    (tmp_path / "here" / "fleet.txt").write_text("fleet\n")
+    monkeypatch.chdir(tmp_path / "here")
+    assert name_of(source) == name
 
 
 @pytest.mark.parametrize("n", [1, 3, 16])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -18,6 +19,8 @@ from automos.scale.storage import Store, is_url, shown
 _LISTS = {".txt", ".list"}
 _LOGS = {".bag", ".mcap", ".pcap"}
 _TEXT = {".txt", ".csv"}
+_COMMENT = re.compile(r"(?:^|\s)#")
+"""Begins a comment; within a word it is part of a name, as of drive#2."""
 _SIDE_FOLDERS = {"labels", "predictions", "confidences"}
 
 
@@ -43,6 +46,17 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
     if path.is_file() and path.suffix.lower() in _LISTS:
         return _named(_in_list(path, format), format)
     return _named([str(found.absolute()) for found in _in_folder(path, format)], format)
+
+
+def name_of(source: str) -> str:
+    """Return what the results of several recordings at `source` are named after: the last part of its path.
+
+    All of it: folders are named after days and versions, and 2026.11.25 is not 2026.11.26.
+    """
+    path = Path(source)
+    if is_url(source) or path.name in ("", ".."):
+        return _parts(source)[-1]
+    return path.stem if path.is_file() and path.suffix.lower() in _LISTS else path.name
 
 
 def alone(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
@@ -111,7 +125,7 @@ def _recordings_at(path: Path, format: str | None) -> list[Path]:
 def _in_list(path: Path, format: str | None) -> list[str]:
     """Return the recordings that the lines of a list name; one that is not there is found out later."""
     try:
-        lines = [line.split("#")[0].strip() for line in read_text(path).splitlines()]
+        lines = [_COMMENT.split(line)[0].strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
     found: list[str] = []
