@@ -12,8 +12,10 @@ from automos.cli import app
 from automos.errors import InputError
 from automos.labels import Label
 from automos.results.open_run import open_run
-from automos.review.amendments import Part, read_amendments
-from automos.review.log import LOG_FILE
+from automos.review import queue
+from automos.review.amendments import Part, append_verdicts, read_amendments
+from automos.review.apply import reapply
+from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
 from automos.tracking.verdict import Verdict
 
@@ -223,3 +225,28 @@ def test_what_is_made_by_hand_has_a_picture_in_the_list_at_once(session):
     ids = session.cut(track + 1, int(scans[len(scans) // 2]))
     pictures = session.pictures_now()["pictures"]
     assert all(base64.b64decode(pictures[id]["points"]) for id in ids)
+
+
+def test_an_object_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(session):
+    track = moving_track(session)
+    before = {name: labels.tolist() for name, labels in labels_of(session.run.folder).items()}
+    index, x, y = miss(session, track)
+    session.propose(index, (x, y))
+    session.accept(0, len(session.stages.names), "static")
+    session.decide([track + 1], "undo")
+    session.finish()
+    (made,) = read_amendments(session.run.folder)
+    append_verdicts(session.run.folder, made.at, {made.key: "undo"})  # the session was killed before it was written
+    reapply(session.run.folder, session.run.sequence)
+    assert {name: labels.tolist() for name, labels in labels_of(session.run.folder).items()} == before
+
+
+def test_the_log_is_read_once_for_all_places(session, monkeypatch):
+    place = {"sentence": "?", "track": 1, "at": [0, 0], "points": 9}
+    session.queue.places = [{**place, "place": k, "scan": session.stages.names[k], "rows": [k]} for k in range(5)]
+    session.dismiss(3)
+    reads = []
+    monkeypatch.setattr(queue, "read_lines", lambda *args: reads.append(args) or read_lines(*args))
+    rows = {row["place"]: row["decided"] for row in session.overview()["items"] if "place" in row}
+    assert rows == {0: None, 1: None, 2: None, 3: "done", 4: None}
+    assert len(reads) == 1

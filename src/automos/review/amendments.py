@@ -103,6 +103,12 @@ def read_amendments(folder: Path) -> list[Amendment]:
     return list(held.values())
 
 
+def ever_made(folder: Path) -> list[Amendment]:
+    """Return all objects ever made by hand, those taken back since included; errors as of the log."""
+    lines = read_lines(folder, "amendment", "an object made by hand", _parse)
+    return [made for _, _, made in lines if made is not None]
+
+
 def new_keys(folder: Path, n: int) -> list[str]:
     """Return `n` keys that no object in the log of `folder` has or had."""
     used = read_lines(folder, "amendment", "an object made by hand", lambda fields: str(fields["key"]))
