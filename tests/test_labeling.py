@@ -157,6 +157,15 @@ def test_labels_of_another_program_are_not_replaced(recording, tmp_path):
     assert foreign.read_bytes() == b"by hand"
 
 
+def test_confidences_of_another_program_are_not_removed(recording, tmp_path):
+    foreign = tmp_path / "out" / "confidences" / "000000.npy"
+    foreign.parent.mkdir(parents=True)
+    foreign.write_bytes(b"by a network")
+    with pytest.raises(InputError, match="confidences holds files that another program wrote: choose another --out"):
+        run(recording, tmp_path / "out")
+    assert foreign.read_bytes() == b"by a network"
+
+
 def test_a_recordings_own_poses_are_not_replaced(recording, tmp_path):
     own = tmp_path / "out" / "poses.txt"
     own.parent.mkdir()
