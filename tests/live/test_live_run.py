@@ -246,6 +246,33 @@ def test_foreign_packets_are_told_once_and_counted(packets, caplog):
     assert f"{2 * len(packets):,} of {3 * len(packets):,} packets were not the sensor's" in feed.summary()
 
 
+def test_whoever_sent_the_last_of_what_waited_is_not_taken_for_the_sensor():
+    class Assembler:
+        kind = "Velodyne"
+
+        def add(self, payloads, seconds):
+            own = [payload for payload in payloads if payload.startswith(b"own")]
+            return [Scan(np.ones((2, 3), np.float32), name=payload.decode()) for payload in own], len(payloads) - len(
+                own
+            )
+
+        def rest(self):
+            return []
+
+    batches = [
+        [(b"?", 0.0, "b"), (b"own 1", 0.0, "a"), (b"own too", 0.0, "c"), (b"?", 0.0, "b")],
+        [(b"own 2", 0.1, "a")],
+    ]
+    feed, names = UdpFeed("127.0.0.1", 0, Assembler(), patience=0.2), []
+    feed._packets = lambda: batches.pop(0) if batches else time.sleep(0.05) or []
+    feed.latest.put = lambda scan: names.append(scan.name)
+    with feed:
+        while not feed.is_over:
+            time.sleep(0.05)
+    assert names == ["own 1", "own 2"]
+    assert (feed.n_packets, feed.n_foreign) == (2, 3)
+
+
 def test_no_packets_are_told():
     feed = UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience=0.3)
     with pytest.raises(InputError, match=r"no packets of a Velodyne came to udp://127.0.0.1:0 for 0.3 s; look at"):
