@@ -6,7 +6,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from automos.errors import InputError
+from automos.errors import InputError, MissingExtraError
+from automos.scale import sources
+from automos.scale.orders import Recording
 from automos.scale.sources import alone, describe, find_all, name_of, parse_shard, take_shard
 
 
@@ -68,6 +70,14 @@ def test_a_list_names_paths_beside_it_and_what_is_missing_is_found_out_later(tmp
     assert found[2].source == str(tmp_path / "day3" / "log")
     assert "does not exist" in describe(found[2])
     assert describe(found[0]).startswith("2 scans from ")
+
+
+def test_what_cannot_be_opened_without_an_extra_does_not_end_the_list_of_a_dry_run(tmp_path, monkeypatch):
+    def missing(*_):
+        raise MissingExtraError("bags need rosbags: pip install 'automos-lidar[ros]'")
+
+    monkeypatch.setattr(sources, "open_sequence", missing)
+    assert "bags need rosbags" in describe(Recording("log", str(tmp_path / "log.bag")))
 
 
 def test_a_name_in_a_list_is_not_cut_where_a_comment_could_begin(tmp_path):

@@ -59,6 +59,12 @@ def refuse_scans(folder: Path) -> None:
         raise InputError(f"{folder} holds the scans of a recording: choose another --out")
 
 
+def refuse_corrected(folder: Path) -> None:
+    """Raise InputError where `folder` holds merged results: nothing makes the corrections in its labels again."""
+    if (folder / "merge.json").exists():
+        raise InputError(f"{folder} holds labels corrected by automos merge, which would be lost: choose another --out")
+
+
 def refuse_others_results(folder: Path, sequence: Sequence) -> None:
     """Raise InputError where `folder`, which nobody chose, holds the results of another recording that is still there.
 

@@ -25,6 +25,7 @@ from automos.atomic import remove_parts, write_text
 from automos.pose_writers import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
 from automos.result import Result
+from automos.results.claiming import PER_SCAN
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
@@ -54,7 +55,7 @@ def write_results(
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
         (folder / RUN_FILE).unlink(missing_ok=True)
-        for stale in (*(folder / "predictions").glob("*.label"), *(folder / "confidences").glob("*.npy")):
+        for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
             stale.unlink()
     elif not is_whole or "review" in before:
         write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from automos.datasets import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
-from automos.errors import InputError
+from automos.errors import AutomosError, InputError
 from automos.reading import parse_url, read_text
 from automos.scale.orders import Recording
 from automos.scale.storage import Store, is_url, shown
@@ -70,7 +70,7 @@ def describe(recording: Recording) -> str:
         return f"from {shown(recording.source)}"
     try:
         return f"{len(open_sequence(recording.source, recording.format))} scans from {recording.source}"
-    except InputError as error:
+    except AutomosError as error:
         return str(error)
 
 
