@@ -250,3 +250,36 @@ def test_the_log_is_read_once_for_all_places(session, monkeypatch):
     rows = {row["place"]: row["decided"] for row in session.overview()["items"] if "place" in row}
     assert rows == {0: None, 1: None, 2: None, 3: "done", 4: None}
     assert len(reads) == 1
+
+
+def test_an_object_whose_scans_were_removed_leaves_results_that_can_be_read(session, lane_run, tmp_path):
+    folder, names = session.run.folder, session.stages.names
+    track = moving_track(session)
+    session.cut(track + 1, int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).stop - 3]))
+    session.finish()
+    recording = shutil.copytree(lane_run.parent / "lane", tmp_path / "shorter")
+    _, late = sorted(read_amendments(folder), key=lambda one: min(one.parts))
+    first = min(late.parts)
+    for name in names[names.index(first) :]:
+        for part in ("velodyne", "labels"):
+            next((recording / part).glob(f"{name}.*")).unlink()
+    (recording / "times.txt").unlink()
+    done = CliRunner().invoke(app, ["label", str(recording), "--out", str(folder), "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    run = open_run(folder)
+    assert sum("made" in track for track in run.tracks_file["tracks"]) == 1
+    assert f"(scans {first} to {max(late.parts)}) finds no such scan in this run" in " ".join(done.output.split())
+    assert len(read_amendments(folder)) == 2  # both stay in the log
+
+
+def test_of_one_more_object_only_its_own_scans_are_looked_at(session, monkeypatch):
+    track = moving_track(session)
+    halves = session.cut(track + 1, int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).start + 5]))
+    seen = []
+    monkeypatch.setattr(queue, "replaced", lambda stages, index, changes: seen.append(index) or [])
+    session.decide(halves, "static")
+    assert seen == []
+    session.decide([halves[0]], "undo")
+    assert seen == []
+    session.cut(halves[1], int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).stop - 2]))
+    assert min(seen) >= session.stages.tracks.scan[session.stages.tracks.rows_of(track).start + 5]

@@ -25,7 +25,7 @@ from automos.labels import Label
 from automos.reading import read_bytes
 from automos.results.point_files import write_points
 from automos.results.tracks_file import track_entries, write_tracks
-from automos.review.amendments import Amendment, ever_made, read_amendments
+from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import ever_decided, match
 from automos.review.run_stages import RunStages
@@ -52,10 +52,11 @@ class Changes:
     amendments: list[Amendment] = field(default_factory=list)
 
 
-def read_changes(stages: RunStages) -> tuple[Changes, list[Decision]]:
-    """Return the changes in the log of a run, and the decisions that match no track any more; errors as for the log."""
+def read_changes(stages: RunStages) -> tuple[Changes, list[Decision | Amendment]]:
+    """Return the changes in the log of a run, and those that find no track or scan any more; errors as for the log."""
     decided, lost = match(stages, read_decisions(stages.folder))
-    return Changes(decided, read_amendments(stages.folder)), lost
+    amendments, elsewhere = in_scans(read_amendments(stages.folder), stages.index)
+    return Changes(decided, amendments), [*lost, *elsewhere]
 
 
 def reapply(
@@ -168,7 +169,7 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
 
 
 # ------------------------------------------------------------------------------------------- tracks.json and run.json
-def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> dict[str, Any]:
+def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> dict[str, Any]:
     """Write tracks.json and run.json after all changes; return what run.json says."""
     entries = list(changed_entries(stages, changes))
     write_tracks(stages.folder / "tracks.json", stages.trajectory, stages.names, entries)
@@ -178,8 +179,9 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> di
         "decisions": len(changes.decided),
         "made": len(changes.amendments),
         "lost": [
-            f"{decision.sentence} finds no such object in this run; it stays in the log and holds when one is there."
-            for decision in lost
+            f"{one.sentence} finds no such {'object' if isinstance(one, Decision) else 'scan'} in this run; it stays "
+            "in the log and holds when one is there."
+            for one in lost
         ],
     }
     with RECORD:

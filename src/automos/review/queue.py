@@ -27,14 +27,23 @@ class Queue:
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
         self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
         self._gone: dict[int, set[int]] = {}
+        self._replaced: dict[int, tuple[list[str], list[int]]] = {}
 
     def note(self, changes: Changes) -> None:
         """Update which tracks are replaced by objects made by hand."""
         gone: dict[int, set[int]] = defaultdict(set)
         for index in scans_of(self._stages, [], changes.amendments):
-            for track in replaced(self._stages, index, changes):
+            for track in self._replaced_in(index, changes):
                 gone[track].add(index)
         self._gone = gone
+
+    def _replaced_in(self, index: int, changes: Changes) -> list[int]:
+        """Return what is replaced in a scan, which is found out once for the objects that are there: it reads files."""
+        name = self._stages.names[index]
+        keys = [one.key for one in changes.amendments if name in one.parts]
+        if self._replaced.get(index, ([], []))[0] != keys:
+            self._replaced[index] = keys, replaced(self._stages, index, changes)
+        return self._replaced[index][1]
 
     def to_page(self, changes: Changes) -> dict[str, Any]:
         """Return objects and places in their order; those that hold nearly all doubtful points are its `core`.
