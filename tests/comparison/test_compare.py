@@ -293,6 +293,13 @@ def test_two_processes_do_not_write_into_one_folder(recording, tmp_path, command
     assert list((tmp_path / "out").iterdir()) == []
 
 
+def test_a_scan_that_is_not_there_is_refused_before_any_method_is_run(recording, tmp_path):
+    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out", "--scan", "999"]
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert "there is no scan 999" in str(ended.exception)
+    assert not (tmp_path / "out" / "yoon").exists()
+
+
 def test_a_name_and_a_folder_are_asked_of_predictions(recording, tmp_path):
     words = ["compare", recording, "--out", tmp_path / "out", "--predictions", "somewhere"]
     done = CliRunner().invoke(app, [str(word) for word in words])

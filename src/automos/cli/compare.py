@@ -51,7 +51,7 @@ def compare(
     automos compare kitti/sequences/08 --predictions 4DMOS=4dmos/08 --predictions MapMOS=mapmos/08 --repeat 3
     """
     from automos.comparison.compare import compare as compare_methods
-    from automos.comparison.compare import write_comparison
+    from automos.comparison.compare import require_scan, write_comparison
     from automos.comparison.labelers import choose_methods
     from automos.errors import InputError
     from automos.scan import MAX_RANGE
@@ -73,6 +73,7 @@ def compare(
         repeats=repeat,
         predictions=_named_folders(predictions or []),
     ) as runs:
+        require_scan(runs, scan)  # before anything takes hours
         comparison = compare_methods(runs, chosen)
         for table in comparison.tables():
             output.print(table)
