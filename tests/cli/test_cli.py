@@ -486,6 +486,10 @@ def test_all_recordings_of_a_root_are_labelled_each_into_its_folder(automos, wor
     ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--workers", 1, "--preset", "paper")
     assert ended.code == 0
     assert [len(labels_in(tmp_path / "out" / name)) for name in ("00", "01")] == [7, 7]
+    (tmp_path / "root" / "sequences" / "01").rename(tmp_path / "01")
+    ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--workers", 1, "--preset", "paper")
+    assert "1 of 1 recordings labelled (1 had been before)" in ended.out
+    assert not (tmp_path / "out" / "predictions").exists()
 
 
 def test_poses_of_one_recording_or_a_calibration_without_any_are_not_taken_for_several(automos, world, poses, tmp_path):

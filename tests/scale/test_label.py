@@ -150,6 +150,13 @@ def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labell
     assert fleet.differences(tmp_path / "out") == []
 
 
+def test_results_of_several_recordings_are_not_put_among_those_of_one(fleet, label, tmp_path):
+    label_recording(open_sequence(fleet.folder / "log00"), tmp_path / "out", fleet.settings, workers=1)
+    with pytest.raises(InputError, match="out holds the results of one recording"):
+        label()
+    assert not (tmp_path / "out" / "log00").exists()
+
+
 def test_recordings_are_not_labelled_in_their_own_folders(fleet, tmp_path):
     logs = shutil.copytree(fleet.folder, tmp_path / "logs")
     (logs / "log01" / "poses.txt").write_text("theirs")

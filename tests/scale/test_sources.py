@@ -61,6 +61,15 @@ def test_one_recording_is_one_and_gets_the_runs_folder_for_itself(tmp_path):
     assert alone(find_all(str(log)), (0, 2))[0].target("s3://b/out/") == "s3://b/out/log"
 
 
+def test_the_one_that_is_left_of_several_keeps_the_folder_of_its_results(tmp_path):
+    write_log(tmp_path / "fleet" / "log")
+    found = find_all(str(tmp_path / "fleet"))
+    assert alone(found, None, str(tmp_path / "out"))[0].folder == ""
+    (tmp_path / "out" / "log").mkdir(parents=True)
+    (tmp_path / "out" / "log" / "complete.json").write_text("{}")
+    assert alone(found, None, str(tmp_path / "out")) == found
+
+
 def test_a_list_names_paths_beside_it_and_what_is_missing_is_found_out_later(tmp_path):
     write_log(tmp_path / "day1" / "log")
     write_log(tmp_path / "day2" / "log")

@@ -70,7 +70,7 @@ def label(
     values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
     chosen = load_settings(preset, settings, values)
     part = parse_shard(shard)
-    found = alone(find_all(recording, format), part)
+    found = alone(find_all(recording, format), part, out)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"
     resources = Resources(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
     mine = take_shard(found, part)
@@ -78,7 +78,7 @@ def label(
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
-    elif part is None and has_one_process_enough(found, target, resources):
+    elif part is None and found[0].folder == "" and has_one_process_enough(found, target, resources):
         _label_here(found[0], Path(target), out is None, chosen, (poses, calib), workers)
     else:
         _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib))

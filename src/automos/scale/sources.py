@@ -14,6 +14,7 @@ from automos.datasets.files import natural_key
 from automos.errors import AutomosError, InputError
 from automos.reading import parse_url, read_text
 from automos.scale.orders import Recording
+from automos.scale.publishing import MARKER
 from automos.scale.storage import Store, is_url, shown
 
 _LISTS = {".txt", ".list"}
@@ -59,9 +60,15 @@ def name_of(source: str) -> str:
     return path.stem if path.is_file() and path.suffix.lower() in _LISTS else path.name
 
 
-def alone(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
-    """Return `recordings`; one that is all there is gets the run's folder for itself."""
-    return [replace(recordings[0], folder="")] if len(recordings) == 1 and shard is None else recordings
+def alone(recordings: list[Recording], shard: tuple[int, int] | None, target: str | None = None) -> list[Recording]:
+    """Return `recordings`; one that is all there is gets the run's folder for itself.
+
+    Not where the run at path `target` had several, of which one is left: its results have a folder there.
+    """
+    if len(recordings) != 1 or shard is not None:
+        return recordings
+    had_others = target is not None and Path(recordings[0].target(target), MARKER).exists()
+    return recordings if had_others else [replace(recordings[0], folder="")]
 
 
 def describe(recording: Recording) -> str:
