@@ -14,6 +14,7 @@ from automos.errors import InputError
 from automos.labels import Label
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
+from automos.review import apply
 from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
 from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
 from automos.review.matching import cover_tracks, match
@@ -263,3 +264,8 @@ def test_a_run_cut_off_before_its_decisions_were_applied_is_not_taken_for_whole(
     rerun(run, recording)
     assert files_of(run) == wanted
     assert len(open_run(run)) == len(stages.names)
+
+
+def test_of_a_long_recording_only_what_was_written_again_is_counted_again():
+    a_day = 24 * 3600 * 10
+    assert apply._counts_of.cache_info().maxsize >= a_day

@@ -243,7 +243,7 @@ def _count_points(stages: RunStages) -> dict[str, int]:
     return {label.name.lower(): int(n) for label, n in zip(Label, counts, strict=True)}
 
 
-@lru_cache(20_000)
+@lru_cache(1_000_000)  # more than a day of scans: of one too few, all are read again for each decision
 def _counts_of(path: Path, written: int) -> tuple[int, ...]:
     """Return the points of each label in a file, which is read again only when it was written again."""
     labels = np.frombuffer(read_bytes(path), np.uint32) & 0xFFFF
