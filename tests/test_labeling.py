@@ -1,6 +1,7 @@
 """A recording on disk into a results folder, whole, interrupted, killed, and refused."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -155,6 +156,23 @@ def test_labels_of_another_program_are_not_replaced(recording, tmp_path):
         run(recording, tmp_path / "out")
     assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [foreign]
     assert foreign.read_bytes() == b"by hand"
+
+
+def test_confidences_of_another_program_are_not_removed(recording, tmp_path):
+    foreign = tmp_path / "out" / "confidences" / "000000.npy"
+    foreign.parent.mkdir(parents=True)
+    foreign.write_bytes(b"by a network")
+    with pytest.raises(InputError, match="confidences holds files that another program wrote: choose another --out"):
+        run(recording, tmp_path / "out")
+    assert foreign.read_bytes() == b"by a network"
+
+
+def test_merged_corrections_are_not_labelled_over(recording, tmp_path):
+    run(recording, tmp_path / "out")
+    shutil.copytree(tmp_path / "out", tmp_path / "merged")
+    (tmp_path / "merged" / "merge.json").write_text("{}")
+    with pytest.raises(InputError, match="holds labels corrected by automos merge"):
+        run(recording, tmp_path / "merged")
 
 
 def test_a_recordings_own_poses_are_not_replaced(recording, tmp_path):

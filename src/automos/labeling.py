@@ -13,11 +13,12 @@ from automos.errors import InputError
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.claiming import require_room
+from automos.results.claiming import refuse_corrected, require_room
 from automos.results.run_warnings import sentences_of
-from automos.results.writing import write_results
+from automos.results.writing import declare_whole, write_results
 from automos.review.apply import reapply
 from automos.review.concerns import note_concerns
+from automos.review.log import key_of_changes
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
 from automos.scan import Pose, Sequence
@@ -53,14 +54,16 @@ def label_recording(
     """
     sequence = as_sequence(sequence)
     require_room(folder, sequence)
+    refuse_corrected(folder)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
+        is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
-        write_results(folder, sequence, result, settings, progress)
+        write_results(folder, sequence, result, settings, progress, is_whole)
         note_concerns(RunStages(folder, sequence), pose_file is not None and calib_file is None)
         reapply(folder, sequence, progress)
         note_quality(folder)
-        return Workspace(folder).read_run()
+        return declare_whole(folder)
 
 
 def require_poses_of_one(pose_file: Path | None, calib_file: Path | None, n: int = 1, place: str = "") -> None:

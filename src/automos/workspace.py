@@ -28,6 +28,10 @@ from automos.run_record import RunRecord
 Arrays = Mapping[str, npt.NDArray]
 PerScan = Iterable[tuple[int, Arrays]]
 RUN_FILE = "run.json"
+UNFINISHED = "unfinished"
+"""Entry of run.json while labels are written anew to which decisions of a review are still to be applied."""
+REVIEWED = "reviewed"
+"""Stage that holds the object of each point, of the scans that a review changed; its key is that of the labels."""
 RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 """What a run's folder holds beside labels, stages and run.json."""
 LONGEST_NAME = 230

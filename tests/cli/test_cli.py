@@ -453,6 +453,32 @@ def test_without_an_out_results_go_to_a_folder_of_the_recordings_name(automos, l
     assert len(labels_in(tmp_path / "here" / "automos_runs" / "log")) == 8
 
 
+def test_another_recording_of_the_same_name_does_not_replace_the_results_of_the_first(automos, world, poses, tmp_path):
+    options = ["--poses", poses, "--preset", "paper", "--workers", 1]
+    for drive in ("day1", "day2"):
+        write_bins(world.sequence, tmp_path / drive / "log")
+    assert automos("label", tmp_path / "day1" / "log", *options).code == 0
+    files = {path: path.read_bytes() for path in files_in(tmp_path / "here")}
+    ended = automos("label", tmp_path / "day2" / "log", *options)
+    assert (ended.code, is_one_sentence(ended.err)) == (2, True)
+    assert "automos_runs/log holds the results of" in ended.err
+    assert {path: path.read_bytes() for path in files_in(tmp_path / "here")} == files
+    assert automos("label", tmp_path / "day2" / "log", "--out", "automos_runs/log", *options).code == 0
+    (tmp_path / "day1").rename(tmp_path / "day3")
+    (tmp_path / "day2").rename(tmp_path / "day4")
+    assert automos("label", tmp_path / "day4" / "log", *options).code == 0  # moved
+
+
+def test_a_long_recording_that_cannot_be_labelled_is_one_sentence_as_a_short_one_is(automos, log, poses, tmp_path):
+    lose_a_pose(log, poses)
+    options = ["--poses", poses, "--chunk", 2, "--workers", 2, "--work", tmp_path / "work"]
+    ended = automos("label", log, "--out", tmp_path / "out", *options)
+    said = ended.err.splitlines()[-1]  # after the bar of its progress
+    assert (ended.code, ended.out) == (2, "")
+    assert said.startswith("error: ")
+    assert "poses.txt holds 7 poses for 8 scans" in said
+
+
 def test_all_recordings_of_a_root_are_labelled_each_into_its_folder(automos, world, tmp_path):
     for name in ("00", "01"):
         write_bins(world.sequence, tmp_path / "root" / "sequences" / name / "velodyne")
@@ -460,6 +486,10 @@ def test_all_recordings_of_a_root_are_labelled_each_into_its_folder(automos, wor
     ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--workers", 1, "--preset", "paper")
     assert ended.code == 0
     assert [len(labels_in(tmp_path / "out" / name)) for name in ("00", "01")] == [7, 7]
+    (tmp_path / "root" / "sequences" / "01").rename(tmp_path / "01")
+    ended = automos("label", tmp_path / "root", "--out", tmp_path / "out", "--workers", 1, "--preset", "paper")
+    assert "1 of 1 recordings labelled (1 had been before)" in ended.out
+    assert not (tmp_path / "out" / "predictions").exists()
 
 
 def test_poses_of_one_recording_or_a_calibration_without_any_are_not_taken_for_several(automos, world, poses, tmp_path):

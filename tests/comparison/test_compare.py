@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from worlds import lane
 
 from automos import open_sequence
+from automos.atomic import held
 from automos.baselines import yoon
 from automos.cli import app
 from automos.comparison import runs as runs_module
@@ -270,6 +271,33 @@ def test_effort_leaves_out_what_a_helper_did_before():
         time.sleep(0.3)
     helper.communicate(b"\n")
     assert effort.busy < 0.9
+
+
+def test_folders_of_another_program_are_not_replaced_by_those_of_methods(recording, tmp_path):
+    theirs = tmp_path / "out" / "yoon" / "map.pcd"
+    theirs.parent.mkdir(parents=True)
+    theirs.write_text("their own")
+    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out"]
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert "out/yoon was not written by automos and would be replaced" in str(ended.exception)
+    assert theirs.read_text() == "their own"
+
+
+@pytest.mark.parametrize("command", ["compare", "map"])
+def test_two_processes_do_not_write_into_one_folder(recording, tmp_path, command):
+    pytest.importorskip("fcntl", reason="Windows has no locks on folders")
+    with held(tmp_path / "out"):
+        words = [command, recording, "--method", "yoon", "--out", tmp_path / "out"]
+        ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert "another process writes into" in str(ended.exception)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_scan_that_is_not_there_is_refused_before_any_method_is_run(recording, tmp_path):
+    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out", "--scan", "999"]
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert "there is no scan 999" in str(ended.exception)
+    assert not (tmp_path / "out" / "yoon").exists()
 
 
 def test_a_name_and_a_folder_are_asked_of_predictions(recording, tmp_path):

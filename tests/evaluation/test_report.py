@@ -60,6 +60,23 @@ def test_predictions_are_found_in_results_folders_and_the_benchmarks_layout(driv
     assert report.scores.iou == 1.0
 
 
+def test_poses_of_the_benchmark_do_not_make_its_folders_a_run_of_ours(drive):
+    (drive / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 2)
+    write_predictions(drive / "predictions", TRUTH)
+    root = drive.parents[1]
+    assert evaluate_recordings(root, open_recordings(root)).scores.iou == 1.0
+    (drive / "tracks.json").write_text("{}")
+    with pytest.raises(InputError, match="was not labelled to its end"):
+        evaluate_recordings(root, open_recordings(root))
+
+
+def test_two_recordings_of_one_name_are_not_scored_as_one(drive, tmp_path):
+    other = open_sequence(make_drive(tmp_path / "other", "00", TRUTH))
+    write_predictions(tmp_path / "out" / "00", TRUTH)
+    with pytest.raises(InputError, match="two recordings are named 00"):
+        evaluate_recordings(tmp_path / "out", [open_sequence(drive), other])
+
+
 def test_recordings_are_pooled_and_listed(drive, tmp_path):
     make_drive(tmp_path / "data", "01", [[CAR] * 8])
     write_predictions(tmp_path / "out" / "00" / "predictions", TRUTH)

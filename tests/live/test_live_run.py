@@ -1,5 +1,6 @@
 """The loop and the feeds, with a labeler that does as it is told."""
 
+import signal
 import socket
 import threading
 import time
@@ -128,6 +129,21 @@ def test_ctrl_c_gives_back_what_was_pushed_and_tells():
     assert not [t for t in threading.enumerate() if t.name == "automos-live"]
 
 
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system has no signals of its own")
+def test_ctrl_c_in_the_middle_of_a_sink_waits_for_it_and_the_rest_is_given_back():
+    begun, ended = [], []
+
+    def sink(scan, given):
+        begun.append((scan.name, given.index))
+        if given.index == 4:
+            signal.raise_signal(signal.SIGINT)
+        ended.append((scan.name, given.index))
+
+    tally = run_live(Replay(recording(100), speed=0), Slow(late=2), [sink])
+    assert begun == ended == [(f"{i:06d}", i) for i in range(tally.labelled)]
+    assert 7 <= tally.labelled < 100  # those of the lag, too
+
+
 @pytest.mark.parametrize("error", [InputError("the cable is cut"), KeyError("the cable is cut")])
 def test_what_stops_the_feed_is_told_after_what_was_pushed_is_given_back(error):
     class Broken(Feed):
@@ -228,6 +244,33 @@ def test_foreign_packets_are_told_once_and_counted(packets, caplog):
     assert box["tally"].labelled + box["tally"].left_out >= 6
     assert caplog.text.count("they are left out") == 1
     assert f"{2 * len(packets):,} of {3 * len(packets):,} packets were not the sensor's" in feed.summary()
+
+
+def test_whoever_sent_the_last_of_what_waited_is_not_taken_for_the_sensor():
+    class Assembler:
+        kind = "Velodyne"
+
+        def add(self, payloads, seconds):
+            own = [payload for payload in payloads if payload.startswith(b"own")]
+            return [Scan(np.ones((2, 3), np.float32), name=payload.decode()) for payload in own], len(payloads) - len(
+                own
+            )
+
+        def rest(self):
+            return []
+
+    batches = [
+        [(b"?", 0.0, "b"), (b"own 1", 0.0, "a"), (b"own too", 0.0, "c"), (b"?", 0.0, "b")],
+        [(b"own 2", 0.1, "a")],
+    ]
+    feed, names = UdpFeed("127.0.0.1", 0, Assembler(), patience=0.2), []
+    feed._packets = lambda: batches.pop(0) if batches else time.sleep(0.05) or []
+    feed.latest.put = lambda scan: names.append(scan.name)
+    with feed:
+        while not feed.is_over:
+            time.sleep(0.05)
+    assert names == ["own 1", "own 2"]
+    assert (feed.n_packets, feed.n_foreign) == (2, 3)
 
 
 def test_no_packets_are_told():

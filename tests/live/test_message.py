@@ -12,6 +12,7 @@ import pytest
 
 from automos.errors import InputError
 from automos.labeler import LabelledScan
+from automos.live import message
 from automos.live.message import LARGEST, OBJECT, Sender, decode, encode
 from automos.online.labelled_scan import OBJECT_FIELDS
 
@@ -83,6 +84,15 @@ def test_nobody_need_listen():
         for _ in range(20):
             sender.send(labelled())
     assert sender.n_sent + sender.n_failed == 20
+    assert bool(sender.summary()) == (sender.n_failed > 0)
+
+
+def test_messages_that_could_not_be_sent_are_reported_at_the_end(monkeypatch):
+    with Sender("127.0.0.1", 9) as sender:
+        assert sender.summary() == ""
+        monkeypatch.setattr(message, "encode", lambda scan: bytes(70_000))  # no datagram is that long
+        sender.send(labelled())
+    assert sender.summary().startswith("1 of 1 messages could not be sent")
 
 
 def test_the_receiver_of_the_example_reads_it_without_automos():

@@ -184,11 +184,14 @@ def full_disk(path, array):
 @pytest.mark.parametrize(("result", "settings"), [(make_result("other"), PAPER), (make_result(), WITH_IDS)])
 def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(folder, monkeypatch, result, settings):
     (folder / "predictions" / "000099.label").write_bytes(b"")
+    (folder / "probabilities").mkdir()  # of automos segment with a network
+    (folder / "probabilities" / "000000.npy").write_bytes(b"")
     monkeypatch.setattr(point_files, "write_raw", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, result, settings)
     # two of three are new, none is old, and no run.json vouches for them
     assert list(read_labels(folder)) == ["000000", "000001"]
+    assert list((folder / "probabilities").iterdir()) == []
     assert not (folder / RUN_FILE).exists()
 
 

@@ -12,6 +12,9 @@ from automos.cli import app
 from automos.datasets import open_sequence
 from automos.errors import InputError
 from automos.labels import Label
+from automos.results.open_run import open_run
+from automos.results.run_files import RunFiles
+from automos.review import apply
 from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
 from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
 from automos.review.matching import cover_tracks, match
@@ -212,3 +215,57 @@ def test_no_review_is_begun_while_somebody_writes_into_the_results(run):
     assert isinstance(ended.exception, InputError)
     assert "another process writes into" in str(ended.exception)
     assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
+
+
+def test_what_was_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(run, recording):
+    stages = stages_of(run, recording)
+    track = moving_track(stages)
+    before = files_of(run)
+    decide(stages, track, "static")
+    reapply(run, open_sequence(recording))
+    assert files_of(run) != before
+    decide(stages, track, "undo")  # logged at once; the session was killed before it was written
+    reapply(run, open_sequence(recording))
+    assert files_of(run) == before
+
+
+def test_the_objects_of_points_are_those_decided_on_in_exports_too(run, recording):
+    stages = stages_of(run, recording)
+    standing = np.flatnonzero((stages.verdicts.verdict == Verdict.STATIC) & (np.bincount(stages.tracks.track) > 5))
+    track = int(standing[0])
+    decide(stages, track, "moving")
+    reapply(run, open_sequence(recording))
+    found = RunFiles(run, open_sequence(recording))
+    ids = np.concatenate([found.instances(i, len(found.scan(i))) for i in range(len(found))])
+    moves = np.concatenate([found.labels(i, len(found.scan(i))) for i in range(len(found))]) == Label.MOVING
+    assert (ids == track + 1).sum() > 20
+    assert (ids[moves] > 0).all()
+    decide(stages, track, "undo")
+    rerun(run, recording)
+    found = RunFiles(run, open_sequence(recording))
+    assert not any((found.instances(i, len(found.scan(i))) == track + 1).any() for i in range(len(found)))
+
+
+@pytest.mark.parametrize("place", ["automos.results.writing.write_points", "automos.review.apply.rewrite_scan"])
+def test_a_run_cut_off_before_its_decisions_were_applied_is_not_taken_for_whole(run, recording, monkeypatch, place):
+    stages = stages_of(run, recording)
+    decide(stages, moving_track(stages), "static")
+    reapply(run, open_sequence(recording))
+    wanted = files_of(run)
+
+    def cut_off(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(place, cut_off)
+        assert CliRunner().invoke(app, ["label", str(recording), "--out", str(run), "--workers", "1"]).exit_code == 130
+    with pytest.raises(InputError, match="without decisions of its review"):
+        open_run(run)
+    rerun(run, recording)
+    assert files_of(run) == wanted
+    assert len(open_run(run)) == len(stages.names)
+
+
+def test_of_a_long_recording_only_what_was_written_again_is_counted_again():
+    a_day = 24 * 3600 * 10
+    assert apply._counts_of.cache_info().maxsize >= a_day

@@ -1,5 +1,8 @@
 """The log of decisions: only ever added to, read back as written, forgiving of a crash and of nothing else."""
 
+import errno
+import os
+
 import numpy as np
 import pytest
 
@@ -27,6 +30,19 @@ def test_a_line_cut_short_by_a_crash_is_passed_over_and_swallows_none(tmp_path):
     assert read_decisions(tmp_path) == [ONE]
     append_decisions(tmp_path, [TWO])
     assert read_decisions(tmp_path) == [ONE, TWO]
+
+
+def test_of_what_could_not_be_logged_nothing_holds(tmp_path, monkeypatch):
+    append_decisions(tmp_path, [ONE])
+    before = (tmp_path / LOG_FILE).read_bytes()
+
+    def full_disk(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(InputError, match="No space left"):
+        append_decisions(tmp_path, [TWO])
+    assert (tmp_path / LOG_FILE).read_bytes() == before
 
 
 @pytest.mark.parametrize("line", ['{"at": }', '{"at": "x"}'])

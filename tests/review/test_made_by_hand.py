@@ -12,8 +12,10 @@ from automos.cli import app
 from automos.errors import InputError
 from automos.labels import Label
 from automos.results.open_run import open_run
-from automos.review.amendments import Part, read_amendments
-from automos.review.log import LOG_FILE
+from automos.review import queue
+from automos.review.amendments import Part, append_verdicts, read_amendments
+from automos.review.apply import reapply
+from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
 from automos.tracking.verdict import Verdict
 
@@ -223,3 +225,61 @@ def test_what_is_made_by_hand_has_a_picture_in_the_list_at_once(session):
     ids = session.cut(track + 1, int(scans[len(scans) // 2]))
     pictures = session.pictures_now()["pictures"]
     assert all(base64.b64decode(pictures[id]["points"]) for id in ids)
+
+
+def test_an_object_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(session):
+    track = moving_track(session)
+    before = {name: labels.tolist() for name, labels in labels_of(session.run.folder).items()}
+    index, x, y = miss(session, track)
+    session.propose(index, (x, y))
+    session.accept(0, len(session.stages.names), "static")
+    session.decide([track + 1], "undo")
+    session.finish()
+    (made,) = read_amendments(session.run.folder)
+    append_verdicts(session.run.folder, made.at, {made.key: "undo"})  # the session was killed before it was written
+    reapply(session.run.folder, session.run.sequence)
+    assert {name: labels.tolist() for name, labels in labels_of(session.run.folder).items()} == before
+
+
+def test_the_log_is_read_once_for_all_places(session, monkeypatch):
+    place = {"sentence": "?", "track": 1, "at": [0, 0], "points": 9}
+    session.queue.places = [{**place, "place": k, "scan": session.stages.names[k], "rows": [k]} for k in range(5)]
+    session.dismiss(3)
+    reads = []
+    monkeypatch.setattr(queue, "read_lines", lambda *args: reads.append(args) or read_lines(*args))
+    rows = {row["place"]: row["decided"] for row in session.overview()["items"] if "place" in row}
+    assert rows == {0: None, 1: None, 2: None, 3: "done", 4: None}
+    assert len(reads) == 1
+
+
+def test_an_object_whose_scans_were_removed_leaves_results_that_can_be_read(session, lane_run, tmp_path):
+    folder, names = session.run.folder, session.stages.names
+    track = moving_track(session)
+    session.cut(track + 1, int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).stop - 3]))
+    session.finish()
+    recording = shutil.copytree(lane_run.parent / "lane", tmp_path / "shorter")
+    _, late = sorted(read_amendments(folder), key=lambda one: min(one.parts))
+    first = min(late.parts)
+    for name in names[names.index(first) :]:
+        for part in ("velodyne", "labels"):
+            next((recording / part).glob(f"{name}.*")).unlink()
+    (recording / "times.txt").unlink()
+    done = CliRunner().invoke(app, ["label", str(recording), "--out", str(folder), "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    run = open_run(folder)
+    assert sum("made" in track for track in run.tracks_file["tracks"]) == 1
+    assert f"(scans {first} to {max(late.parts)}) finds no such scan in this run" in " ".join(done.output.split())
+    assert len(read_amendments(folder)) == 2  # both stay in the log
+
+
+def test_of_one_more_object_only_its_own_scans_are_looked_at(session, monkeypatch):
+    track = moving_track(session)
+    halves = session.cut(track + 1, int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).start + 5]))
+    seen = []
+    monkeypatch.setattr(queue, "replaced", lambda stages, index, changes: seen.append(index) or [])
+    session.decide(halves, "static")
+    assert seen == []
+    session.decide([halves[0]], "undo")
+    assert seen == []
+    session.cut(halves[1], int(session.stages.tracks.scan[session.stages.tracks.rows_of(track).stop - 2]))
+    assert min(seen) >= session.stages.tracks.scan[session.stages.tracks.rows_of(track).start + 5]

@@ -1,6 +1,7 @@
 """Precision and recall from a random sample: intervals that hold the truth as often as they say."""
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 
@@ -181,6 +182,26 @@ def test_what_is_decided_after_a_sample_makes_it_one_of_other_labels(lane_run, t
     session.finish()
     assert "quality" not in Workspace(run).read_run()
     assert Session(open_run(run), n_looks=10).looking.sample != session.looking.sample
+
+
+def test_answers_that_come_at_once_are_all_in_the_record(lane_run, tmp_path):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    looking = Session(open_run(run), n_looks=60).looking
+    points = [n for n, look in enumerate(looking.sample.looks) if look.kind == "moving"]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda n: looking.answer(n, "moving"), points))
+    assert Workspace(run).read_run()["quality"]["answered"]["moving"] == len(points)
+
+
+def test_clicks_of_an_earlier_visit_that_the_page_no_longer_shows_do_not_count(lane_run, tmp_path):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    looking = Session(open_run(run), n_looks=20).looking
+    number = next(n for n, look in enumerate(looking.sample.looks) if look.kind == "moment")
+    looking.look(number)
+    looking._clicked[number] = [np.array([1, 2, 3])]
+    looking.look(number)
+    looking.answer(number, "done")
+    assert looking.answers[number] == ("done", 0)
 
 
 def test_recall_waits_for_all_looks_and_precision_does_not(stages):

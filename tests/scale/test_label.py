@@ -9,12 +9,15 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from conftest import write_recording
+from conftest import N_SCANS, result_files, write_recording
 
 from automos.datasets import open_sequence
 from automos.errors import InputError
+from automos.geometry import make_transform
 from automos.labeling import label_recording
+from automos.pose_writers import write_kitti
 from automos.scale.executors import InProcess
 from automos.scale.fleet import Outcome
 from automos.scale.label import Resources, closing_lines, has_one_process_enough, label_fleet, make_executor
@@ -121,10 +124,37 @@ def test_labels_that_somebody_made_over_with_other_settings_are_made_again(fleet
     assert fleet.differences(tmp_path / "out") == []
 
 
+def test_labels_made_with_given_poses_are_made_again_without(fleet, tmp_path):
+    name = fleet.names[0]
+    recording = Recording(name, str(fleet.folder / name))
+    moved = tmp_path / "poses.txt"
+    write_kitti(moved, np.stack([make_transform(t=[3.0 * i, 0.0, 0.0]) for i in range(N_SCANS)]))
+
+    def label(pose_file):
+        resources = Resources(work=tmp_path / "work", chunk=4)
+        files = (pose_file, None)
+        return label_fleet(
+            [recording], str(tmp_path / "out"), fleet.settings, resources, None, files, None, lambda _: InProcess()
+        )
+
+    assert label(moved).labelled == [name]
+    assert result_files(tmp_path / "out" / name) != fleet.expected[name]
+    assert label(None).labelled == [name]
+    assert result_files(tmp_path / "out" / name) == fleet.expected[name]
+    assert label(None).had_been == [name]
+
+
 def test_results_of_other_settings_are_not_mixed_with_these(fleet, label, labelled, tmp_path):
     with pytest.raises(InputError, match="holds a run with other settings"):
         label(settings=load_settings("default", None, {"labels.unsure": 0.5}))
     assert fleet.differences(tmp_path / "out") == []
+
+
+def test_results_of_several_recordings_are_not_put_among_those_of_one(fleet, label, tmp_path):
+    label_recording(open_sequence(fleet.folder / "log00"), tmp_path / "out", fleet.settings, workers=1)
+    with pytest.raises(InputError, match="out holds the results of one recording"):
+        label()
+    assert not (tmp_path / "out" / "log00").exists()
 
 
 def test_recordings_are_not_labelled_in_their_own_folders(fleet, tmp_path):

@@ -6,8 +6,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from automos.errors import InputError
-from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
+from automos.errors import InputError, MissingExtraError
+from automos.scale import sources
+from automos.scale.orders import Recording
+from automos.scale.sources import alone, describe, find_all, name_of, parse_shard, take_shard
 
 
 def write_log(folder: Path) -> Path:
@@ -59,6 +61,15 @@ def test_one_recording_is_one_and_gets_the_runs_folder_for_itself(tmp_path):
     assert alone(find_all(str(log)), (0, 2))[0].target("s3://b/out/") == "s3://b/out/log"
 
 
+def test_the_one_that_is_left_of_several_keeps_the_folder_of_its_results(tmp_path):
+    write_log(tmp_path / "fleet" / "log")
+    found = find_all(str(tmp_path / "fleet"))
+    assert alone(found, None, str(tmp_path / "out"))[0].folder == ""
+    (tmp_path / "out" / "log").mkdir(parents=True)
+    (tmp_path / "out" / "log" / "complete.json").write_text("{}")
+    assert alone(found, None, str(tmp_path / "out")) == found
+
+
 def test_a_list_names_paths_beside_it_and_what_is_missing_is_found_out_later(tmp_path):
     write_log(tmp_path / "day1" / "log")
     write_log(tmp_path / "day2" / "log")
@@ -68,6 +79,21 @@ def test_a_list_names_paths_beside_it_and_what_is_missing_is_found_out_later(tmp
     assert found[2].source == str(tmp_path / "day3" / "log")
     assert "does not exist" in describe(found[2])
     assert describe(found[0]).startswith("2 scans from ")
+
+
+def test_what_cannot_be_opened_without_an_extra_does_not_end_the_list_of_a_dry_run(tmp_path, monkeypatch):
+    def missing(*_):
+        raise MissingExtraError("bags need rosbags: pip install 'automos-lidar[ros]'")
+
+    monkeypatch.setattr(sources, "open_sequence", missing)
+    assert "bags need rosbags" in describe(Recording("log", str(tmp_path / "log.bag")))
+
+
+def test_a_name_in_a_list_is_not_cut_where_a_comment_could_begin(tmp_path):
+    for name in ("drive", "drive#2"):
+        write_log(tmp_path / name)
+    (tmp_path / "fleet.txt").write_text("drive#2 # the second\n#drive\n")
+    assert names_and_sources(find_all(str(tmp_path / "fleet.txt"))) == [("drive#2", str(tmp_path / "drive#2"))]
 
 
 @pytest.mark.parametrize(("content", "word"), [("", "names no recordings"), ("# nothing\n", "names no recordings")])
@@ -122,6 +148,20 @@ def test_in_a_store_scans_side_by_side_are_a_recording_and_so_is_a_log():
     assert find_all(f"{root}/logs/plain")[0].source == f"{root}/logs/plain"
     with pytest.raises(InputError, match="holds nothing"):
         find_all("memory://elsewhere")
+
+
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [
+        ("fleet/", "fleet"), ("2026.11.25", "2026.11.25"), ("fleet.txt", "fleet"), (".", "here"), ("fleet/..", "here"),
+        ("s3://user:word@bucket/logs/v1.2/?key=x", "v1.2"), ("s3://bucket", "bucket"),
+    ],
+)  # fmt: skip
+def test_results_of_several_recordings_are_named_after_all_of_the_last_part(tmp_path, monkeypatch, source, name):
+    (tmp_path / "here" / "fleet").mkdir(parents=True)
+    (tmp_path / "here" / "fleet.txt").write_text("fleet\n")
+    monkeypatch.chdir(tmp_path / "here")
+    assert name_of(source) == name
 
 
 @pytest.mark.parametrize("n", [1, 3, 16])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,7 +51,7 @@ def compare(
     automos compare kitti/sequences/08 --predictions 4DMOS=4dmos/08 --predictions MapMOS=mapmos/08 --repeat 3
     """
     from automos.comparison.compare import compare as compare_methods
-    from automos.comparison.compare import write_comparison
+    from automos.comparison.compare import require_scan, write_comparison
     from automos.comparison.labelers import choose_methods
     from automos.errors import InputError
     from automos.scan import MAX_RANGE
@@ -59,7 +60,7 @@ def compare(
         raise InputError(f"--radius {radius:g} is not possible: give 1 to {MAX_RANGE:g} metres around the sensor")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
-    runs = _runs(
+    with _runs(
         recording,
         out or Path("automos_compare"),
         out is None,
@@ -71,12 +72,13 @@ def compare(
         shared=poses == "shared",
         repeats=repeat,
         predictions=_named_folders(predictions or []),
-    )
-    comparison = compare_methods(runs, chosen)
-    for table in comparison.tables():
-        output.print(table)
-    for path in write_comparison(runs, comparison, radius, scan):
-        output.print(path)
+    ) as runs:
+        require_scan(runs, scan)  # before anything takes hours
+        comparison = compare_methods(runs, chosen)
+        for table in comparison.tables():
+            output.print(table)
+        for path in write_comparison(runs, comparison, radius, scan):
+            output.print(path)
 
 
 @compare_app.command("map")
@@ -108,17 +110,18 @@ def make_map(
 
     (chosen,) = choose_methods([method])
     overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
-    runs = _runs(recording, out or Path("automos_map"), out is None, poses, calib, overrides, format, workers)
-    runs.cost(chosen)
-    made = write_map(
-        runs.frames,
-        runs.sequence,
-        lambda i, n: runs.labels(chosen, i, n) & 0xFFFF,
-        runs.folder,
-        kinds or ["ply"],
-        runs.settings(chosen).map,
-        _say_when_started(),
-    )
+    place = out or Path("automos_map")
+    with _runs(recording, place, out is None, poses, calib, overrides, format, workers) as runs:
+        runs.cost(chosen)
+        made = write_map(
+            runs.frames,
+            runs.sequence,
+            lambda i, n: runs.labels(chosen, i, n) & 0xFFFF,
+            runs.folder,
+            list(dict.fromkeys(kinds or ["ply"])),
+            runs.settings(chosen).map,
+            _say_when_started(),
+        )
     if made.scores is not None:
         output.print("  ".join(f"{name} {100 * value:.1f}" for name, value in scores_by_name(made.scores).items()))
     output.print(f"{made.n_points:,} points")
@@ -126,6 +129,7 @@ def make_map(
         output.print(file)
 
 
+@contextmanager
 def _runs(
     recording: Path,
     out: Path,
@@ -136,11 +140,14 @@ def _runs(
     format: str | None,
     workers: int,
     **more: Any,
-) -> Any:
+) -> Iterator[Any]:
+    """Give the runs of methods in a folder that no other process writes into meanwhile."""
+    from automos.atomic import held
+    from automos.comparison.labelers import TITLES
     from automos.comparison.runs import MethodRuns
     from automos.datasets import open_sequence
     from automos.labeling import given_poses
-    from automos.results.claiming import refuse_folders_of, refuse_scans
+    from automos.results.claiming import refuse_folders_of, refuse_inner, refuse_scans
     from automos.settings import read_overrides
 
     sequence = open_sequence(recording, format)
@@ -148,7 +155,10 @@ def _runs(
     folder = out / sequence.name if is_default else out
     refuse_folders_of(sequence, folder)
     refuse_scans(folder)
-    return MethodRuns(sequence, folder, read_overrides(overrides), given, workers, _say_when_started(), **more)
+    refuse_inner(folder, TITLES)
+    chosen = read_overrides(overrides)
+    with held(folder):
+        yield MethodRuns(sequence, folder, chosen, given, workers, _say_when_started(), **more)
 
 
 def _named_folders(given: list[str]) -> dict[str, Path]:

@@ -62,7 +62,7 @@ def label(
     """
     from automos.labeling import require_poses_of_one
     from automos.scale.label import Resources, has_one_process_enough
-    from automos.scale.sources import alone, describe, find_all, parse_shard, take_shard
+    from automos.scale.sources import alone, describe, find_all, name_of, parse_shard, take_shard
     from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
 
@@ -70,30 +70,38 @@ def label(
     values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
     chosen = load_settings(preset, settings, values)
     part = parse_shard(shard)
-    found = alone(find_all(recording, format), part)
-    target = out or f"automos_runs/{found[0].name if len(found) == 1 else Path(shown(recording)).stem}"
+    found = alone(find_all(recording, format), part, out)
+    target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"
     resources = Resources(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
     mine = take_shard(found, part)
     require_poses_of_one(poses, calib, len(found), shown(recording))
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
-    elif part is None and has_one_process_enough(found, target, resources):
-        _label_here(found[0], Path(target), chosen, (poses, calib), workers)
+    elif part is None and found[0].folder == "" and has_one_process_enough(found, target, resources):
+        _label_here(found[0], Path(target), out is None, chosen, (poses, calib), workers)
     else:
         _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib))
 
 
 def _label_here(
-    found: Recording, folder: Path, settings: Settings, poses: tuple[Path | None, Path | None], workers: int
+    found: Recording,
+    folder: Path,
+    is_default: bool,
+    settings: Settings,
+    poses: tuple[Path | None, Path | None],
+    workers: int,
 ) -> None:
-    """Label one recording in this process and say what was found."""
+    """Label one recording in this process and say what was found; `is_default`: nobody chose the folder."""
     from automos.compiling import compiling_beside
     from automos.datasets import open_sequence
     from automos.labeling import label_recording, summary
+    from automos.results.claiming import refuse_others_results
     from automos.workspace import Workspace
 
     sequence = open_sequence(found.source, found.format)
+    if is_default:
+        refuse_others_results(folder, sequence)
     began, before = time.perf_counter(), Workspace(folder).read_run()
     with compiling_beside(console.print, ("candidates", "objects")):
         run = label_recording(sequence, folder, settings, *poses, workers, console)
@@ -109,7 +117,13 @@ def _label_all(
     part: tuple[int, int] | None,
     poses: tuple[Path | None, Path | None],
 ) -> None:
-    """Label many recordings, by processes or on a cluster; exit with `NOT_ALL` where some could not be."""
+    """Label many recordings, by processes or on a cluster; exit with `NOT_ALL` where some could not be.
+
+    Raises
+    ------
+    InputError : the one recording that there is could not be labelled.
+    """
+    from automos.errors import InputError
     from automos.progress import StageProgress
     from automos.scale.label import closing_lines, label_fleet
 
@@ -117,6 +131,8 @@ def _label_all(
         outcome = label_fleet(
             found, target, settings, resources, part, poses, lambda n, bad, total: progress("labelled", n + bad, total)
         )
+    if outcome.failed and len(found) == 1 and part is None:  # as where one process labels it
+        raise InputError(*outcome.failed.values())
     for line in closing_lines(outcome, target):
         output.print(line)
     if outcome.failed:

@@ -13,6 +13,7 @@ from automos.cli.consoles import console, output
 from automos.cli.options import Format, Overrides, SettingsFile
 
 if TYPE_CHECKING:
+    from automos.live.message import Sender
     from automos.live.run import Sink, Tally
 
 live_app = typer.Typer()
@@ -68,15 +69,16 @@ def live(
         get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
         sinks: list[Sink] = [] if out is None else [lambda scan, given: writer.write(given)]
-        if send is not None:
-            sinks.append(_sending(send, stack))
+        sender = None if send is None else _sender(send, stack)
+        if sender is not None:
+            sinks.append(_sending(sender))
         if view or web:
             sinks.append(_showing(feed.name, web, port, browser, points, stack))
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
             writer.finish(_about(feed.name, tally, lag))
     where = "" if out is None else f"labels in {out}/predictions"
-    for sentence in filter(None, (tally.sentence(feed.name), feed.summary(), where)):
+    for sentence in filter(None, (tally.sentence(feed.name), feed.summary(), sender and sender.summary(), where)):
         output.print(sentence)
 
 
@@ -85,11 +87,14 @@ def _about(name: str, tally: Tally, lag: float) -> dict[str, Any]:
     return {"recording": {"name": name, "scans": tally.labelled, "left_out": tally.left_out}, "lag_seconds": lag}
 
 
-def _sending(address: str, stack: ExitStack) -> Sink:
+def _sender(address: str, stack: ExitStack) -> Sender:
     from automos.live.message import Sender
     from automos.live.udp import parse_address
 
-    sender = stack.enter_context(Sender(*parse_address(address)))
+    return stack.enter_context(Sender(*parse_address(address)))
+
+
+def _sending(sender: Sender) -> Sink:
     return lambda scan, given: sender.send(given)
 
 

@@ -98,6 +98,7 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
+    from automos.arguments import require_own_names
     from automos.datasets import open_recordings
     from automos.errors import InputError
     from automos.progress import StageProgress
@@ -115,6 +116,7 @@ def segment(
         raise InputError("the network labels each scan immediately: leave --lag out, or take --method evidence")
     chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
+    require_own_names([sequence.name for sequence in recordings])
     if uses_network:
         run_one = _with_network(weights, engine, device, threads, chosen, probabilities)
     else:

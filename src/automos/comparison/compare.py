@@ -163,13 +163,18 @@ def write_comparison(
     `radius` is how far around the sensor is shown, metres; `scan` which one, by default the one with most movers.
     """
     methods = list(comparison.costs)
-    if scan is not None and not 0 <= scan < comparison.n_scans:
-        raise InputError(f"there is no scan {scan}: {comparison.recording} has 0 to {comparison.n_scans - 1}")
+    require_scan(runs, scan)
     scan = choose_scan(runs, methods) if scan is None else scan
     report, picture = runs.folder / "compare.json", runs.folder / "compare.png"
     draw_panel(runs, methods, scan, radius, picture)
     write_text(report, json.dumps({**comparison.to_dict(), "picture_of_scan": scan}, indent=2, allow_nan=False) + "\n")
     return report, picture
+
+
+def require_scan(runs: MethodRuns, scan: int | None) -> None:
+    """Raise InputError if the recording has no such scan to draw."""
+    if scan is not None and not 0 <= scan < len(runs.sequence):
+        raise InputError(f"there is no scan {scan}: {runs.sequence.name} has 0 to {len(runs.sequence) - 1}")
 
 
 def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDArray[np.bool_]]]:

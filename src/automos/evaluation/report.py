@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from automos.arguments import require_own_names
 from automos.errors import InputError
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
 from automos.label_files import read_labels
 from automos.scan import Sequence
-from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.workspace import RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
+
+ONLY_OURS = {"stages", *RESULT_FILES} - {"poses.txt"}
+"""What shows that a run of ours began in a folder; poses.txt is in every sequence of the benchmark, too."""
 
 FOUND = 0.5
 """Share of its points from which an object counts as found in the summary."""
@@ -129,6 +133,7 @@ def evaluate_recordings(
     True
     """
     recordings = list(sequences)
+    require_own_names([sequence.name for sequence in recordings])
     labeled = [sequence for sequence in recordings if _has_truth(sequence)]
     if not labeled:
         raise InputError(f"{_names(recordings)} came without labels: there is no truth to compare with")
@@ -176,13 +181,16 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
 
 def _require_finished(folder: Path) -> None:
     """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
-    is_ours = any((folder / name).exists() for name in ("stages", *RESULT_FILES))
+    is_ours = any((folder / name).exists() for name in ONLY_OURS)
     in_fleet = (folder.parent / "ledger").is_dir()
     last = "complete.json" if in_fleet else RUN_FILE
     if (is_ours or in_fleet) and not (folder / last).exists():
         raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
-    if (is_ours or in_fleet) and not Workspace(folder).read_run():
+    run = Workspace(folder).read_run()
+    if (is_ours or in_fleet) and not run:
         raise InputError(f"{folder / RUN_FILE} is missing or damaged: run the same command again")
+    if run.get(UNFINISHED):
+        raise InputError(f"{folder} is without decisions of its review, as its run was cut off: repeat automos label")
 
 
 def _has_truth(sequence: Sequence) -> bool:

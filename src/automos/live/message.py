@@ -133,6 +133,15 @@ class Sender:
         except OSError:  # nobody listens, or the network is full
             self.n_failed += 1
 
+    def summary(self) -> str:
+        """Return how many messages could not be sent; empty if all were."""
+        if not self.n_failed:
+            return ""
+        return (
+            f"{self.n_failed:,} of {self.n_sent + self.n_failed:,} messages could not be sent: nobody listened there, "
+            "or the network was full"
+        )
+
     def __enter__(self) -> Sender:
         return self
 

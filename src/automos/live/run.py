@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import logging
+import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import FrameType
 
 import numpy as np
 
@@ -87,7 +91,7 @@ def run_live(
     tally, watch = Tally(), _Watch()
     waiting: deque[Scan] = deque()  # taken and not given back yet: as many as the lag holds
     taken_at: deque[float] = deque()
-    sinks = list(sinks)
+    sinks, say = list(sinks), report or (lambda tally: None)
 
     def taken() -> Iterator[Scan]:
         while not feed.is_over:
@@ -107,23 +111,51 @@ def run_live(
                 sink(scan, given)
 
     try:
-        if report is not None:
-            report(tally)
+        say(tally)
         with feed:
             for done in labeler.push_each(taken()):
-                tally.milliseconds.append(1e3 * (time.perf_counter() - taken_at.popleft()))
-                give(done)
+                with _unbroken():
+                    tally.milliseconds.append(1e3 * (time.perf_counter() - taken_at.popleft()))
+                    give(done)
                 tally.left_out = feed.latest.left_out
                 watch.look(tally, feed.latest.offered)
-                if report is not None:
-                    report(tally)
+                say(tally)
     except KeyboardInterrupt:
         _log.info("ended by Ctrl-C")
     finally:
         feed.stop()
         tally.left_out = feed.latest.left_out
-        give(labeler.finish())
+        with _unbroken(is_end=True):
+            give(labeler.finish())
     return tally
+
+
+@contextmanager
+def _unbroken(is_end: bool = False) -> Iterator[None]:
+    """Keep Ctrl-C until the block ends, but for a second one: it is how a live run ends, and comes at any moment.
+
+    A sink that was given half a scan has its label and not its pose, and all later ones are taken for others. What
+    `is_end` already is not ended once more.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    # Other threads are never interrupted, and some callers want no interruption at all.
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    pressed: list[int] = []
+
+    def keep(number: int, frame: FrameType | None) -> None:
+        pressed.append(number)
+        if len(pressed) > 1:
+            before(number, frame)
+
+    signal.signal(signal.SIGINT, keep)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed and not is_end:
+        before(pressed[0], None)
 
 
 def get_ready(labeler: Labeler, n_scans: int = 16) -> None:

@@ -99,11 +99,7 @@ class UdpFeed(Feed):
         try:
             while not self._stop.is_set():
                 came = self._packets()
-                own = [packet for packet in came if self._sender in (None, packet[2])]
-                scans, n_foreign = self._assembler.add([p[0] for p in own], [p[1] for p in own]) if own else ([], 0)
-                n_own = len(own) - n_foreign
-                if n_own and self._sender is None:
-                    self._sender = own[-1][2]
+                scans, n_own = self._assembled(came)
                 self._count(n_own, len(came) - n_own, came)
                 if n_own:
                     last = time.monotonic()
@@ -116,6 +112,26 @@ class UdpFeed(Feed):
             self._socket.close()
             for scan in self._assembler.rest():
                 self.latest.put(scan)
+
+    def _assembled(self, came: list[tuple[bytes, float, str]]) -> tuple[list[Scan], int]:
+        """Return the scans that are complete, and how many packets were the sensor's, the first that sends any.
+
+        What waited while we got ready comes at once, and another program's packets may be among it, even the last.
+        """
+        scans: list[Scan] = []
+        n_own = first = 0
+        while self._sender is None and first < len(came):
+            payload, moment, sender = came[first]
+            found, n_foreign = self._assembler.add([payload], [moment])
+            if not n_foreign:
+                self._sender, n_own = sender, 1
+                scans += found
+            first += 1
+        own = [packet for packet in came[first:] if packet[2] == self._sender]
+        if own:
+            found, n_foreign = self._assembler.add([p[0] for p in own], [p[1] for p in own])
+            scans, n_own = [*scans, *found], n_own + len(own) - n_foreign
+        return scans, n_own
 
     def summary(self) -> str:
         """Return how many packets came that were not the sensor's."""

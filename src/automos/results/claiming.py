@@ -6,7 +6,7 @@ An unfinished run of ours is recognised by its folder `stages`, which exists bef
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -44,6 +44,9 @@ def refuse_foreign(folder: Path) -> None:
             raise InputError(f"{place} is a file: choose another --out")
     if not _is_ours(folder) and any((folder / "predictions").glob("*.label")):
         raise InputError(f"{folder}/predictions holds labels that another program wrote: choose another --out")
+    for inner in ("confidences", "probabilities"):
+        if not _is_ours(folder) and any((folder / inner).glob("*.npy")):
+            raise InputError(f"{folder / inner} holds files that another program wrote: choose another --out")
     for name in RESULT_FILES:
         if not _is_ours(folder) and (folder / name).exists():
             raise InputError(f"{folder / name} was not written by automos label: choose another --out")
@@ -54,6 +57,32 @@ def refuse_scans(folder: Path) -> None:
     places = (place for place in (folder, folder / "velodyne") if place.is_dir())
     if not _is_any_of_ours(folder) and any(map(holds_scans, places)):
         raise InputError(f"{folder} holds the scans of a recording: choose another --out")
+
+
+def refuse_corrected(folder: Path) -> None:
+    """Raise InputError where `folder` holds merged results: nothing makes the corrections in its labels again."""
+    if (folder / "merge.json").exists():
+        raise InputError(f"{folder} holds labels corrected by automos merge, which would be lost: choose another --out")
+
+
+def refuse_others_results(folder: Path, sequence: Sequence) -> None:
+    """Raise InputError where `folder`, which nobody chose, holds the results of another recording that is still there.
+
+    Recordings of one name (`data`, `velodyne`) would have one default folder, and the second run would replace what the
+    first found, and what a person decided of it.
+    """
+    was = Workspace(folder).read_run().get("recording", {}).get("source")
+    if was is None or sequence.address is None or not os.path.exists(was):
+        return
+    if os.path.realpath(was) != os.path.realpath(sequence.address):
+        raise InputError(f"{folder} holds the results of {was}, another recording of that name: choose another --out")
+
+
+def refuse_inner(folder: Path, names: Iterable[str]) -> None:
+    """Raise InputError where `folder` holds folders of `names`, which we would write anew, and none of them is ours."""
+    taken = next((name for name in names if (folder / name).exists()), None)
+    if taken is not None and not _is_any_of_ours(folder):
+        raise InputError(f"{folder / taken} was not written by automos and would be replaced: choose another --out")
 
 
 def refuse_anyones(folder: Path) -> None:

@@ -27,7 +27,7 @@ from automos.results.tracks_file import box_table, read_tracks
 from automos.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.trajectory import Trajectory, make_frame
 from automos.upright_boxes import Boxes
-from automos.workspace import Workspace, require_same
+from automos.workspace import REVIEWED, Workspace, require_same
 
 logger = logging.getLogger(__name__)
 
@@ -115,14 +115,15 @@ class RunFiles:
         if not is_moving.any():
             return np.zeros(n_points, np.int64)
         run = Workspace(self.folder).read_run()
-        key = run.get("stages", {}).get("labels")
-        path = self.folder / "stages" / f"labels-{key}" / f"{self.names[index]}.npz"
-        if not path.exists():
+        key, name = run.get("stages", {}).get("labels"), f"{self.names[index]}.npz"
+        stages = (REVIEWED, "labels")  # what a person decided, where anything was, else what the run found
+        stage = next((s for s in stages if (self.folder / "stages" / f"{s}-{key}" / name).exists()), None)
+        if stage is None:
             raise InputError(
                 f"{self.folder} does not say which object each moving point belongs to; label again with "
                 "--set output.track_ids=true"
             )
-        tracks = Workspace(self.folder).stage("labels", str(key)).load(self.names[index], "track")["track"]
+        tracks = Workspace(self.folder).stage(stage, str(key)).load(self.names[index], "track")["track"]
         return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
     def points_at_pose(self, scan: Scan, index: int) -> Points:

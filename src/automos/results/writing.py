@@ -25,12 +25,13 @@ from automos.atomic import remove_parts, write_text
 from automos.pose_writers import write_kitti, write_tum
 from automos.recording_warnings import recording_warnings
 from automos.result import Result
+from automos.results.claiming import PER_SCAN
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
 from automos.settings import OutputSettings, Settings, dump_yaml
 from automos.tracking.verdict import Verdict
-from automos.workspace import RUN_FILE, Workspace
+from automos.workspace import RUN_FILE, UNFINISHED, Workspace
 
 _log = logging.getLogger(__name__)
 
@@ -41,19 +42,23 @@ def write_results(
     result: Result,
     settings: Settings,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    is_whole: bool = True,
 ) -> dict[str, Any]:
     """Write all result files of one recording into `folder`; return what run.json says.
 
     run.json comes last and names the fingerprint of the labels: while it is absent or names another, the label files
-    are not to be trusted, and older ones are removed before the first new one is written.
+    are not to be trusted, and older ones are removed before the first new one is written. Where decisions of a review
+    are to be applied afterwards (not `is_whole`), it says so until `declare_whole`.
     """
     output = settings.output
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
         (folder / RUN_FILE).unlink(missing_ok=True)
-        for stale in (*(folder / "predictions").glob("*.label"), *(folder / "confidences").glob("*.npy")):
+        for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
             stale.unlink()
+    elif not is_whole or "review" in before:
+        write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
     counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
     write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
@@ -77,8 +82,17 @@ def write_results(
         "odometry": _without_nan(trajectory.diagnostics),
         "stages": dict(result.keys),
         "versions": versions(),
+        **({} if is_whole else {UNFINISHED: True}),
     }
     write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    return run
+
+
+def declare_whole(folder: Path) -> dict[str, Any]:
+    """Have run.json say that all decisions are applied; return its contents."""
+    run = Workspace(folder).read_run()
+    if run.pop(UNFINISHED, False):
+        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
     return run
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import re
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,12 @@ class Amendment:
     verdict: str
     parts: Mapping[str, Part]
 
+    @property
+    def sentence(self) -> str:
+        """What it is, in words."""
+        scans = sorted(self.parts)
+        return f"The object made by hand at {self.at} (scans {scans[0]} to {scans[-1]})"
+
 
 def append_amendments(folder: Path, amendments: Iterable[Amendment]) -> None:
     """Add objects made by hand to the log in `folder`; errors as for the log."""
@@ -101,6 +107,22 @@ def read_amendments(folder: Path) -> list[Amendment]:
         elif key in held:
             held[key] = replace(held[key], verdict=verdict)
     return list(held.values())
+
+
+def in_scans(amendments: Iterable[Amendment], names: Container[str]) -> tuple[list[Amendment], list[Amendment]]:
+    """Return `amendments` with only their parts in the scans `names`, and those that have none: scans were removed."""
+    found, lost = [], []
+    for one in amendments:
+        parts = {scan: part for scan, part in one.parts.items() if scan in names}
+        found += [replace(one, parts=parts)] if parts else []
+        lost += [] if parts else [one]
+    return found, lost
+
+
+def ever_made(folder: Path) -> list[Amendment]:
+    """Return all objects ever made by hand, those taken back since included; errors as of the log."""
+    lines = read_lines(folder, "amendment", "an object made by hand", _parse)
+    return [made for _, _, made in lines if made is not None]
 
 
 def new_keys(folder: Path, n: int) -> list[str]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -24,17 +25,19 @@ from automos.labels import Label
 from automos.reading import read_bytes
 from automos.results.point_files import write_points
 from automos.results.tracks_file import track_entries, write_tracks
-from automos.review.amendments import Amendment, read_amendments
+from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, read_decisions
-from automos.review.matching import match
+from automos.review.matching import ever_decided, match
 from automos.review.run_stages import RunStages
 from automos.scan import Sequence
 from automos.stages.labels import label_scans
 from automos.tracking.verdict import Verdict, Verdicts
-from automos.workspace import RUN_FILE, Workspace
+from automos.workspace import REVIEWED, RUN_FILE, Workspace
 
 _VERDICT = {"moving": Verdict.MOVING, "static": Verdict.STATIC, "unknown": Verdict.UNKNOWN}
 _LABEL = {"moving": Label.MOVING, "static": Label.STATIC, "unknown": Label.UNLABELED}
+RECORD = Lock()
+"""Held while run.json is read and written again: decisions and answers come from several threads."""
 TAKEN = 0.5
 """Share of a track's points in a scan from which an object made by hand replaces it there."""
 DOUBTFUL, CERTAIN = 128, 255
@@ -49,10 +52,11 @@ class Changes:
     amendments: list[Amendment] = field(default_factory=list)
 
 
-def read_changes(stages: RunStages) -> tuple[Changes, list[Decision]]:
-    """Return the changes in the log of a run, and the decisions that match no track any more; errors as for the log."""
+def read_changes(stages: RunStages) -> tuple[Changes, list[Decision | Amendment]]:
+    """Return the changes in the log of a run, and those that find no track or scan any more; errors as for the log."""
     decided, lost = match(stages, read_decisions(stages.folder))
-    return Changes(decided, read_amendments(stages.folder)), lost
+    amendments, elsewhere = in_scans(read_amendments(stages.folder), stages.index)
+    return Changes(decided, amendments), [*lost, *elsewhere]
 
 
 def reapply(
@@ -65,11 +69,13 @@ def reapply(
     InputError
         A damaged log, or results without stages.
     """
-    if not read_decisions(folder) and not read_amendments(folder):
+    decisions, made = read_decisions(folder), ever_made(folder)
+    if not decisions and not made:
         return Workspace(folder).read_run()
     stages = RunStages(folder, sequence)
     changes, lost = read_changes(stages)
-    scans = scans_of(stages, changes.decided, changes.amendments)
+    # What was taken back may still be in the labels, if the session ended before it was written.
+    scans = scans_of(stages, ever_decided(stages, decisions), made)
     for done, i in enumerate(scans, start=1):
         rewrite_scan(stages, i, changes)
         progress("decisions", done, len(scans))
@@ -84,12 +90,13 @@ def scans_of(stages: RunStages, tracks: Iterable[int], amendments: Iterable[Amen
 
 
 def rewrite_scan(stages: RunStages, index: int, changes: Changes) -> None:
-    """Write the label file of scan `index`, and its confidences where the run has them, after all changes."""
+    """Write the labels of scan `index` after all changes, as the run has them, and for exports each point's object."""
     per_point = changed_labels(stages, index, changes)
     name = stages.names[index]
     output, sure = stages.settings.output, per_point["confidence"].astype(np.float32) / np.float32(255.0)
     track_ids = per_point["track"] if output.track_ids else None
     write_points(stages.folder, name, per_point["label"], track_ids, sure if output.confidence else None)
+    Workspace(stages.folder).stage(REVIEWED, stages.keys["labels"]).save(name, {"track": per_point["track"]})
 
 
 def changed_labels(stages: RunStages, index: int, changes: Changes) -> dict[str, npt.NDArray]:
@@ -162,23 +169,27 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
 
 
 # ------------------------------------------------------------------------------------------- tracks.json and run.json
-def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision]) -> dict[str, Any]:
+def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> dict[str, Any]:
     """Write tracks.json and run.json after all changes; return what run.json says."""
     entries = list(changed_entries(stages, changes))
     write_tracks(stages.folder / "tracks.json", stages.trajectory, stages.names, entries)
-    run = Workspace(stages.folder).read_run()
-    run["points"] = _count_points(stages)
+    points = _count_points(stages)
     n_moving = sum(entry["verdict"] == "moving" for entry in entries)
-    run["tracks"] = {**run.get("tracks", {}), "total": len(entries), "moving": n_moving}
-    run["review"] = {
+    review = {
         "decisions": len(changes.decided),
         "made": len(changes.amendments),
         "lost": [
-            f"{decision.sentence} finds no such object in this run; it stays in the log and holds when one is there."
-            for decision in lost
+            f"{one.sentence} finds no such {'object' if isinstance(one, Decision) else 'scan'} in this run; it stays "
+            "in the log and holds when one is there."
+            for one in lost
         ],
     }
-    write_text(stages.folder / RUN_FILE, json.dumps(run, indent=1))
+    with RECORD:
+        run = Workspace(stages.folder).read_run()
+        run["points"] = points
+        run["tracks"] = {**run.get("tracks", {}), "total": len(entries), "moving": n_moving}
+        run["review"] = review
+        write_text(stages.folder / RUN_FILE, json.dumps(run, indent=1))
     return run
 
 
@@ -232,7 +243,7 @@ def _count_points(stages: RunStages) -> dict[str, int]:
     return {label.name.lower(): int(n) for label, n in zip(Label, counts, strict=True)}
 
 
-@lru_cache(20_000)
+@lru_cache(1_000_000)  # more than a day of scans: of one too few, all are read again for each decision
 def _counts_of(path: Path, written: int) -> tuple[int, ...]:
     """Return the points of each label in a file, which is read again only when it was written again."""
     labels = np.frombuffer(read_bytes(path), np.uint32) & 0xFFFF

@@ -7,12 +7,15 @@ objects made by a person are "amendment", answers on a random sample are "answer
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import zlib
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 from automos.errors import InputError
@@ -22,6 +25,8 @@ LOG_FILE = "review.jsonl"
 CHANGE_NOTHING = ("answer", "dismissed")
 """Kinds of lines after which all labels are as they were."""
 T = TypeVar("T")
+_APPENDING = Lock()
+"""Answers and decisions come from several threads."""
 
 
 def now() -> str:
@@ -40,15 +45,26 @@ def append_lines(folder: Path, lines: Iterable[dict[str, Any]]) -> None:
     if (folder / LOG_FILE).exists():
         require_regular(folder / LOG_FILE)
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    try:
-        with (folder / LOG_FILE).open("ab") as file:
-            if file.tell() and not _ends_whole(folder / LOG_FILE):
-                file.write(b"\n")  # a line cut short by a crash must not swallow this one
-            file.write(text.encode())
-            file.flush()
+    with _APPENDING:
+        try:
+            _append(folder / LOG_FILE, text.encode())
+        except OSError as error:
+            raise InputError(f"{folder / LOG_FILE} cannot be written ({error.strerror}): free some space") from error
+
+
+def _append(path: Path, text: bytes) -> None:
+    """Add `text` to a file, on disk when this returns; where that fails, nothing of it stays."""
+    with path.open("ab", buffering=0) as file:
+        size = file.tell()
+        line = b"\n" + text if size and not _ends_whole(path) else text  # after a line cut short by a crash
+        try:
+            if file.write(line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(file.fileno())
-    except OSError as error:
-        raise InputError(f"{folder / LOG_FILE} cannot be written ({error.strerror}): free some space") from error
+        except OSError:
+            with suppress(OSError):
+                file.truncate(size)
+            raise
 
 
 def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[str, Any]], T]) -> list[T]:

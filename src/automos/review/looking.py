@@ -62,6 +62,7 @@ class Looking:
         look = self._require(n)
         with self._lock:
             if look.kind == "moment":
+                self._clicked.pop(n, None)  # the page shows none of the clicks of an earlier visit
                 return {"kind": look.kind, **place(self._stages, look.index, self._changes)}
             subject = self._around(look)
             shown = scene(self._stages, subject, look.index)

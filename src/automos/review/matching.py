@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,6 +62,12 @@ def match(stages: RunStages, decisions: Iterable[Decision]) -> tuple[dict[int, s
         if not found and decision.verdict != "undo":
             lost.append(decision)
     return {track: verdict for track, verdict in decided.items() if verdict != "undo"}, lost
+
+
+def ever_decided(stages: RunStages, decisions: Iterable[Decision]) -> list[int]:
+    """Return the tracks (indices) that `decisions` were about at some time, those taken back since included."""
+    held, _ = match(stages, (replace(one, verdict="static") if one.verdict == "undo" else one for one in decisions))
+    return list(held)
 
 
 def _holders(stages: RunStages, decision: Decision, owners: dict[str, np.ndarray]) -> list[int]:

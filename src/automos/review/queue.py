@@ -27,14 +27,23 @@ class Queue:
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
         self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
         self._gone: dict[int, set[int]] = {}
+        self._replaced: dict[int, tuple[list[str], list[int]]] = {}
 
     def note(self, changes: Changes) -> None:
         """Update which tracks are replaced by objects made by hand."""
         gone: dict[int, set[int]] = defaultdict(set)
         for index in scans_of(self._stages, [], changes.amendments):
-            for track in replaced(self._stages, index, changes):
+            for track in self._replaced_in(index, changes):
                 gone[track].add(index)
         self._gone = gone
+
+    def _replaced_in(self, index: int, changes: Changes) -> list[int]:
+        """Return what is replaced in a scan, which is found out once for the objects that are there: it reads files."""
+        name = self._stages.names[index]
+        keys = [one.key for one in changes.amendments if name in one.parts]
+        if self._replaced.get(index, ([], []))[0] != keys:
+            self._replaced[index] = keys, replaced(self._stages, index, changes)
+        return self._replaced[index][1]
 
     def to_page(self, changes: Changes) -> dict[str, Any]:
         """Return objects and places in their order; those that hold nearly all doubtful points are its `core`.
@@ -42,7 +51,8 @@ class Queue:
         What an object made by hand stands for is not listed, and counts as decided on.
         """
         rows = [{**row, "decided": changes.decided.get(k)} for k, row in enumerate(self._rows)]
-        rows += [self._row_of_place(place, changes) for place in self.places]
+        dismissed = self._dismissed() if self.places else {}
+        rows += [self._row_of_place(place, changes, dismissed) for place in self.places]
         order, n = most_telling(np.array([row["doubtful"] for row in rows], np.float64))
         found = [{**rows[k], "core": place < n} for place, k in enumerate(order.tolist())]
         made = [{**self._row_of_amendment(one), "core": False} for one in changes.amendments]
@@ -90,9 +100,10 @@ class Queue:
             "size": np.max([box["size"] for box in boxes] or [[0.0] * 3], axis=0).round(1).tolist(),
         }
 
-    def _row_of_place(self, place: dict[str, Any], changes: Changes) -> dict[str, Any]:
+    def _row_of_place(self, place: dict[str, Any], changes: Changes, dismissed: dict[str, set[int]]) -> dict[str, Any]:
         shown = {key: place[key] for key in ("place", "sentence", "track", "scan", "at", "points")}
-        is_done = self._is_dismissed(place) or self._is_mended(place, changes)
+        is_dismissed = not dismissed.get(place["scan"], set()).isdisjoint(self._points_of(place))
+        is_done = is_dismissed or self._is_mended(place, changes)
         return {
             **shown,
             "index": self._stages.index[place["scan"]],
@@ -114,12 +125,15 @@ class Queue:
         row = self._points_of(place)[0]
         append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])
 
-    def _is_dismissed(self, place: dict[str, Any]) -> bool:
-        dismissed = read_lines(
+    def _dismissed(self) -> dict[str, set[int]]:
+        """Return the rows of points at which nothing was missed, by scan; the log is read once for all places."""
+        found = read_lines(
             self._stages.folder, "dismissed", "a place", lambda fields: (str(fields["scan"]), int(fields["row"]))
         )
-        rows = {row for scan, row in dismissed if scan == place["scan"]}
-        return bool(rows) and bool(rows & set(self._points_of(place)))
+        rows: dict[str, set[int]] = defaultdict(set)
+        for scan, row in found:
+            rows[scan].add(row)
+        return rows
 
     def _is_mended(self, place: dict[str, Any], changes: Changes) -> bool:
         own = set(self._points_of(place))

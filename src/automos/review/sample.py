@@ -17,7 +17,7 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.labels import Label
 from automos.reading import checked, read_json
-from automos.review.apply import Changes, changed_labels, decided_verdicts
+from automos.review.apply import RECORD, Changes, changed_labels, decided_verdicts
 from automos.review.log import append_lines, key_of_changes, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
 from automos.review.run_stages import RunStages
@@ -226,14 +226,15 @@ def estimate(sample: Sample, answers: dict[int, tuple[str, int]]) -> dict[str, A
 
 def note_quality(folder: Path) -> None:
     """Write the result of the sample to run.json, and remove results for other labels."""
-    sample = read_sample(folder)
-    answers = {} if sample is None or sample.labels != key_of_labels(folder) else read_answers(folder, sample)
-    run = Workspace(folder).read_run()
-    before = run.pop("quality", None)
-    if sample is not None and answers:
-        run["quality"] = estimate(sample, answers)
-    if run.get("quality") != before:
-        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    with RECORD:
+        sample = read_sample(folder)
+        answers = {} if sample is None or sample.labels != key_of_labels(folder) else read_answers(folder, sample)
+        run = Workspace(folder).read_run()
+        before = run.pop("quality", None)
+        if sample is not None and answers:
+            run["quality"] = estimate(sample, answers)
+        if run.get("quality") != before:
+            write_text(folder / RUN_FILE, json.dumps(run, indent=1))
 
 
 def key_of_labels(folder: Path) -> str:

@@ -9,6 +9,7 @@ from queue import Empty, Queue
 
 from automos.errors import AutomosError, InputError
 from automos.results.run_files import RunFiles
+from automos.review.amendments import Amendment
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
 from automos.review.run_stages import RunStages
@@ -24,7 +25,7 @@ REST = 0.4
 class Writer:
     """Writes scans that a decision concerns, then tracks.json and run.json, again and again until nothing is left."""
 
-    def __init__(self, run: RunFiles, lost: list[Decision], changes: Callable[[], Changes]):
+    def __init__(self, run: RunFiles, lost: list[Decision | Amendment], changes: Callable[[], Changes]):
         """Take the run, decisions that find no track, and what gives all changes as they are now."""
         self.problem: str | None = None
         self.is_finishing = False

@@ -23,6 +23,7 @@ from automos.scale.storage import is_url, join, key_of, shown
 from automos.scale.units import settings_key
 from automos.scale.work_folder import default_work, work_folder
 from automos.settings import Settings, dump_yaml
+from automos.workspace import RUN_FILE
 
 _GB = 10**9
 MOST_GB = 1e6
@@ -147,6 +148,11 @@ def _refuse_places_in_recordings(recordings: list[Recording], target: str) -> No
     """Raise where labels would become files of a recording: in a store it would never be the same one again."""
     if not is_url(target):
         refuse_scans(Path(target))
+        if (Path(target) / RUN_FILE).exists() and any(recording.folder != "" for recording in recordings):
+            raise InputError(
+                f"{target} holds the results of one recording, and those of others would lie in folders among them: "
+                "choose another --out"
+            )
     for recording in recordings:
         place, source = shown(recording.target(target)), shown(recording.source).rstrip("/")
         if is_url(place) and f"{place}/".startswith(f"{source}/"):

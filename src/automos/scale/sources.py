@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,14 +11,17 @@ from pathlib import Path, PurePosixPath
 from automos.datasets import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.datasets.codecs import CODEC_OF_SUFFIX
 from automos.datasets.files import natural_key
-from automos.errors import InputError
+from automos.errors import AutomosError, InputError
 from automos.reading import parse_url, read_text
 from automos.scale.orders import Recording
+from automos.scale.publishing import MARKER
 from automos.scale.storage import Store, is_url, shown
 
 _LISTS = {".txt", ".list"}
 _LOGS = {".bag", ".mcap", ".pcap"}
 _TEXT = {".txt", ".csv"}
+_COMMENT = re.compile(r"(?:^|\s)#")
+"""Begins a comment; within a word it is part of a name, as of drive#2."""
 _SIDE_FOLDERS = {"labels", "predictions", "confidences"}
 
 
@@ -45,9 +49,26 @@ def find_all(source: str, format: str | None = None) -> list[Recording]:
     return _named([str(found.absolute()) for found in _in_folder(path, format)], format)
 
 
-def alone(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
-    """Return `recordings`; one that is all there is gets the run's folder for itself."""
-    return [replace(recordings[0], folder="")] if len(recordings) == 1 and shard is None else recordings
+def name_of(source: str) -> str:
+    """Return what the results of several recordings at `source` are named after: the last part of its path.
+
+    All of it: folders are named after days and versions, and 2026.11.25 is not 2026.11.26.
+    """
+    path = Path(source)
+    if is_url(source) or path.name in ("", ".."):
+        return _parts(source)[-1]
+    return path.stem if path.is_file() and path.suffix.lower() in _LISTS else path.name
+
+
+def alone(recordings: list[Recording], shard: tuple[int, int] | None, target: str | None = None) -> list[Recording]:
+    """Return `recordings`; one that is all there is gets the run's folder for itself.
+
+    Not where the run at path `target` had several, of which one is left: its results have a folder there.
+    """
+    if len(recordings) != 1 or shard is not None:
+        return recordings
+    had_others = target is not None and Path(recordings[0].target(target), MARKER).exists()
+    return recordings if had_others else [replace(recordings[0], folder="")]
 
 
 def describe(recording: Recording) -> str:
@@ -56,7 +77,7 @@ def describe(recording: Recording) -> str:
         return f"from {shown(recording.source)}"
     try:
         return f"{len(open_sequence(recording.source, recording.format))} scans from {recording.source}"
-    except InputError as error:
+    except AutomosError as error:
         return str(error)
 
 
@@ -111,7 +132,7 @@ def _recordings_at(path: Path, format: str | None) -> list[Path]:
 def _in_list(path: Path, format: str | None) -> list[str]:
     """Return the recordings that the lines of a list name; one that is not there is found out later."""
     try:
-        lines = [line.split("#")[0].strip() for line in read_text(path).splitlines()]
+        lines = [_COMMENT.split(line)[0].strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as a list of recordings: {error}") from None
     found: list[str] = []

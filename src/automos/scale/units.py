@@ -102,13 +102,19 @@ def _do(order: Order, cache: Cache) -> Report:
 def _finished(job: Job, recording: Recording, stamp: str | None) -> Marker | None:
     """Return the marker of results that are there already, made with these settings (and of this source, if known)."""
     marked = read_marker(recording.target(job.target))
-    if marked is None or marked.settings != settings_key(job.settings) or job.pose_file is not None:
+    if marked is None or job.pose_file is not None or marked.settings != _made_with(job):
         return None
     if not is_url(job.target):
         run = Workspace(results_folder(job, recording)).read_run()
         if run.get("fingerprint") != marked.fingerprint:  # it was labelled again with other settings
             return None
     return marked if stamp is None or marked.source == stamp else None
+
+
+def _made_with(job: Job) -> str:
+    """Return what the marker says of the settings: others where poses were given, which runs without do not want."""
+    key = settings_key(job.settings)
+    return key if job.pose_file is None else fingerprint(key, "given poses")
 
 
 @contextmanager
@@ -146,7 +152,7 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
     counts = {"scans": run["recording"]["scans"], "points": sum(run["points"].values())}
     marker = Marker(
         source=stamp,
-        settings=settings_key(job.settings),
+        settings=_made_with(job),
         fingerprint=run["fingerprint"],
         counts={**counts, "moving": run["points"]["moving"]},
         warnings=tuple(sentences_of(run)),
