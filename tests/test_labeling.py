@@ -148,23 +148,19 @@ def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, 
     assert list(out.rglob(".*")) == []
 
 
-def test_labels_of_another_program_are_not_replaced(recording, tmp_path):
-    foreign = tmp_path / "out" / "predictions" / "000000.label"
+@pytest.mark.parametrize(
+    ("file", "what"),
+    [("predictions/000000.label", "labels"), ("confidences/000000.npy", "confidences holds files")],
+    ids=["labels", "confidences"],
+)
+def test_results_of_another_program_are_not_replaced(file, what, recording, tmp_path):
+    foreign = tmp_path / "out" / file
     foreign.parent.mkdir(parents=True)
     foreign.write_bytes(b"by hand")
-    with pytest.raises(InputError, match="labels that another program wrote: choose another --out"):
+    with pytest.raises(InputError, match=f"{what} that another program wrote: choose another --out"):
         run(recording, tmp_path / "out")
     assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [foreign]
     assert foreign.read_bytes() == b"by hand"
-
-
-def test_confidences_of_another_program_are_not_removed(recording, tmp_path):
-    foreign = tmp_path / "out" / "confidences" / "000000.npy"
-    foreign.parent.mkdir(parents=True)
-    foreign.write_bytes(b"by a network")
-    with pytest.raises(InputError, match="confidences holds files that another program wrote: choose another --out"):
-        run(recording, tmp_path / "out")
-    assert foreign.read_bytes() == b"by a network"
 
 
 def test_merged_corrections_are_not_labelled_over(recording, tmp_path):

@@ -60,7 +60,7 @@ class Intake:
         if kind in (Kind.NEXT, Kind.RESTART):
             if self._stamp is not None and kind is Kind.NEXT:
                 self._steps.append(stamp - self._stamp)
-            self._stamp, self._points, self._n_late, self._n_lidars = stamp, scan.points, 0, _n_lidars(scan)
+            self._stamp, self._points, self._n_late, self._n_lidars = stamp, scan.points, 0, scan.n_sensors
         if kind is Kind.RESTART:
             self._steps.clear()
         is_new = kind is not self._trouble or kind is Kind.RESTART
@@ -80,10 +80,10 @@ class Intake:
             return Kind.EMPTY, "it has no valid points; it is returned unlabelled"
         if self._stamp is None or self._points is None:
             return Kind.NEXT, ""
-        if len(scan) == len(self._points) and np.array_equal(scan.points, self._points, equal_nan=True):
+        if np.array_equal(scan.points, self._points, equal_nan=True):
             return Kind.REPEAT, "it repeats the previous scan; it gets the same labels"
-        if _n_lidars(scan) != self._n_lidars:
-            return Kind.RESTART, f"it has {_n_lidars(scan)} LiDARs, after {self._n_lidars}; a new stream starts"
+        if scan.n_sensors != self._n_lidars:
+            return Kind.RESTART, f"it has {scan.n_sensors} LiDARs, after {self._n_lidars}; a new stream starts"
         if stamp < self._stamp + LEAST_STEP:
             self._n_late += 1
             if self._n_late < MOST_LATE:
@@ -97,7 +97,3 @@ class Intake:
         if gap > max(self._longest_gap, USUAL_GAPS * usual):
             return Kind.RESTART, f"no scans for {gap:.1f} s; a new stream starts"
         return Kind.NEXT, ""
-
-
-def _n_lidars(scan: Scan) -> int:
-    return 1 if scan.T_scan_sensor is None else len(scan.T_scan_sensor)

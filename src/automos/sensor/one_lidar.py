@@ -48,10 +48,10 @@ class OneLidar(Sequence):
 
 def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Pose | None]:
     """Return the recording and (N, 4, 4) poses of the LiDAR with most valid points; as given if scans name none."""
-    few = [sequence[i] for i in evenly_spread(range(len(sequence)), SAMPLES)]
-    mounts = next((scan.T_scan_sensor for scan in few if scan.T_scan_sensor is not None), None)
+    mounts = sequence[0].T_scan_sensor
     if mounts is None:
         return sequence, poses
+    few = [sequence[i] for i in evenly_spread(range(len(sequence)), SAMPLES)]
     found = [np.bincount(s.sensor[s.is_valid], minlength=len(mounts)) for s in few if s.sensor is not None]
     number = int(np.sum(found, axis=0).argmax())
     return OneLidar(sequence, number), None if poses is None else poses @ mounts[number]
