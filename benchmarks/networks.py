@@ -1,12 +1,13 @@
 """Tables II and III of the paper with LMNet, as `automos reproduce` makes them, on simulated worlds.
 
     python benchmarks/networks.py table-2 --out FOLDER [--worlds 10] [--scans 60] [--epochs 20] [--samples 200]
-                                          [--json FILE]
+                                          [--full] [--json FILE]
     python benchmarks/networks.py table-3 --out FOLDER [--picture FILE] ...             with the curve of fine-tuning
 
 Recordings, labels, networks and scores are kept in FOLDER: a run that was interrupted goes on, and what both tables
 (and `self_training.py`) need is made once. One process works in a folder at a time, others wait for it. A folder
-is for one size and one state of the code; the smaller sizes only show that everything runs.
+is for one size and one state of the code; the smaller sizes only show that everything runs. --full trains the
+paper's network on its image, 64 x 2048, for as many steps: on a GPU.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from automos.learning.tables import write_curves, write_table
 from automos.learning.train import TrainingData, device_note
 from automos.progress import StageProgress
 
+_SCHEDULE = ("network.training.batch", "network.training.validation_scans")
+"""What the full network shares with the narrow one, beside the number of steps."""
+
 
 def add_size(parser: argparse.ArgumentParser) -> None:
     """Add how large the experiment is; the defaults are those of `automos reproduce`."""
@@ -36,15 +40,16 @@ def add_size(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scans", type=int, default=60, help="of each recording")
     parser.add_argument("--epochs", type=int, default=SMALL["network.training.epochs"])
     parser.add_argument("--samples", type=int, default=SMALL["network.training.samples"], help="scans an epoch")
+    parser.add_argument("--full", action="store_true", help="the full network and image")
 
 
 @contextmanager
 def opened(folder: Path, size: argparse.Namespace) -> Iterator[Experiment]:
     """Give the experiment in `folder`, for this process alone."""
     console = Console(stderr=True)
-    training = {"network.training.epochs": size.epochs, "network.training.samples": size.samples}
-    small = {**SMALL, **training}
-    settings = [load_settings("default", overrides=each) for each in (small, {**small, **TUNING})]
+    base = {name: SMALL[name] for name in _SCHEDULE} if size.full else SMALL
+    chosen = {**base, "network.training.epochs": size.epochs, "network.training.samples": size.samples}
+    settings = [load_settings("default", overrides=each) for each in (chosen, {**chosen, **TUNING})]
     with held(folder, waits=True), StageProgress(console, folder.name) as progress:
         console.print(device_note("auto"))
         yield Experiment(folder, *settings, progress=progress)

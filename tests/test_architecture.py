@@ -44,7 +44,7 @@ MAY_IMPORT = {
     "ground": {*BASE, "ground"},
     "trajectory": {*BASE, "sensor"},
     **{stage: {*BASE, *MODELS, stage} for stage in STAGES},
-    "odometry": {*BASE, *MODELS, "odometry", "parallel"},
+    **{stage: {*BASE, *MODELS, stage, "parallel"} for stage in ("odometry", "network")},
     "loop_closure": {*BASE, "odometry", "trajectory"},
     "paper": {*BASE, *METHOD, "paper"},
     "stages": {*BASE, *MODELS, *METHOD, "paper", "baselines", "parallel", "stages", "workspace"},

@@ -21,7 +21,7 @@ from automos.network.checkpoint import load_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.losses import segmentation_loss  # noqa: E402
 from automos.network.module import Training  # noqa: E402
-from automos.network.training import choose_accelerator, read_curve  # noqa: E402
+from automos.network.training import choose_accelerator, default_loaders, read_curve  # noqa: E402
 from automos.simulation import simulate, write  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
@@ -131,6 +131,13 @@ def test_a_device_that_is_none_is_told(data, tmp_path):
 def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
     with pytest.raises(InputError, match="no GPU was found"):
         train(data, tmp_path / "network", settings(), device="gpu")
+
+
+def test_every_core_prepares_scans_beside_a_gpu_and_none_where_all_of_them_train(monkeypatch):
+    monkeypatch.setattr("automos.network.training.available_cores", lambda: 16)
+    assert default_loaders("cuda", 1) == 16
+    assert default_loaders("cuda", 4) == 4
+    assert default_loaders("cpu", 1) == 0
 
 
 def test_fewer_gpus_than_asked_for_are_told(monkeypatch):

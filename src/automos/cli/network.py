@@ -32,7 +32,10 @@ def train(
     init: Annotated[Path | None, typer.Option(help="checkpoint to fine-tune; shipped: the one in the package")] = None,
     device: Device = "auto",
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
-    loaders: Annotated[int, typer.Option(min=0, help="processes that prepare scans; 0: the training itself")] = 0,
+    loaders: Annotated[
+        int | None,
+        typer.Option(min=0, help="processes that prepare scans; default: one per core on a GPU, none on a CPU"),
+    ] = None,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:

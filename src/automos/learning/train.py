@@ -39,13 +39,13 @@ def train(
     devices: int = 1,
     progress: Progress | None = None,
     poses: Path | None = None,
-    loaders: int = 0,
+    loaders: int | None = None,
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
 
     `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
     results folder holds are estimated once into `poses` (`out` / poses where not given). `loaders` processes prepare
-    scans; 0: the training process itself.
+    scans; 0: the training process itself; None: one per core on a GPU, 0 on a CPU.
 
     Raises
     ------

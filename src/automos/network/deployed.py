@@ -5,7 +5,6 @@ Whatever runs it, it is a function from an image (C, H, W) to the probability (H
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -16,6 +15,7 @@ from automos.errors import InputError, MissingExtraError
 from automos.extras import pip_install
 from automos.network.images import FORMAT, read_image_settings
 from automos.network.projection import Image
+from automos.parallel import available_cores
 from automos.reading import parse_json
 from automos.settings import ImageSettings
 
@@ -123,7 +123,7 @@ def _load_openvino(weights: Path, device: str, threads: int) -> Deployed:
     model = _read(weights, core.read_model)
     options: dict[str, Any] = {"PERFORMANCE_HINT": "LATENCY"}
     if place == "CPU":
-        options["INFERENCE_NUM_THREADS"] = threads or _cores()
+        options["INFERENCE_NUM_THREADS"] = threads or available_cores()
     compiled = core.compile_model(model, place, options)
     text = model.get_rt_info(["framework", METADATA]).astype(str) if model.has_rt_info(["framework", METADATA]) else ""
     image, card = _described(text, weights)
@@ -144,7 +144,7 @@ def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
             "ONNX Runtime sees no GPU, but one was asked for: install onnxruntime-gpu, or use --device cpu"
         )
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads or _cores()
+    options.intra_op_num_threads = threads or available_cores()
     use_gpu = has_gpu and device != "cpu"
     providers = [provider] if use_gpu else []
     session = _read(weights, lambda p: onnxruntime.InferenceSession(p, options, [*providers, "CPUExecutionProvider"]))
@@ -174,7 +174,3 @@ def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]
     except (ValueError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
     raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

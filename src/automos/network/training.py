@@ -29,6 +29,7 @@ from automos.errors import InputError
 from automos.network.augmentation import SEED
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Training
+from automos.parallel import available_cores
 from automos.settings import NetworkSettings
 
 _PATIENCE = 30
@@ -75,7 +76,7 @@ def train_network(
     device: str = "auto",
     devices: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
-    loaders: int = 0,
+    loaders: int | None = None,
 ) -> Checkpoint:
     """Train a network, or go on where a killed run stopped; return the best, which is also in `out` / best.pt.
 
@@ -87,7 +88,7 @@ def train_network(
     init : checkpoint to start from (fine-tuning).
     device : "gpu" trains in mixed precision; "auto" takes one if there is one, and says so if not.
     progress : called with "training", the scans trained on and their total.
-    loaders : processes that prepare scans; 0: the training process itself.
+    loaders : processes that prepare scans; 0: the training process itself; None: `default_loaders`.
 
     Raises
     ------
@@ -107,6 +108,7 @@ def train_network(
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
     kept = _Kept(out / "epochs", settings.training.keep, card)
     callbacks = [best, stop, latest, kept, *_progress_of(progress)]
+    loaders = default_loaders(accelerator, devices) if loaders is None else loaders
     data = _Data(train, validation, settings.training.batch, loaders)
     last = out / "last.ckpt"
     with _quiet():
@@ -175,6 +177,11 @@ def choose_accelerator(device: str, devices: int = 1) -> str:
     if device == "gpu":
         raise InputError("no GPU was found, but one was asked for: check the driver (nvidia-smi), or use --device cpu")
     return "cpu"
+
+
+def default_loaders(accelerator: str, devices: int) -> int:
+    """Return how many processes prepare scans: one per core beside a GPU, which else waits for them; none on a CPU."""
+    return available_cores() // devices if accelerator == "cuda" else 0
 
 
 def read_curve(out: Path) -> list[dict[str, float]]:
