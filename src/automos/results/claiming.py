@@ -59,10 +59,12 @@ def refuse_scans(folder: Path) -> None:
         raise InputError(f"{folder} holds the scans of a recording: choose another --out")
 
 
-def refuse_corrected(folder: Path) -> None:
-    """Raise InputError where `folder` holds merged results: nothing makes the corrections in its labels again."""
+def refuse_unrepeatable(folder: Path) -> None:
+    """Raise InputError where nothing makes the labels in `folder` again: they were corrected, or a sensor's."""
     if (folder / "merge.json").exists():
         raise InputError(f"{folder} holds labels corrected by automos merge, which would be lost: choose another --out")
+    if Workspace(folder).read_run().get("recording", {}).get("is_sensor"):
+        raise InputError(f"{folder} holds labels of what a sensor sent, which would be lost: choose another --out")
 
 
 def refuse_others_results(folder: Path, sequence: Sequence) -> None:
@@ -162,7 +164,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
     Parameters
     ----------
     places : folders in it that are made.
-    recording : where one is labelled; its own folder is not written into.
+    recording : where one is labelled; its own folder is not written into. None of a sensor: no labels are replaced.
 
     Raises
     ------
@@ -170,9 +172,12 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
     """
     stages = folder / "stages"
     with held(folder):
-        if any(stages.glob("*")) or (folder / "merge.json").exists():
+        if any(stages.glob("*")):
             raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
+        refuse_unrepeatable(folder)
         require_room(folder, recording)
+        if recording is None and any(folder.glob(PER_SCAN[0])):
+            raise InputError(f"{folder} holds labels of an earlier run, which would be lost: choose another --out")
         with faults_reported(folder):
             stages.mkdir(exist_ok=True)
             for name in (RUN_FILE, *RESULT_FILES):
