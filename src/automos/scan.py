@@ -163,7 +163,7 @@ class Sequence:
     def __getitem__(self, index: int) -> Scan:
         raise NotImplementedError
 
-    def _number(self, index: int) -> int:
+    def _scan_number(self, index: int) -> int:
         """Return the number of scan `index`, which may count from the end; IndexError where there is none such.
 
         Readers call it first. A part of a recording would need its times, poses and truth, too: InputError for a slice.

@@ -52,7 +52,7 @@ class MergedBagSequence(Sequence):
         return len(self._parts[0])
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._number(index)
+        index = self._scan_number(index)
         rows = enumerate(self._rows[:, index].tolist())
         found = [(k, self._parts[k][row]) for k, row in rows if row >= 0]
         first = found[0][1]

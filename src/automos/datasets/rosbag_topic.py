@@ -88,7 +88,7 @@ class RosbagSequence(Sequence):
         return len(self._recorded)
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._number(index)
+        index = self._scan_number(index)
         columns = self._columns(index)
         unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
         stamp = None if self._stamps is None else float(self._stamps[index])
