@@ -24,7 +24,7 @@ from automos.results.claiming import PER_SCAN, require_room
 from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.workspace import RUN_FILE, Workspace
+from automos.workspace import COMPLETE, RUN_FILE, Workspace
 
 
 @dataclass
@@ -75,7 +75,8 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     edits = {} if has_labels else read_edits(corrected, run)
     require_room(out, run.sequence)
     with held(out):
-        (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
+        for marker in (COMPLETE, RUN_FILE):  # written last: without it the results are not whole
+            (out / marker).unlink(missing_ok=True)
         _remove_others(out, run.names)
         _copy_beside(run, out)
         merged, counts = _write_labels(run, corrected if has_labels else None, edits, out)
