@@ -57,8 +57,7 @@ def segment_recording(
             "median": round(float(np.median(milliseconds)), 2),
             "p99": round(float(np.percentile(milliseconds, 99)), 2),
         }
-        about = {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()}
-        return writer.finish({"recording": about, "lag_seconds": lag, "milliseconds": {"all": spent}})
+        return writer.finish({"recording": about(sequence), "lag_seconds": lag, "milliseconds": {"all": spent}})
 
 
 @contextmanager
@@ -105,8 +104,8 @@ class ResultsWriter:
         self._poses.append(given.pose)
         self._stamps.append(given.stamp)
 
-    def finish(self, about: dict[str, Any]) -> dict[str, Any]:
-        """Write the results of all scans, and run.json including `about`; return its contents."""
+    def finish(self, note: dict[str, Any]) -> dict[str, Any]:
+        """Write the results of all scans, and run.json including `note`; return its contents."""
         folder = self._folder
         T_level_sensor = np.array(self._poses).reshape(-1, 4, 4)
         T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
@@ -117,7 +116,7 @@ class ResultsWriter:
         write_text(folder / "settings.yaml", dump_yaml(self._settings))
         write_tracks(folder / "tracks.json", trajectory, self._written, self._entries())
         tracks = {"total": len(self._objects), "moving": len(self._objects)}
-        run = {**about, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
+        run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
         write_text(folder / RUN_FILE, json.dumps(run, indent=1))
         return run
 
@@ -127,6 +126,12 @@ class ResultsWriter:
             boxes = [box_entry(int(scan), stamp, True, columns) for scan, stamp, _, *columns in rows.tolist()]
             confidence = round(float(rows[:, 2].mean()), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
+
+
+def about(sequence: Sequence) -> dict[str, Any]:
+    """Return what run.json says of a recording: among it, where other commands find it."""
+    source = None if sequence.address is None else str(sequence.address.absolute())
+    return {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint(), "source": source}
 
 
 def stamped(sequence: Sequence) -> Iterator[Scan]:

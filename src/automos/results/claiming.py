@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from automos.arguments import require_own_names
 from automos.atomic import faults_reported, held, remove_parts
 from automos.datasets.codecs import read_columns
 from automos.datasets.files import holds_scans, list_scans
@@ -78,6 +79,23 @@ def refuse_others_results(folder: Path, sequence: Sequence) -> None:
         return
     if os.path.realpath(was) != os.path.realpath(sequence.address):
         raise InputError(f"{folder} holds the results of {was}, another recording of that name: choose another --out")
+
+
+def results_folders(recordings: list[Sequence], out: Path | None, default: Path) -> list[Path]:
+    """Return the results folder of each recording: `out` itself for one, else a folder of its name in it, or `default`.
+
+    Raises
+    ------
+    InputError : two are named alike, or nobody chose the folder, and it holds results of another recording.
+    """
+    require_own_names([sequence.name for sequence in recordings])
+    if out is not None and len(recordings) == 1:
+        return [out]
+    folders = [(out or default) / sequence.name for sequence in recordings]
+    if out is None:
+        for folder, sequence in zip(folders, recordings, strict=True):
+            refuse_others_results(folder, sequence)
+    return folders
 
 
 def refuse_inner(folder: Path, names: Iterable[str]) -> None:
