@@ -13,7 +13,7 @@ from automos.errors import InputError
 from automos.pipeline import label
 from automos.pose_files import read_calib, read_poses
 from automos.progress import StageProgress
-from automos.results.claiming import refuse_corrected, require_room
+from automos.results.claiming import refuse_unrepeatable, require_room
 from automos.results.run_warnings import sentences_of
 from automos.results.writing import declare_whole, write_results
 from automos.review.apply import reapply
@@ -54,7 +54,7 @@ def label_recording(
     """
     sequence = as_sequence(sequence)
     require_room(folder, sequence)
-    refuse_corrected(folder)
+    refuse_unrepeatable(folder)
     poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched

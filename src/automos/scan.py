@@ -163,6 +163,16 @@ class Sequence:
     def __getitem__(self, index: int) -> Scan:
         raise NotImplementedError
 
+    def _scan_number(self, index: int) -> int:
+        """Return the number of scan `index`, which may count from the end; IndexError where there is none such.
+
+        Readers call it first. A part of a recording would need its times, poses and truth, too: InputError for a slice.
+        """
+        if isinstance(index, slice):
+            asked = range(*index.indices(len(self)))
+            raise InputError(f"a recording gives one scan at a time: write [recording[i] for i in {asked}]")
+        return range(len(self))[index]
+
     def __iter__(self) -> Iterator[Scan]:
         return (self[i] for i in range(len(self)))
 

@@ -28,6 +28,7 @@ from automos.run_record import RunRecord
 Arrays = Mapping[str, npt.NDArray]
 PerScan = Iterable[tuple[int, Arrays]]
 RUN_FILE = "run.json"
+COMPLETE = "complete.json"
 UNFINISHED = "unfinished"
 """Entry of run.json while labels are written anew to which decisions of a review are still to be applied."""
 REVIEWED = "reviewed"

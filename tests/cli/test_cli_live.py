@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -112,6 +113,17 @@ def test_a_replay_is_written_and_summed_up(walk, tmp_path):
     assert "scans labelled, 0 left out" in printed
     run = json.loads((tmp_path / "out" / "run.json").read_text())
     assert run["recording"]["scans"] == len(labels_of(tmp_path / "out")) == len(open_sequence(path))
+
+
+def test_a_mistaken_command_leaves_earlier_results_as_they_are(walk, segmented, tmp_path):
+    path = write_pcap(tmp_path / "room.pcap", [(seconds, udp(payload)) for seconds, payload in walk[:200]])
+    out = shutil.copytree(segmented, tmp_path / "out")
+    process = start(path, "--out", out, "--send", "udp://nowhere")
+    _, said = process.communicate(timeout=400)
+    assert process.returncode == 2
+    assert "is not an address" in " ".join(said.split())
+    assert labels_of(out).keys() == labels_of(segmented).keys()
+    assert (out / "run.json").exists()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to all processes of a console")

@@ -112,6 +112,18 @@ def test_a_recording_is_segmented_by_the_evidence_at_a_lag(automos, log):
     assert sorted(p.stem for p in Path("run/predictions").iterdir()) == [f"{i:06d}" for i in range(5)]
 
 
+def test_segment_takes_a_folder_that_nobody_chose_for_one_recording_alone(automos, log, tmp_path):
+    other = write_bins(lane(4).sequence, tmp_path / "other" / "log")
+    code, _, error = automos("segment", log)
+    assert code == 0, error
+    assert json.loads(Path("automos_segmented/log/run.json").read_text())["recording"]["source"] == str(log)
+    code, _, error = automos("segment", other)
+    assert code == 2
+    assert f"automos_segmented/log holds the results of {log}, another recording of that name" in error
+    assert len(list(Path("automos_segmented/log/predictions").iterdir())) == 5
+    assert automos("segment", log)[0] == 0
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

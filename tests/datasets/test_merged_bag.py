@@ -84,3 +84,10 @@ def test_a_mount_that_was_sent_again_is_the_last_that_was_sent(tmp_path):
     wrong = ("base", "rear", [9.0, 9.0, 9.0], [0.0, 0.0, 0.0, 1.0])
     scan = open_sequence(write(tmp_path / "log.mcap", joints=[wrong, *JOINTS]) / BOTH)[1]
     np.testing.assert_allclose(scan.T_scan_sensor[1][:3, 3], [-3.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_a_transform_that_is_none_matters_only_between_the_lidars(tmp_path):
+    unset = ("base", "gps", [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])
+    for joints in ([unset, *JOINTS], [*JOINTS, unset]):
+        scan = open_sequence(write(tmp_path / "log.mcap", joints=joints) / BOTH)[1]
+        np.testing.assert_allclose(scan.T_scan_sensor[1][:3, 3], [-3.0, 0.0, 0.0], atol=1e-9)

@@ -38,6 +38,16 @@ def test_a_plain_folder_is_one_recording(tmp_path):
     assert (sequence.name, len(sequence)) == ("log", 2)
 
 
+def test_a_slice_of_a_recording_is_refused_with_what_to_write_instead(tmp_path):
+    make_scans(tmp_path / "log", 3)
+    recording = open_sequence(tmp_path / "log")
+    with pytest.raises(InputError, match=r"one scan at a time: write \[recording\[i\] for i in range\(1, 3\)\]"):
+        recording[1:]
+    assert recording[-1].name == recording[np.int64(2)].name == "000002"
+    with pytest.raises(IndexError):
+        recording[3]
+
+
 def test_the_name_is_that_of_the_folder_however_it_was_reached(tmp_path, monkeypatch):
     make_scans(tmp_path / "log")
     monkeypatch.chdir(tmp_path / "log")

@@ -174,6 +174,15 @@ def test_elements_before_and_after_the_vertices_are_skipped(tmp_path, write_poin
     np.testing.assert_array_equal(read_scan(path).points[:, 0], columns["x"])
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+def test_a_ply_file_of_no_points_may_end_with_the_word_that_ends_its_header(tmp_path, write_points, encoding):
+    path = tmp_path / "a.ply"
+    write_points(path, {axis: np.zeros(0, np.float32) for axis in "xyz"}, encoding=encoding)
+    assert path.read_bytes().endswith(b"end_header\n")
+    path.write_bytes(path.read_bytes()[:-1])
+    assert read_scan(path).points.shape == (0, 3)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

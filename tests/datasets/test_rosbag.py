@@ -123,10 +123,27 @@ def test_threads_and_processes_may_read_the_same_sequence(tmp_path):
         assert [scan.points[0, 0] for scan in pool.map(sequence.__getitem__, range(20))] == list(range(1, 21))
 
 
-def test_headers_without_stamps_give_way_to_the_times_of_recording(tmp_path, caplog):
+def test_headers_without_stamps_give_way_to_the_times_of_recording(tmp_path):
     path = write_bag(tmp_path / "log.mcap", {"/p": number(3, stamps=np.zeros(3))})
     np.testing.assert_allclose(open_sequence(path).stamps, [0, 1, 2])
-    assert "headers have no stamps" in caplog.text
+    assert "3 of 3 headers have no stamp; the times of recording are taken" in open_sequence(path).warnings[0]
+
+
+@pytest.mark.parametrize("unset", [[0], [0, 1], [2], [4]])
+def test_headers_of_which_some_have_no_stamp_give_way_to_the_times_of_recording(tmp_path, unset):
+    stamps = 1.7e9 + np.arange(5.0)
+    stamps[unset] = 0.0
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/p": number(5, stamps=stamps)}))
+    np.testing.assert_allclose(sequence.stamps, [0, 1, 2, 3, 4])
+    assert [int(scan.points[0, 0]) for scan in sequence] == [1, 2, 3, 4, 5]
+    (warning,) = sequence.warnings
+    assert f"{len(unset)} of 5 headers have no stamp; the times of recording are taken for all scans" in warning
+
+
+def test_a_clock_that_begins_at_zero_is_taken(tmp_path):
+    path = write_bag(tmp_path / "log.mcap", {"/p": number(3, stamps=[0.0, 0.1, 0.2], recorded=[10, 20, 30])})
+    assert open_sequence(path).stamps.tolist() == [0.0, 0.1, 0.2]
+    assert open_sequence(path).warnings == []
 
 
 def test_messages_out_of_the_order_of_time_are_put_in_order(tmp_path):

@@ -262,6 +262,30 @@ def test_the_command_counts_what_changed_and_leaves_the_run_as_it_is(run, scene,
     assert told["points"]["moving to static"] > 50
 
 
+def test_what_run_json_counts_is_what_was_merged(run, root, tmp_path):
+    scene, track = Scene("sustech", root, tmp_path), moving_track(run)
+    for boxes in scene.scans:
+        boxes[:] = [box for box in boxes if scene.id_of(box) != track]
+    merge(run, scene.save(), tmp_path / "out")
+    before, after = (json.loads((folder / "run.json").read_text()) for folder in (run.folder, tmp_path / "out"))
+    again = RunFiles(tmp_path / "out", run.sequence)
+    labels = np.concatenate([labels_of(again, i) for i in range(len(run))])
+    assert after["points"] == {label.name.lower(): int((labels == label).sum()) for label in Label}
+    assert after["points"]["moving"] < before["points"]["moving"]
+    n_moving = sum(verdict == "moving" for verdict, _ in again.tracks.values())
+    assert after["tracks"] == {"total": len(again.tracks), "moving": n_moving}
+    assert after["tracks"]["total"] == before["tracks"]["total"] - 1
+    assert after["recording"] == before["recording"]
+
+
+def test_merged_results_know_which_points_are_ground(run, root, tmp_path):
+    merge(run, root / "sustech", tmp_path / "out")
+    again = RunFiles(tmp_path / "out", run.sequence)
+    before, after = (r.is_ground(r.scan(3), 3) for r in (run, again))
+    assert before.any()
+    np.testing.assert_array_equal(after, before)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

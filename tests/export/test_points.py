@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,18 @@ def test_laz_holds_all_points_on_its_grid_and_labels_as_classification(run, tmp_
         np.testing.assert_allclose(las.gps_time, scan.stamp + scan.time.astype(float), atol=1e-6)
 
 
+def test_laz_has_the_intensities_of_a_recording_on_one_scale(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    pytest.importorskip("lazrs")
+    for name, bright, expected in (("counts", 200.0, [1, 200]), ("shares", 0.5, [65535, 32768])):
+        first, second, third = make_scans()
+        dark = replace(first, intensity=np.full(6, 1.0, np.float32))  # alone, it might be of either scale
+        run = make_run(tmp_path / name, scans=[dark, second, replace(third, intensity=np.full(4, bright, np.float32))])
+        folder = export(run, "laz", tmp_path / "out" / name)
+        found = [np.unique(laspy.read(folder / f"{scan}.laz").intensity).tolist() for scan in ("000000", "000002")]
+        assert found == [[value] for value in expected]
+
+
 def test_mcap_is_read_back_with_all_points_and_its_labels(run, tmp_path):
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
@@ -162,6 +175,10 @@ def test_what_the_benchmark_does_not_take_is_refused(run, tmp_path):
     other = make_run(tmp_path / "other", scans=scans)
     with pytest.raises(InputError, match="street has a scan named 'b'"):
         export(other, "semantickitti", tmp_path / "a.zip")
+    for names, said in ((("0", "1", "1000000"), "named '1000000'"), (("0", "1", "01"), "two scans numbered 000001")):
+        scans = [replace(scan, name=name) for scan, name in zip(make_scans(), names, strict=True)]
+        with pytest.raises(InputError, match=said):
+            export(make_run(tmp_path / names[2], scans=scans), "semantickitti", tmp_path / "a.zip")
     (tmp_path / "b.zip").write_text("no zip")
     with pytest.raises(InputError, match=r"b.zip is not a zip file"):
         export(run, "semantickitti", tmp_path / "b.zip")

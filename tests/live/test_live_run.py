@@ -180,6 +180,18 @@ def test_an_ouster_without_metadata_is_told():
         open_feed("udp://127.0.0.1:0", "ouster")
 
 
+@pytest.mark.parametrize("speed", [float("nan"), float("inf"), -1.0])
+def test_a_speed_that_no_replay_can_keep_is_refused(speed):
+    with pytest.raises(InputError, match=f"speed is {speed:g}: give how many times as fast"):
+        Replay(recording(2), speed)
+
+
+@pytest.mark.parametrize("patience", [float("nan"), float("inf"), 0.0])
+def test_a_timeout_that_never_ends_is_refused(patience):
+    with pytest.raises(InputError, match=f"a timeout of {patience:g} s .*: give some seconds"):
+        UdpFeed("127.0.0.1", 0, VelodyneAssembler(), patience)
+
+
 def test_a_port_in_use_is_told():
     first = UdpFeed("127.0.0.1", 0, VelodyneAssembler())
     said = rf"udp://127.0.0.1:{first.port} cannot be listened at .*in use"

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from automos import Labeler, load_settings, open_sequence
 from automos.atomic import held
 from automos.errors import InputError
 from automos.evaluation.report import find_predictions
-from automos.online.segment import segment_recording, stamped, summary
+from automos.labeling import label_recording
+from automos.online.labelled_scan import OBJECT_FIELDS, LabelledScan
+from automos.online.segment import results_writer, segment_recording, stamped, summary
 from automos.pose_files import read_poses
 
 
@@ -103,10 +106,59 @@ def test_what_label_or_merge_wrote_and_the_recording_itself_are_not_written_over
     (tmp_path / "labelled" / "stages" / "odometry-0").mkdir(parents=True)
     (tmp_path / "merged").mkdir()
     (tmp_path / "merged" / "merge.json").write_text("{}")
-    for name in ("labelled", "merged"):
-        with pytest.raises(InputError, match="holds labels that automos segment did not write"):
+    for name, said in (("labelled", "that automos segment did not write"), ("merged", "corrected by automos merge")):
+        with pytest.raises(InputError, match=f"holds labels {said}"):
             segment_recording(recording, tmp_path / name, load_settings("default"))
     before = sorted(recording.source.iterdir())
     with pytest.raises(InputError, match="is a folder of the recording"):
         segment_recording(recording, recording.source, load_settings("default"))
     assert sorted(recording.source.iterdir()) == before
+
+
+def scan_of(index, n_objects=0):
+    objects = np.zeros(n_objects, OBJECT_FIELDS)
+    objects["track"] = np.arange(n_objects)
+    labels, tracks = np.full(n_objects + 1, 251, np.uint8), np.arange(n_objects + 1, dtype=np.int32)
+    return LabelledScan(index, 0.1 * index, np.eye(4), labels, tracks, np.ones(n_objects + 1, np.float32), objects)
+
+
+def write_and_stop(out, settings):
+    with results_writer(out, None, settings) as writer:
+        writer.write(scan_of(0))
+        raise RuntimeError
+
+
+def test_what_a_sensor_sent_is_never_replaced(recording, tmp_path):
+    settings, out = load_settings("default"), tmp_path / "out"
+    with results_writer(out, None, settings):
+        pass  # no packets came, so there is nothing to lose
+    with pytest.raises(RuntimeError):  # killed
+        write_and_stop(out, settings)
+    again = results_writer(out, None, settings)
+    with pytest.raises(InputError, match="labels of an earlier run"):
+        again.__enter__()
+    with results_writer(tmp_path / "whole", None, settings) as writer:
+        writer.write(scan_of(0))
+        writer.finish({"recording": {"name": "velodyne_2368", "scans": 1, "is_sensor": True}})
+    for command in (segment_recording, label_recording):
+        with pytest.raises(InputError, match="labels of what a sensor sent, which would be lost: choose another --out"):
+            command(recording, tmp_path / "whole", settings)
+    assert [path.name for path in (tmp_path / "whole" / "predictions").iterdir()] == ["000000.label"]
+
+
+def test_an_hour_of_objects_is_kept_in_little_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("automos.online.segment.write_points", lambda *given: None)
+    n_scans, n_objects = 100, 50
+    with results_writer(tmp_path / "out", None, load_settings("default")) as writer:
+        writer.write(scan_of(0, n_objects))
+        tracemalloc.start()
+        for index in range(1, n_scans):
+            writer.write(scan_of(index, n_objects))
+        ours = [tracemalloc.Filter(True, f"*/automos/{name}.py") for name in ("online/segment", "results/tracks_file")]
+        kept = tracemalloc.take_snapshot().filter_traces(ours).statistics("filename")
+        tracemalloc.stop()
+        run = writer.finish({})
+    assert 100.0 < sum(file.size for file in kept) / (n_scans * n_objects) < 200.0  # bytes for a box of 13 numbers
+    assert run["tracks"] == {"total": n_objects, "moving": n_objects}
+    tracks = json.loads((tmp_path / "out" / "tracks.json").read_text())["tracks"]
+    assert [[box["scan"] for box in track["boxes"]] for track in tracks] == [list(range(n_scans))] * n_objects

@@ -22,7 +22,7 @@ from automos.settings import load_settings
 from automos.tracking.tracks import Tracks
 from automos.tracking.verdict import Verdict, Verdicts
 from automos.trajectory import Trajectory
-from automos.workspace import RUN_FILE, Workspace
+from automos.workspace import COMPLETE, RUN_FILE, Workspace
 
 SEQUENCE = ArraySequence([np.ones((5, 3)), np.zeros((0, 3)), np.ones((4, 3))], 100.0 + 0.1 * np.arange(3), "street")
 LABELS = [[9, 251, 251, 0, 9], [], [251, 9, 9, 0]]
@@ -112,6 +112,14 @@ def test_tracks_are_told_with_verdict_boxes_velocity_and_frame(folder):
     assert car["boxes"][2]["size"] == [4.0, 2.0, 1.5]
     assert car["boxes"][2]["yaw"] == 0.1
     assert car["boxes"][2]["velocity"] == [5.0, 0.0, 0.0]
+
+
+def test_results_that_are_replaced_are_not_called_complete(folder):
+    (folder / COMPLETE).write_text("{}")  # of a long recording, labelled in units
+    write_results(folder, SEQUENCE, make_result(), PAPER)
+    assert (folder / COMPLETE).exists()
+    write_results(folder, SEQUENCE, make_result(), WITH_IDS)
+    assert not (folder / COMPLETE).exists()
 
 
 def test_a_run_without_tracks_tells_so(tmp_path):

@@ -13,7 +13,18 @@ from typer.testing import CliRunner
 from automos.cli import app
 from automos.errors import InputError, MissingExtraError
 from automos.results.open_run import open_run
-from automos.visualization.rerun_log import FALSE, MISSED, MOVING, STATIC, UNLABELED, point_kinds
+from automos.visualization import rerun_log
+from automos.visualization.rerun_layout import blueprint
+from automos.visualization.rerun_log import (
+    FALSE,
+    MISSED,
+    MOVING,
+    STATIC,
+    UNLABELED,
+    log_run,
+    make_recording,
+    point_kinds,
+)
 from automos.visualization.viewer import Viewer, save_recording
 
 rerun = pytest.importorskip("rerun", reason="the viewer is not installed: pip install '.[view]'")
@@ -36,6 +47,15 @@ def test_a_file_holds_points_boxes_tracks_trajectory_and_curves(lane_run, tmp_pa
     entities = ("world/points", "world/boxes/moving", "world/boxes/static", "world/tracks", "world/trajectory")
     for entity in (*entities, "world/unsure", "curves/moving_points", "curves/iou", "run"):
         assert f"/{entity}" in told.stdout
+
+
+def test_curves_of_truth_are_laid_out_where_any_scan_has_it(lane_run, monkeypatch):
+    run, laid_out = open_run(lane_run), []
+    truth = run.sequence.truth
+    monkeypatch.setattr(run.sequence, "truth", lambda index: None if index == 0 else truth(index))
+    monkeypatch.setattr(rerun_log, "blueprint", lambda *given: laid_out.append(given[1]) or blueprint(*given))
+    log_run(run, make_recording(run), 10)
+    assert laid_out == [True]
 
 
 def test_a_file_that_cannot_be_written_is_told(lane_run, tmp_path):

@@ -13,6 +13,7 @@ from automos.cli.consoles import console, output
 from automos.cli.options import Format, Overrides, SettingsFile
 
 if TYPE_CHECKING:
+    from automos.live.feed import Feed
     from automos.live.message import Sender
     from automos.live.run import Sink, Tally
 
@@ -63,28 +64,28 @@ def live(
     names: list[str] = []
     with ExitStack() as stack:
         stack.callback(feed.stop)
-        if out is not None:
+        sender = None if send is None else _sender(send, stack)
+        sinks: list[Sink] = [] if sender is None else [_sending(sender)]
+        if view or web:
+            sinks.append(_showing(feed.name, web, port, browser, points, stack))
+        if out is not None:  # it is emptied, so whatever may be wrong with the command was looked at before
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
+            sinks.insert(0, lambda scan, given: writer.write(given))
         console.print(LINE if is_cold() else "getting ready", markup=False)
         get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
-        sinks: list[Sink] = [] if out is None else [lambda scan, given: writer.write(given)]
-        sender = None if send is None else _sender(send, stack)
-        if sender is not None:
-            sinks.append(_sending(sender))
-        if view or web:
-            sinks.append(_showing(feed.name, web, port, browser, points, stack))
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
-            writer.finish(_about(feed.name, tally, lag))
+            writer.finish(_about(feed, tally, lag))
     where = "" if out is None else f"labels in {out}/predictions"
     for sentence in filter(None, (tally.sentence(feed.name), feed.summary(), sender and sender.summary(), where)):
         output.print(sentence)
 
 
-def _about(name: str, tally: Tally, lag: float) -> dict[str, Any]:
+def _about(feed: Feed, tally: Tally, lag: float) -> dict[str, Any]:
     """Return what run.json says of a live run."""
-    return {"recording": {"name": name, "scans": tally.labelled, "left_out": tally.left_out}, "lag_seconds": lag}
+    counts = {"scans": tally.labelled, "left_out": tally.left_out}
+    return {"recording": {"name": feed.name, **counts, "is_sensor": feed.recording is None}, "lag_seconds": lag}
 
 
 def _sender(address: str, stack: ExitStack) -> Sender:

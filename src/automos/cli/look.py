@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -52,11 +53,14 @@ def review(
     Labels, tracks.json and the report are rewritten. Every decision is stored in RUN/review.jsonl and applies when
     the recording is labelled again.
     """
+    import webbrowser
+
     from automos.atomic import held
     from automos.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.server import ReviewServer
     from automos.review.session import Session
+    from automos.review.way_in import way_in
 
     run = open_run(results, recording, format)
     with held(results):  # whoever writes there meanwhile would not know of what is decided here
@@ -64,10 +68,11 @@ def review(
             session = Session(run, progress, sample)
         server = ReviewServer(session, port)
         output.print(f"{server.url}  (Ctrl-C ends the review)")
-        if browser:
-            typer.launch(server.url)
         try:
-            server.serve_forever()
+            with way_in(results, server.url) if browser else nullcontext() as page:
+                if page is not None and typer.launch(str(page)) != 0:
+                    webbrowser.open(page.as_uri())
+                server.serve_forever()
         except KeyboardInterrupt:
             console.print("writing what was decided")
         finally:

@@ -101,10 +101,10 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
-    from automos.arguments import require_own_names
     from automos.datasets import open_recordings
     from automos.errors import InputError
     from automos.progress import StageProgress
+    from automos.results.claiming import results_folders
 
     if method not in ("auto", "evidence", "lmnet"):
         raise InputError(f"there is no method '{method}': choose evidence or lmnet")
@@ -119,13 +119,12 @@ def segment(
         raise InputError("the network labels each scan immediately: leave --lag out, or take --method evidence")
     chosen = _settings(settings, set_)
     recordings = open_recordings(recording, format)
-    require_own_names([sequence.name for sequence in recordings])
+    folders = results_folders(recordings, out, Path("automos_segmented"))
     if uses_network:
         run_one = _with_network(weights, engine, device, threads, chosen, probabilities)
     else:
         run_one = _with_evidence(chosen, lag)
-    for sequence in recordings:
-        folder = out if out and len(recordings) == 1 else (out or Path("automos_segmented")) / sequence.name
+    for sequence, folder in zip(recordings, folders, strict=True):
         with StageProgress(console, sequence.name) as progress:
             summary = run_one(sequence, folder, progress)
         output.print(summary)

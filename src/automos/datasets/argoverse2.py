@@ -72,7 +72,7 @@ class Argoverse2Sequence(ListedSequence):
         super().__init__(source, files, stamps=stamps)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         path = self._files[index]
         scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
         moved = replace(scan, points=transform(inverse(self._T_ego_sensor), scan.points))
@@ -96,14 +96,14 @@ class Argoverse2Sequence(ListedSequence):
         Where the log has per-point flow of its first sweep, its dynamic flags are the truth of that sweep and there is
         none of the others: the flags say what moves at that moment, boxes what moves at some time. Else the boxes are.
         """
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         if is_there(self.source / _FLOW):
             return self._from_flow() if index == 0 else None
         return self._from_boxes(index) if is_there(self.source / _BOXES) else None
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next sweep, as the annotated boxes say; None without."""
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         if not is_there(self.source / _BOXES) or index + 1 == len(self):
             return None
         now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])

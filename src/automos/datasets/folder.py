@@ -85,7 +85,7 @@ class FolderSequence(Sequence):
         return len(self._files)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         path = self._folder / self._files[index]
         columns = read_columns(path, self._codec)
         has_time = time_column(columns) is not None
@@ -137,12 +137,12 @@ class FolderSequence(Sequence):
         """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None if no scan has labels."""
         if not self._has_truth:
             return None
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         return read_labels(self.source / "labels" / f"{self._names[index]}.label", self._n_points(index))
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         return motion_beside(self.source, self, index)
 
     def fingerprint(self) -> str:

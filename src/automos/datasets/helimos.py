@@ -38,7 +38,7 @@ class HelimosSequence(KittiSequence):
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index`, None where it was not labelled."""
-        name = self.names[range(len(self))[index]]
+        name = self.names[self._scan_number(index)]
         return super().truth(index) if is_there(self.source / "labels" / f"{name}.label") else None
 
 

@@ -49,7 +49,7 @@ class HeliprSequence(ListedSequence):
         super().__init__(source, files, stamps=stamps, name=f"{source.resolve().parent.parent.name}_{source.name}")
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         path = self._files[index]
         dtype = _POINTS[self.source.name]
         if self.source.name == "Aeva" and int(path.stem) <= _LAST_WITHOUT_INTENSITY:

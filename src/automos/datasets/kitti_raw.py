@@ -87,7 +87,7 @@ class KittiRawSequence(FolderSequence):
         """
         if not is_there(self.source / _BOXES):
             return None
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         scan = self[index]
         packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
         return np.where(in_view(scan.points, *self._camera), packed, np.uint32(Label.UNLABELED))

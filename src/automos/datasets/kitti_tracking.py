@@ -82,7 +82,7 @@ class KittiTrackingSequence(FolderSequence):
         """
         if not is_there(self._beside("label_02")):
             return None
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         scan = self[index]
         packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
         seen = in_view(scan.points, self._T_rectified_sensor, self._projection, IMAGE_SIZE)

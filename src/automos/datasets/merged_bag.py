@@ -52,7 +52,7 @@ class MergedBagSequence(Sequence):
         return len(self._parts[0])
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         rows = enumerate(self._rows[:, index].tolist())
         found = [(k, self._parts[k][row]) for k, row in rows if row >= 0]
         first = found[0][1]
@@ -121,9 +121,14 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     """Return (K, 4, 4) T_scan_sensor of the topics' frames in that of the first."""
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
+    faults = []  # of transforms that may be needed by no LiDAR here
     latest = {joint[1]: joint for joint in parts[0].static_transforms()}  # sent again, it takes the place of the first
     for parent, child, translation, xyzw in latest.values():
-        T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
+        try:
+            T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
+        except InputError as fault:
+            faults.append(f" ({fault})")
+            continue
         joints.setdefault(parent, []).append((child, T))
         joints.setdefault(child, []).append((parent, inverse(T)))
     T_first = {frames[0]: np.eye(4)}
@@ -138,6 +143,6 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
         if frame not in T_first:
             raise InputError(
                 f"{where}: /tf_static does not say where {frame} (topic /{topic}) sits from {frames[0]} "
-                f"(/{topics[0]}); record it, too, or give one topic"
+                f"(/{topics[0]}); record it, too, or give one topic{''.join(faults)}"
             )
     return np.stack([T_first[frame] for frame in frames])

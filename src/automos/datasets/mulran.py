@@ -44,7 +44,7 @@ class MulranSequence(ListedSequence):
         super().__init__(source, files, stamps=stamps)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         columns: Columns = dict(read_records(self._files[index], _POINT))
         if len(columns["x"]) == _BEAMS * _COLUMNS:
             place = np.arange(_BEAMS * _COLUMNS)

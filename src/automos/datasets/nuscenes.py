@@ -81,7 +81,7 @@ class NuscenesSequence(ListedSequence):
         self._drawn = _boxes_of(tables, samples)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         assert self.stamps is not None
         columns = read_columns(self._files[index], "bin5")
         return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]))
@@ -96,7 +96,7 @@ class NuscenesSequence(ListedSequence):
 
         An instance moves if any of its attributes in the scene says so. If none says anything, its boxes are judged.
         """
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         keyframe = self._keyframe_of[index]
         if keyframe is None or self._drawn is None:
             return None

@@ -84,7 +84,7 @@ class OusterSequence(Sequence):
         return len(self._places)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         place, within = self._places[index]
         with limited(self.source):
             frame = [frame for frame in self._reader[place] if frame is not None][within]

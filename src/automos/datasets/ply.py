@@ -73,9 +73,11 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
     while True:
         end = raw.find(b"\n", start)
         if end < 0:
-            raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
+            if raw[start:].strip() != b"end_header":  # of no points, it may be the last word of the file
+                raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
+            end = len(raw)
         line = raw[start:end].decode("ascii", "replace").strip()
-        start = end + 1
+        start = min(end + 1, len(raw))
         words = line.split()
         try:
             match words:

@@ -6,7 +6,6 @@ in the order in which they were recorded and stamped by their headers.
 
 from __future__ import annotations
 
-import logging
 import threading
 import zlib
 from collections.abc import Iterator
@@ -25,12 +24,10 @@ from automos.datasets.formats import import_extra
 from automos.datasets.listed import digest_of_files
 from automos.datasets.point_cloud2 import EMPTY, cloud_digest, header_stamp, read_columns
 from automos.datasets.point_times import PointTimes, judge_times
-from automos.datasets.time_order import put_in_order
+from automos.datasets.time_order import count_unset, put_in_order
 from automos.errors import AutomosError, InputError
 from automos.reading import require_regular
 from automos.scan import Mask, Scan, Sequence
-
-logger = logging.getLogger(__name__)
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -91,7 +88,7 @@ class RosbagSequence(Sequence):
         return len(self._recorded)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         columns = self._columns(index)
         unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
         stamp = None if self._stamps is None else float(self._stamps[index])
@@ -173,11 +170,13 @@ class RosbagSequence(Sequence):
         return cloud_digest(raw, self._reader.is2) if kind == _CLOUD else zlib.crc32(raw[len(raw) // 2 :])
 
     def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        if len(headers) > 1 and headers.min() == headers.max():
-            logger.warning("%s: headers have no stamps; the times of recording are taken", self._where())
+        said, n_unset = [], count_unset(headers)
+        if n_unset:
+            of_all = f"{n_unset} of {len(headers)} headers have no stamp"
+            said = [f"{self._where()}: {of_all}; the times of recording are taken for all scans."]
             headers = (1e-9 * self._recorded).astype(np.float64)
         found = put_in_order(headers, self.names, self._where())
-        self._warnings, self._messages = found.warnings, found.order
+        self._warnings, self._messages = [*said, *found.warnings], found.order
         self._digests, self._sizes = self._digests[found.order], self._sizes[found.order]
         return found.stamps
 

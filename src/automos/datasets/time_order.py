@@ -87,6 +87,20 @@ def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.floa
     return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
 
 
+def count_unset(stamps: npt.NDArray[np.float64]) -> int:
+    """Return how many of the messages' stamps (N,) nobody set: those that are 0, or all where all are the same.
+
+    A simulation's clock may begin at 0, and goes on from there.
+    """
+    if len(stamps) < 2:
+        return 0
+    if stamps.min() == stamps.max():
+        return len(stamps)
+    unset = np.flatnonzero(stamps == 0.0)
+    begins_there = unset.tolist() == [0] and 0.0 < stamps[1] < _HOLE
+    return 0 if begins_there else len(unset)
+
+
 def usual_step(stamps: npt.NDArray[np.float64] | None) -> float | None:
     """Return the seconds that usually lie between scans at `stamps` (N,), in any order; None without a clock."""
     steps = np.zeros(0) if stamps is None else np.diff(np.sort(stamps))

@@ -77,7 +77,7 @@ class VelodyneSequence(Sequence):
         return len(self._stamps)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         packets = self._packets(index)
         with limited(self.source):
             return self._decoder.scan(packets, float(self._stamps[index]), self.names[index])

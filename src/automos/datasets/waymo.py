@@ -88,7 +88,7 @@ class WaymoSequence(Sequence):
         return len(self._rows)
 
     def __getitem__(self, index: int) -> Scan:
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         images = self._range_images(index)
         points = [self._to_points(index, image[..., 0]) for image in images]
         n_beams, width = images[0].shape[:2]
@@ -122,7 +122,7 @@ class WaymoSequence(Sequence):
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return (N,) uint32 labels of scan `index` from the boxes; None without. Zones not labeled are left out."""
-        index = range(len(self))[index]
+        index = self._scan_number(index)
         if self._drawn is None:
             return None
         labels = paint_boxes(self[index], self._T_vehicle_sensor, self._drawn.of(self._micros[index]))

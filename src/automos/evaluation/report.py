@@ -18,7 +18,7 @@ from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
 from automos.label_files import read_labels
 from automos.scan import Sequence
-from automos.workspace import RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
+from automos.workspace import COMPLETE, RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -183,7 +183,7 @@ def _require_finished(folder: Path) -> None:
     """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
     is_ours = any((folder / name).exists() for name in ONLY_OURS)
     in_fleet = (folder.parent / "ledger").is_dir()
-    last = "complete.json" if in_fleet else RUN_FILE
+    last = COMPLETE if in_fleet else RUN_FILE
     if (is_ours or in_fleet) and not (folder / last).exists():
         raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
     run = Workspace(folder).read_run()

@@ -29,6 +29,7 @@ def write(run: RunFiles, out: Path) -> None:
     laspy = import_extra("laspy", "las")
     import_extra("lazrs", "las")
     out.mkdir(parents=True, exist_ok=True)
+    scale = _intensity_scale(run)
     for index in run.each("writing .laz"):
         columns = point_columns(run, index)
         header = laspy.LasHeader(version="1.4", point_format=6)
@@ -41,7 +42,7 @@ def write(run: RunFiles, out: Path) -> None:
         las.x, las.y, las.z = xyz.astype(np.float64).T
         las.classification = columns["label"].astype(np.uint8)
         if "intensity" in columns:
-            las.intensity = _to_16_bits(columns["intensity"])
+            las.intensity = _to_16_bits(columns["intensity"], scale)
         if "time" in columns:
             las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
         for name, column in extra.items():
@@ -52,11 +53,23 @@ def write(run: RunFiles, out: Path) -> None:
             temporary.write_bytes(packed.getvalue())
 
 
-def _to_16_bits(intensity: np.ndarray) -> np.ndarray:
-    """Return (N,) uint16: intensities of 0 to 1 spread over 16 bits, others as they are, in bounds."""
-    finite = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
-    is_share = len(finite) > 0 and finite.max() <= 1.0
-    return np.clip(np.round(finite * (65535.0 if is_share else 1.0)), 0, 65535).astype(np.uint16)
+def _intensity_scale(run: RunFiles) -> float:
+    """Return what intensities are multiplied by, the same in all scans: 65535 where none is above 1, else 1.
+
+    Of counts, the first scan shows it, and no other is read.
+    """
+    found = (run.scan(index).intensity for index in range(len(run)))
+    are_shares = all(intensity is None or not (_finite(intensity) > 1.0).any() for intensity in found)
+    return 65535.0 if are_shares else 1.0
+
+
+def _to_16_bits(intensity: np.ndarray, scale: float) -> np.ndarray:
+    """Return (N,) uint16: intensities times `scale`, in bounds."""
+    return np.clip(np.round(_finite(intensity) * scale), 0, 65535).astype(np.uint16)
+
+
+def _finite(intensity: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 EXPORT = Export(

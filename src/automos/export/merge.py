@@ -21,9 +21,10 @@ from automos.label_files import read_labels
 from automos.labels import Label, pack, to_mos
 from automos.reading import damage_reported, is_there, read_bytes
 from automos.results.claiming import PER_SCAN, require_room
+from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.workspace import RUN_FILE
+from automos.workspace import COMPLETE, RUN_FILE, Workspace
 
 
 @dataclass
@@ -74,14 +75,19 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     edits = {} if has_labels else read_edits(corrected, run)
     require_room(out, run.sequence)
     with held(out):
-        (out / RUN_FILE).unlink(missing_ok=True)  # written last: without it the results are not whole
+        for marker in (COMPLETE, RUN_FILE):  # written last: without it the results are not whole
+            (out / marker).unlink(missing_ok=True)
         _remove_others(out, run.names)
         _copy_beside(run, out)
-        merged = _write_labels(run, corrected if has_labels else None, edits, out)
-        write_text(out / "tracks.json", json.dumps(_tracks(run, edits)))
+        merged, counts = _write_labels(run, corrected if has_labels else None, edits, out)
+        tracks = _tracks(run, edits)
+        write_text(out / "tracks.json", json.dumps(tracks))
         write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
-        if is_there(run.folder / RUN_FILE):
-            _copy_file(run.folder / RUN_FILE, out / RUN_FILE)
+        about = Workspace(run.folder).read_run()
+        if about:
+            n_moving = sum(track["verdict"] == "moving" for track in tracks["tracks"])
+            about |= {"points": counts, "tracks": {"total": len(tracks["tracks"]), "moving": n_moving}}
+            write_text(out / RUN_FILE, json.dumps(about, indent=1))
     return merged
 
 
@@ -96,10 +102,12 @@ def _remove_others(out: Path, names: list[str]) -> None:
             path.unlink()
 
 
-def _write_labels(run: RunFiles, corrected: Path | None, edits: dict[int, EditedScan], out: Path) -> Merged:
-    """Write all label files with what is in folder `corrected`, or with `edits`; return what changed."""
+def _write_labels(
+    run: RunFiles, corrected: Path | None, edits: dict[int, EditedScan], out: Path
+) -> tuple[Merged, dict[str, int]]:
+    """Write all label files with those in folder `corrected`, or `edits`; return what changed, and points by label."""
     (out / "predictions").mkdir(exist_ok=True)
-    merged = Merged()
+    merged, counts = Merged(), no_points()
     for index in run.each("merging"):
         scan = run.scan(index)
         before = run.labels(index, len(scan)), run.instances(index, len(scan))
@@ -111,9 +119,10 @@ def _write_labels(run: RunFiles, corrected: Path | None, edits: dict[int, Edited
             after = relabel(run.points_upright(scan, index), scan.is_valid, *before, changes)
         else:
             after = before
-        _count_points(before[0], after[0], merged)
+        _count_changes(before[0], after[0], merged)
+        count_points(counts, after[0])
         write_raw(out / "predictions" / f"{run.names[index]}.label", pack(*after))
-    return merged
+    return merged, counts
 
 
 def _from_file(
@@ -133,7 +142,7 @@ def _count_boxes(changes: list[Change], merged: Merged) -> None:
         merged.boxes.update(change.kinds or ["unchanged"])
 
 
-def _count_points(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16], merged: Merged) -> None:
+def _count_changes(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16], merged: Merged) -> None:
     changed = before != after
     merged.scans += bool(changed.any())
     pairs, counts = np.unique(np.column_stack([before[changed], after[changed]]), axis=0, return_counts=True)
@@ -142,13 +151,16 @@ def _count_points(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16],
 
 
 def _copy_beside(run: RunFiles, out: Path) -> None:
-    """Copy what the results need to be read again: poses, what the run was, and how the sensor moved in each sweep."""
+    """Copy what the results need to be read again: poses, settings, how the sensor moved in each sweep, the ground."""
     (out / "stages").mkdir(exist_ok=True)  # by which what was left half way is known to be ours
     for name in ("poses.txt", "poses.tum", "settings.yaml"):
         if is_there(run.folder / name):
             _copy_file(run.folder / name, out / name)
-    for stage in (run.folder / "stages").glob("odometry-*"):
-        shutil.copytree(stage, out / "stages" / stage.name, copy_function=_copy_file, dirs_exist_ok=True)
+    keys = Workspace(run.folder).read_run().get("stages", {})
+    for stage in (f"{name}-{keys.get(name)}" for name in ("odometry", "candidates")):
+        if (run.folder / "stages" / stage).is_dir():
+            place = out / "stages" / stage
+            shutil.copytree(run.folder / "stages" / stage, place, copy_function=_copy_file, dirs_exist_ok=True)
 
 
 def _copy_file(source: str | Path, target: str | Path) -> None:

@@ -7,6 +7,7 @@ point. A recording whose name is not a sequence number is written as sequence 00
 from __future__ import annotations
 
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 from automos.atomic import atomic_path
@@ -22,11 +23,9 @@ def write(run: RunFiles, out: Path) -> None:
     Raises
     ------
     InputError
-        Scans that are not named by numbers.
+        Scans that are not named by numbers of up to six digits, or two by the same number.
     """
-    stray = next((name for name in run.names if not name.isdecimal()), None)
-    if stray is not None:
-        raise InputError(f"{run.sequence.name} has a scan named {stray!r}; the benchmark names scans by six digits")
+    files = _files_of(run)
     sequence = _number_of(run.sequence.name)
     folder = f"sequences/{sequence}/predictions/"
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -37,8 +36,23 @@ def write(run: RunFiles, out: Path) -> None:
             _copy_others(out, archive, f"sequences/{sequence}/")
         for index in run.each("writing zip"):
             packed = run.packed(index, len(run.scan(index))) & 0xFFFF
-            entry = zipfile.ZipInfo(f"{folder}{int(run.names[index]):06d}.label")
+            entry = zipfile.ZipInfo(f"{folder}{files[index]}.label")
             archive.writestr(entry, packed.astype("<u4").tobytes(), zipfile.ZIP_DEFLATED)
+
+
+def _files_of(run: RunFiles) -> list[str]:
+    """Return the six digits by which the benchmark names each scan; InputError where it cannot."""
+    stray = next((name for name in run.names if not name.isdecimal() or int(name) > 999_999), None)
+    if stray is not None:
+        raise InputError(
+            f"{run.sequence.name} has a scan named {stray!r}; the benchmark names scans by six digits: rename the "
+            "scans, or take the label files in the results folder"
+        )
+    files = [f"{int(name):06d}" for name in run.names]
+    twice = next((file for file, times in Counter(files).items() if times > 1), None)
+    if twice is not None:
+        raise InputError(f"{run.sequence.name} has two scans numbered {twice}: rename one, and label again")
+    return files
 
 
 def _number_of(name: str) -> str:

@@ -15,7 +15,7 @@ from automos.atomic import write_npy, write_raw, write_text
 from automos.labels import Label, pack
 from automos.learning.online import STAGES, OnlineSegmenter
 from automos.network.deployed import Deployed, load_network
-from automos.online.segment import stamped
+from automos.online.segment import about, stamped
 from automos.pose_writers import write_kitti
 from automos.results.claiming import claimed
 from automos.run import Progress
@@ -78,7 +78,7 @@ def segment_recording(
         write_kitti(folder / "poses.txt", np.array(poses))
         write_text(folder / "settings.yaml", dump_yaml(settings))
         run = {
-            "recording": {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()},
+            "recording": about(sequence),
             "network": {"engine": network.engine, "image": network.image.model_dump(mode="json"), "card": network.card},
             "points": counts,
             "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import replace
@@ -80,8 +81,15 @@ class Replay(Feed):
     """A recording at its own pace, as if it came from the sensor now."""
 
     def __init__(self, sequence: Sequence, speed: float = 1.0):
-        """Take how many times as fast; 0: every scan as soon as the one before was taken, so none is left out."""
+        """Take how many times as fast; 0: every scan as soon as the one before was taken, so none is left out.
+
+        Raises
+        ------
+        InputError : such a speed cannot be kept.
+        """
         super().__init__()
+        if not 0.0 <= speed < math.inf:
+            raise InputError(f"a replay's speed is {speed:g}: give how many times as fast, 0 for as fast as possible")
         self.name, self.is_compensated = sequence.name, sequence.is_compensated
         self.recording, self._sequence, self._speed = sequence, sequence, speed
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import select
 import socket
 import time
@@ -73,9 +74,11 @@ class UdpFeed(Feed):
         Raises
         ------
         InputError
-            The port is taken, or the address is none of this machine's.
+            The port is taken, the address is none of this machine's, or `patience` no number of seconds.
         """
         super().__init__()
+        if not 0.0 < patience < math.inf:
+            raise InputError(f"a timeout of {patience:g} s never ends or never begins: give some seconds")
         self.name = f"{assembler.kind.lower()}_{port}"
         self._where, self._patience, self._assembler = f"{host}:{port}", patience, assembler
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

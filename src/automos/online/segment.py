@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -56,8 +57,7 @@ def segment_recording(
             "median": round(float(np.median(milliseconds)), 2),
             "p99": round(float(np.percentile(milliseconds, 99)), 2),
         }
-        about = {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint()}
-        return writer.finish({"recording": about, "lag_seconds": lag, "milliseconds": {"all": spent}})
+        return writer.finish({"recording": about(sequence), "lag_seconds": lag, "milliseconds": {"all": spent}})
 
 
 @contextmanager
@@ -79,8 +79,9 @@ class ResultsWriter:
         self._written: list[str] = []
         self._poses: list[np.ndarray] = []
         self._stamps: list[float] = []
-        self._boxes: dict[int, list[dict[str, Any]]] = {}
-        self._confidences: dict[int, list[float]] = {}
+        # Of each track and scan: number of the scan, stamp, confidence, box. As plain numbers, since a sensor may send
+        # for days, and tracks.json has all scans of a track in one place.
+        self._objects: dict[int, array[float]] = {}
         self._counts = no_points()
 
     def write(self, given: LabelledScan) -> None:
@@ -96,15 +97,15 @@ class ResultsWriter:
         for row in given.objects:
             track = int(row["track"])
             columns = np.hstack([row["center"], row["size"], row["yaw"], row["velocity"]]).round(3).tolist()
-            entry = box_entry(len(self._written), round(given.stamp, 6), True, columns)
-            self._boxes.setdefault(track, []).append(entry)
-            self._confidences.setdefault(track, []).append(float(confidence[track_ids == track].mean()))
+            sure = float(confidence[track_ids == track].mean())
+            of_track = self._objects.setdefault(track, array("d"))
+            of_track.extend([len(self._written), round(given.stamp, 6), sure, *columns])
         self._written.append(name)
         self._poses.append(given.pose)
         self._stamps.append(given.stamp)
 
-    def finish(self, about: dict[str, Any]) -> dict[str, Any]:
-        """Write the results of all scans, and run.json including `about`; return its contents."""
+    def finish(self, note: dict[str, Any]) -> dict[str, Any]:
+        """Write the results of all scans, and run.json including `note`; return its contents."""
         folder = self._folder
         T_level_sensor = np.array(self._poses).reshape(-1, 4, 4)
         T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
@@ -114,15 +115,23 @@ class ResultsWriter:
         write_tum(folder / "poses.tum", poses, stamps)
         write_text(folder / "settings.yaml", dump_yaml(self._settings))
         write_tracks(folder / "tracks.json", trajectory, self._written, self._entries())
-        tracks = {"total": len(self._boxes), "moving": len(self._boxes)}
-        run = {**about, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
+        tracks = {"total": len(self._objects), "moving": len(self._objects)}
+        run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
         write_text(folder / RUN_FILE, json.dumps(run, indent=1))
         return run
 
     def _entries(self) -> Iterator[dict[str, Any]]:
-        for track, boxes in sorted(self._boxes.items()):
-            confidence = round(float(np.mean(self._confidences[track])), 3)
+        for track, numbers in sorted(self._objects.items()):
+            rows = np.frombuffer(numbers).reshape(-1, 13)
+            boxes = [box_entry(int(scan), stamp, True, columns) for scan, stamp, _, *columns in rows.tolist()]
+            confidence = round(float(rows[:, 2].mean()), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
+
+
+def about(sequence: Sequence) -> dict[str, Any]:
+    """Return what run.json says of a recording: among it, where other commands find it."""
+    source = None if sequence.address is None else str(sequence.address.absolute())
+    return {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint(), "source": source}
 
 
 def stamped(sequence: Sequence) -> Iterator[Scan]:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from automos.arguments import require_own_names
 from automos.atomic import faults_reported, held, remove_parts
 from automos.datasets.codecs import read_columns
 from automos.datasets.files import holds_scans, list_scans
@@ -59,10 +60,12 @@ def refuse_scans(folder: Path) -> None:
         raise InputError(f"{folder} holds the scans of a recording: choose another --out")
 
 
-def refuse_corrected(folder: Path) -> None:
-    """Raise InputError where `folder` holds merged results: nothing makes the corrections in its labels again."""
+def refuse_unrepeatable(folder: Path) -> None:
+    """Raise InputError where nothing makes the labels in `folder` again: they were corrected, or a sensor's."""
     if (folder / "merge.json").exists():
         raise InputError(f"{folder} holds labels corrected by automos merge, which would be lost: choose another --out")
+    if Workspace(folder).read_run().get("recording", {}).get("is_sensor"):
+        raise InputError(f"{folder} holds labels of what a sensor sent, which would be lost: choose another --out")
 
 
 def refuse_others_results(folder: Path, sequence: Sequence) -> None:
@@ -76,6 +79,23 @@ def refuse_others_results(folder: Path, sequence: Sequence) -> None:
         return
     if os.path.realpath(was) != os.path.realpath(sequence.address):
         raise InputError(f"{folder} holds the results of {was}, another recording of that name: choose another --out")
+
+
+def results_folders(recordings: list[Sequence], out: Path | None, default: Path) -> list[Path]:
+    """Return the results folder of each recording: `out` itself for one, else a folder of its name in it, or `default`.
+
+    Raises
+    ------
+    InputError : two are named alike, or nobody chose the folder, and it holds results of another recording.
+    """
+    require_own_names([sequence.name for sequence in recordings])
+    if out is not None and len(recordings) == 1:
+        return [out]
+    folders = [(out or default) / sequence.name for sequence in recordings]
+    if out is None:
+        for folder, sequence in zip(folders, recordings, strict=True):
+            refuse_others_results(folder, sequence)
+    return folders
 
 
 def refuse_inner(folder: Path, names: Iterable[str]) -> None:
@@ -162,7 +182,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
     Parameters
     ----------
     places : folders in it that are made.
-    recording : where one is labelled; its own folder is not written into.
+    recording : where one is labelled; its own folder is not written into. None of a sensor: no labels are replaced.
 
     Raises
     ------
@@ -170,9 +190,12 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
     """
     stages = folder / "stages"
     with held(folder):
-        if any(stages.glob("*")) or (folder / "merge.json").exists():
+        if any(stages.glob("*")):
             raise InputError(f"{folder} holds labels that automos segment did not write: choose another --out")
+        refuse_unrepeatable(folder)
         require_room(folder, recording)
+        if recording is None and any(folder.glob(PER_SCAN[0])):
+            raise InputError(f"{folder} holds labels of an earlier run, which would be lost: choose another --out")
         with faults_reported(folder):
             stages.mkdir(exist_ok=True)
             for name in (RUN_FILE, *RESULT_FILES):

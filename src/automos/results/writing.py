@@ -31,7 +31,7 @@ from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
 from automos.settings import OutputSettings, Settings, dump_yaml
 from automos.tracking.verdict import Verdict
-from automos.workspace import RUN_FILE, UNFINISHED, Workspace
+from automos.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 
 _log = logging.getLogger(__name__)
 
@@ -54,7 +54,8 @@ def write_results(
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
-        (folder / RUN_FILE).unlink(missing_ok=True)
+        for marker in (COMPLETE, RUN_FILE):  # a recording that was cut into units has both
+            (folder / marker).unlink(missing_ok=True)
         for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
             stale.unlink()
     elif not is_whole or "review" in before:

@@ -191,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
         if (
             not is_here
             or not self.path.startswith("/")
-            or self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+            or not (self.headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin") or self._is_way_in())
         ):
             self.close_connection = True
             self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
@@ -201,6 +201,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.FORBIDDEN, "open the address that automos review printed, with its token")
             return False
         return True
+
+    def _is_way_in(self) -> bool:
+        """Return whether the page is opened by its whole address, as from our file, which is of no site (`way_in`)."""
+        is_opened = self.command == "GET" and self.headers.get("Sec-Fetch-Mode") == "navigate"
+        return is_opened and hmac.compare_digest(self.path.encode(), f"/?token={self.server.token}".encode())
 
     def _knows_token(self) -> bool:
         name, _, token = self.server.cookie.partition("=")

@@ -21,9 +21,9 @@ from automos.atomic import write_text
 from automos.errors import InputError
 from automos.reading import parse_json, read_bytes
 from automos.scale.storage import THREADS, Store, StoreError, is_url, shown
-from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace
 
-MARKER = "complete.json"
+MARKER = COMPLETE
 _NOT_RESULTS = {"stages", "ledger", MARKER}
 _OURS = {RUN_FILE, MARKER, "stages"}
 _LABELS = ("predictions/*.label", "confidences/*.npy")

@@ -49,7 +49,7 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
         Label files, poses or tracks that are missing or damaged.
     """
     rr = load_rerun()
-    has_truth = run.sequence.truth(0) is not None if len(run) else False
+    has_truth = any(run.sequence.truth(i) is not None for i in range(len(run)))
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(len(run))])
     stream.send_blueprint(blueprint(T_level_sensor, has_truth, moving_scans(run)))
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

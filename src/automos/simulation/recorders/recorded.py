@@ -128,7 +128,7 @@ class Recorded(Sequence):
         return self.clock(at)
 
     def _keep(self, index: int) -> _Kept:
-        return _keep(self, range(len(self))[index])
+        return _keep(self, self._scan_number(index))
 
     def _measured(self, index: int) -> tuple[Scan, npt.NDArray[np.float64], npt.NDArray[np.uint32] | None]:
         """Return all points measured between the cuts of scan `index`, sweep by sweep, when, and their labels."""

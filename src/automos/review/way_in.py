@@ -1,0 +1,34 @@
+"""A file by which the reviewer's browser finds the page.
+
+Every user of a machine sees the arguments of its processes, and a browser's are what it is to open. So it is to open a
+file that only the reviewer may read, and the token at the end of the address stands in there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from automos.atomic import faults_reported
+
+
+@contextmanager
+def way_in(folder: Path, url: str) -> Iterator[Path]:
+    """Yield a page in `folder` that leads to `url`, which its owner alone may read; it is gone after the block.
+
+    Browsers in a sandbox may not read the system's folder for temporary files, but the results that they show.
+    """
+    path = folder / "open_review.html"
+    with faults_reported(path):
+        path.unlink(missing_ok=True)  # of a review that was killed
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(
+                f'<!doctype html><title>AutoMOS review</title><meta http-equiv="refresh" content="0; url={url}">\n'
+            )
+    try:
+        yield path.absolute()
+    finally:
+        path.unlink(missing_ok=True)
