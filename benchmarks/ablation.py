@@ -89,7 +89,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "edges of the body may move": {f"{BODY}:_stays_put": all_constant},
     "grazed faces keep their range": {f"{BODY}:GRAZING": 0.0},
     "within arm's reach all may be objects": {f"{BODY}:NEAR_SHARE": NEVER},
-    "company in even motion is body": {f"{BODY}:MIN_UNEVENNESS": 0.0},
     "the walk on the ground begins level": {"automos.ground.surface:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},

@@ -43,7 +43,7 @@ _BODIES = (
 _OF_BODIES = (
     *("everything", "what rides along is an object", "nothing is connected to the body"),
     *("all that is connected is body", "all that keeps its range is body", "edges of the body may move"),
-    *("grazed faces keep their range", "within arm's reach all may be objects", "company in even motion is body"),
+    *("grazed faces keep their range", "within arm's reach all may be objects"),
 )
 _ONLINE = ("DRIVE_0005", "--rivals")
 _FEW = ("--scenarios", "city", "junction", "campus", "waiting", "country", "--scans", "30")

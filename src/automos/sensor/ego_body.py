@@ -36,9 +36,6 @@ MIN_SCANS, MAX_SCANS = 9, 40
 """With fewer scans at different poses, no body is detected; of more, so many, spread evenly, are evaluated."""
 MIN_STEP, ARM = 0.25, 5.0
 """Metres: least displacement, between evaluated scans, of a point `ARM` from the sensor and fixed to it."""
-MIN_UNEVENNESS = 0.15
-"""Metres, least RMS deviation from even motion: others do not brake, turn and roll along to centimetres. In even motion
-they keep their distance for seconds, so a body must then be nearer than half the distance travelled."""
 GRAZING = 0.15
 """Share of a range by which that of the next ray may differ on a face met at a grazing angle; more is an edge."""
 NEAR_SHARE, NEAR_MARGIN = 0.15, np.float32(0.1)
@@ -71,26 +68,16 @@ def find_ego_body(
     scans = _scans_apart(T_level_sensor)
     if len(scans) < MIN_SCANS:
         return None
-    max_range = _greatest_range(T_level_sensor[scans], frames.stamps[scans], settings)
-    if max_range < settings.near_reach:
-        return None
 
     def extent(frame: Frame) -> Ranges:
         rows, part = frame.of_sensor(lidar.number)
-        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, max_range)
+        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, settings.max_range)
 
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))
+        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, settings.max_range), scans)))
         few = [frames[i] for i in evenly_spread(scans, _LOOKS)]
         reach = _find_reach(ranges, few, lidar, settings)
         return EgoBody(reach, extent_in_most(list(pool.map(extent, few)))) if reach.any() else None
-
-
-def _greatest_range(T_level_sensor: Array, stamps: Array, settings: EgoBodySettings) -> float:
-    """Return the range, metres, up to which a body is looked for."""
-    if _unevenness(T_level_sensor, stamps) >= MIN_UNEVENNESS:
-        return settings.max_range
-    return min(settings.max_range, 0.5 * float(np.linalg.norm(np.ptp(T_level_sensor[:, :3, 3], axis=0))))
 
 
 def _find_reach(ranges: Ranges, few: list[Frame], lidar: Lidar, settings: EgoBodySettings) -> Ranges:
@@ -124,15 +111,6 @@ def _scans_apart(T_level_sensor: Array) -> list[int]:
         if np.linalg.norm(motion[:3]) + ARM * np.linalg.norm(motion[3:]) > MIN_STEP:
             scans.append(i)
     return evenly_spread(scans, MAX_SCANS)
-
-
-def _unevenness(T: Array, stamps: Array) -> float:
-    """Return the RMS distance (metres) of a point `ARM` from the sensor from where the mean motion would take it."""
-    steps = se3_log(inverse(T[:-1]) @ T[1:])
-    mean = steps.sum(axis=0) / (stamps[-1] - stamps[0])
-    off = np.cumsum(steps - np.diff(stamps)[:, None] * mean, axis=0)
-    off -= off.mean(axis=0)
-    return float(np.sqrt((off[:, :3] ** 2 + (ARM * off[:, 3:]) ** 2).sum(axis=1).mean()))
 
 
 def _nearest_ranges(frame: Frame, lidar: Lidar, max_range: float) -> Ranges:
