@@ -58,9 +58,9 @@ def review(
     from automos.atomic import held
     from automos.progress import StageProgress
     from automos.results.open_run import open_run
+    from automos.review.private_page import private_page
     from automos.review.server import ReviewServer
     from automos.review.session import Session
-    from automos.review.way_in import way_in
 
     run = open_run(results, recording, format)
     with held(results):  # whoever writes there meanwhile would not know of what is decided here
@@ -69,7 +69,7 @@ def review(
         server = ReviewServer(session, port)
         output.print(f"{server.url}  (Ctrl-C ends the review)")
         try:
-            with way_in(results, server.url) if browser else nullcontext() as page:
+            with private_page(results, server.url) if browser else nullcontext() as page:
                 if page is not None and typer.launch(str(page)) != 0:
                     webbrowser.open(page.as_uri())
                 server.serve_forever()

@@ -191,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
         if (
             not is_here
             or not self.path.startswith("/")
-            or not (self.headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin") or self._is_way_in())
+            or not (self.headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin") or self._is_by_private_page())
         ):
             self.close_connection = True
             self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
@@ -202,8 +202,8 @@ class _Handler(BaseHTTPRequestHandler):
             return False
         return True
 
-    def _is_way_in(self) -> bool:
-        """Return whether the page is opened by its whole address, as from our file, which is of no site (`way_in`)."""
+    def _is_by_private_page(self) -> bool:
+        """Return whether the page is opened by its whole address, as by `private_page`, which is of no site."""
         is_opened = self.command == "GET" and self.headers.get("Sec-Fetch-Mode") == "navigate"
         return is_opened and hmac.compare_digest(self.path.encode(), f"/?token={self.server.token}".encode())
 

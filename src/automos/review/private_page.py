@@ -1,4 +1,4 @@
-"""A file by which the reviewer's browser finds the page.
+"""A file by which the browser of a review finds the page, for its owner alone.
 
 Every user of a machine sees the arguments of its processes, and a browser's are what it is to open. So it is to open a
 file that only the reviewer may read, and the token at the end of the address stands in there.
@@ -15,7 +15,7 @@ from automos.atomic import faults_reported
 
 
 @contextmanager
-def way_in(folder: Path, url: str) -> Iterator[Path]:
+def private_page(folder: Path, url: str) -> Iterator[Path]:
     """Yield a page in `folder` that leads to `url`, which its owner alone may read; it is gone after the block.
 
     Browsers in a sandbox may not read the system's folder for temporary files, but the results that they show.

@@ -8,13 +8,13 @@ from browsing import wait_for
 from typer.testing import CliRunner
 
 from automos.cli import app
+from automos.review.private_page import private_page
 from automos.review.server import ReviewServer
-from automos.review.way_in import way_in
 
 
 def test_only_its_owner_may_read_the_address_which_is_gone_afterwards(tmp_path):
     (tmp_path / "open_review.html").write_text("of a review that was killed, for all to read")
-    with way_in(tmp_path, "http://127.0.0.1:1/?token=abc") as page:
+    with private_page(tmp_path, "http://127.0.0.1:1/?token=abc") as page:
         assert "http://127.0.0.1:1/?token=abc" in page.read_text()
         assert os.name == "nt" or page.stat().st_mode & 0o777 == 0o600
     assert not page.exists()
@@ -41,7 +41,7 @@ def test_another_site_opens_the_page_only_by_its_whole_address(server):
 
 @pytest.mark.browser
 def test_a_browser_gets_to_the_page_by_the_file(browser, server, tmp_path):
-    with way_in(tmp_path, server.url) as page:
+    with private_page(tmp_path, server.url) as page:
         browser.get(page.as_uri())
         assert wait_for(browser, "document.body.dataset.shown", seconds=30)
     browser.refresh()
