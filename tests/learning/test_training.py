@@ -133,9 +133,9 @@ def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
         train(data, tmp_path / "network", settings(), device="gpu")
 
 
-def test_every_core_prepares_scans_beside_a_gpu_and_none_where_all_of_them_train(monkeypatch):
+def test_cores_prepare_scans_beside_a_gpu_and_none_where_all_of_them_train(monkeypatch):
     monkeypatch.setattr("automos.network.training.available_cores", lambda: 16)
-    assert default_loaders("cuda", 1) == 16
+    assert default_loaders("cuda", 1) == 8
     assert default_loaders("cuda", 4) == 4
     assert default_loaders("cpu", 1) == 0
 

@@ -34,7 +34,7 @@ def train(
     devices: Annotated[int, typer.Option(min=1, help="GPUs (DDP)")] = 1,
     loaders: Annotated[
         int | None,
-        typer.Option(min=0, help="processes that prepare scans; default: one per core on a GPU, none on a CPU"),
+        typer.Option(min=0, help="processes that prepare scans; default: up to 8 beside a GPU, none on a CPU"),
     ] = None,
     settings: SettingsFile = None,
     set_: Overrides = None,

@@ -45,7 +45,7 @@ def train(
 
     `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
     results folder holds are estimated once into `poses` (`out` / poses where not given). `loaders` processes prepare
-    scans; 0: the training process itself; None: one per core on a GPU, 0 on a CPU.
+    scans; 0: the training process itself; None: up to 8 beside a GPU, 0 on a CPU.
 
     Raises
     ------

@@ -34,6 +34,8 @@ from automos.settings import NetworkSettings
 
 _PATIENCE = 30
 """Epochs without a better validation until training stops: a fifth of the 150 that are the most."""
+_MOST_LOADERS = 8
+"""An H100 trains the full network on 70 scans a second, a core prepares 8 to 10; each process takes time to start."""
 
 
 class Samples(Sized, Protocol):
@@ -180,8 +182,8 @@ def choose_accelerator(device: str, devices: int = 1) -> str:
 
 
 def default_loaders(accelerator: str, devices: int) -> int:
-    """Return how many processes prepare scans: one per core beside a GPU, which else waits for them; none on a CPU."""
-    return available_cores() // devices if accelerator == "cuda" else 0
+    """Return how many processes prepare scans beside each GPU, which would wait for a single one; none on a CPU."""
+    return min(available_cores() // devices, _MOST_LOADERS) if accelerator == "cuda" else 0
 
 
 def read_curve(out: Path) -> list[dict[str, float]]:
