@@ -21,7 +21,7 @@ from store import stored_world
 from trust import OFF, SAYS_SO, speed_error
 
 from automos import ArraySequence, load_settings
-from automos.odometry import estimate, estimate_trajectory, kiss, refine, speed
+from automos.odometry import estimate, estimate_trajectory, facing, kiss, refine, speed
 from automos.odometry.clock import find_missing
 from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 from automos.progress import StageProgress
@@ -59,6 +59,7 @@ PARTS: dict[str, list[tuple[object, str, object]]] = {
     "a search for the speed": [(refine, "SPEED_ROUNDS", 1), (refine, "lengthen", lambda T, missing: T)],
     "a search where the sensor seems to stand": [(refine, "search_speed", _without_direction)],
     "the rival that landmarks propose": [(refine, "is_ahead", lambda *evidence: False)],
+    "isolated points": [(facing, "count_met_again", lambda *met: 0.0)],
     "the body left out of the search": [(speed, "without_body", lambda surfels: surfels)],
     "missing scans counted": [(estimate, "find_missing", _nothing_found)],
     "missing scans counted by what faces along the path": [(estimate, "find_missing", _by_steps_alone)],

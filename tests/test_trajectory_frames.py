@@ -10,6 +10,7 @@ from automos.trajectory import SequenceFrames, Trajectory, make_frame
 
 POINTS = np.array([[10, 0, 0], [np.nan, 0, 0], [0, 10, 0], [0, 0, 0], [0, 0, 5]], np.float32)
 TIMES = np.array([0.0, 0.02, 0.1, 0.05, 0.05], np.float32)
+IS_REPEAT = np.array([False, True, False, True, True])
 
 
 def trajectory(timing) -> Trajectory:
@@ -70,3 +71,20 @@ def test_a_trajectory_survives_being_taken_apart():
 def test_a_trajectory_of_unequal_parts_is_refused():
     with pytest.raises(ValueError, match="stamps must be"):
         Trajectory(np.eye(4)[None], np.zeros(2), np.zeros((1, 6)), SweepTiming(), np.eye(4))
+
+
+def test_a_repeated_scan_is_where_and_when_the_first_one_was():
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 0, 3] = 2.0
+    found = Trajectory(poses, np.array([0.0, 0.1]), np.ones((2, 6)), SweepTiming(), np.eye(4))
+    whole = found.with_repeats(IS_REPEAT)
+    np.testing.assert_allclose(whole.T_world_sensor[:, 0, 3], [0.0, 0.0, 2.0, 2.0, 2.0])
+    np.testing.assert_allclose(whole.stamps, [0.0, 0.001, 0.1, 0.101, 0.102])
+    assert len(whole) == 5
+
+
+def test_stamps_of_scans_that_are_repeated_very_often_increase():
+    found = Trajectory(np.tile(np.eye(4), (2, 1, 1)), np.array([0.0, 0.1]), np.ones((2, 6)), SweepTiming(), np.eye(4))
+    is_repeat = np.ones(302, bool)
+    is_repeat[[0, -1]] = False  # a driver that stood for half a minute
+    assert (np.diff(found.with_repeats(is_repeat).stamps) > 0.0).all()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,15 @@ import numpy.typing as npt
 
 from automos.errors import InputError
 from automos.geometry import Array
-from automos.scan import Frame, Pose, Scan, Sequence
+from automos.scan import Frame, Mask, Pose, Scan, Sequence
 from automos.sensor.compensation import frame_of
 from automos.sensor.sweep_timing import SweepTiming
 
 ARRAYS = ("T_world_sensor", "stamps", "sweep_motion", "T_level_world")
 """Attributes of a trajectory that are arrays, as they are stored."""
+REPEAT_DELAY = 1e-3
+"""Seconds by which a repeated scan is stamped later than the one before, because stamps must increase; less if many
+would reach beyond the next distinct one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +61,19 @@ class Trajectory:
     def T_level_sensor(self) -> Pose:
         """(N, 4, 4) float64."""
         return self.T_level_world @ self.T_world_sensor
+
+    def with_repeats(self, is_repeat: Mask) -> Trajectory:
+        """Return the trajectory of all N scans from this one of the distinct ones: a repeat has the original's pose."""
+        row = np.cumsum(~is_repeat) - 1
+        nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat
+        gaps = np.diff(self.stamps, append=self.stamps[-1] + 1.0)
+        delay = np.minimum(REPEAT_DELAY, 0.5 * gaps / np.bincount(row))
+        return replace(
+            self,
+            T_world_sensor=self.T_world_sensor[row],
+            stamps=self.stamps[row] + delay[row] * nth,
+            sweep_motion=self.sweep_motion[row],
+        )
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return everything as arrays, for `numpy.savez` and `from_arrays`."""

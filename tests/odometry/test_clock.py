@@ -6,15 +6,10 @@ import pytest
 from automos.array_sequence import ArraySequence
 from automos.errors import InputError
 from automos.odometry.clock import TRIED, FacingGaps, find_missing, read_clock
-from automos.odometry.repeats import DistinctScans, with_repeats
 from automos.odometry.surfels import surfels_of
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
-from automos.trajectory import Trajectory
 
 POINT = np.ones((1, 3), np.float32)
-IS_REPEAT = np.array([False, True, False, True, True])
 STEP = 1.1
 
 
@@ -57,31 +52,6 @@ def test_the_clock_goes_on_by_the_gaps():
     clock = read_clock(ArraySequence([np.zeros((1, 3))] * 3)).with_gaps(np.array([1.0, 2.0]))
     np.testing.assert_allclose(clock.stamps, [0.0, 0.1, 0.3])
     assert not clock.has_stamps
-
-
-def test_repeated_scans_are_left_out():
-    scans = [Scan(np.full((1, 3), i + 1.0, np.float32), name=f"{i}") for i in range(5)]
-    distinct = DistinctScans(ArraySequence(scans, stamps=0.1 * np.arange(5)), IS_REPEAT)
-    assert distinct.names == ["0", "2"]
-    assert [scan.points[0, 0] for scan in distinct] == [1.0, 3.0]
-    np.testing.assert_allclose(distinct.stamps, [0.0, 0.2])
-
-
-def test_a_repeated_scan_is_where_and_when_the_first_one_was():
-    poses = np.tile(np.eye(4), (2, 1, 1))
-    poses[1, 0, 3] = 2.0
-    found = Trajectory(poses, np.array([0.0, 0.1]), np.ones((2, 6)), SweepTiming(), np.eye(4))
-    whole = with_repeats(found, IS_REPEAT)
-    np.testing.assert_allclose(whole.T_world_sensor[:, 0, 3], [0.0, 0.0, 2.0, 2.0, 2.0])
-    np.testing.assert_allclose(whole.stamps, [0.0, 0.001, 0.1, 0.101, 0.102])
-    assert len(whole) == 5
-
-
-def test_stamps_of_scans_that_are_repeated_very_often_increase():
-    found = Trajectory(np.tile(np.eye(4), (2, 1, 1)), np.array([0.0, 0.1]), np.ones((2, 6)), SweepTiming(), np.eye(4))
-    is_repeat = np.ones(302, bool)
-    is_repeat[[0, -1]] = False  # a driver that stood for half a minute
-    assert (np.diff(with_repeats(found, is_repeat).stamps) > 0.0).all()
 
 
 def test_a_gap_is_measured_by_the_usual_step_of_few_scans():

@@ -17,13 +17,13 @@ from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
 from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists, usable_points
 from automos.odometry.refine import RollingRefinement
-from automos.odometry.repeats import DistinctScans, with_repeats
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
 from automos.parallel import available_cores
 from automos.scan import Pose, Sequence
 from automos.sensor.sweep_timing import SweepTiming
+from automos.sensor.views import distinct_scans
 from automos.settings import OdometrySettings
 from automos.trajectory import Trajectory
 
@@ -65,8 +65,8 @@ def estimate_trajectory(
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one scan.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
-        distinct = estimate_trajectory(DistinctScans(sequence, is_repeat), settings, None, progress, workers)
-        return with_repeats(distinct, is_repeat)
+        distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers)
+        return distinct.with_repeats(is_repeat)
     # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
         estimate = _Estimate(sequence, settings, read_clock(sequence), pool, progress)

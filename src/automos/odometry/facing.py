@@ -16,6 +16,7 @@ import numpy.typing as npt
 from automos.covariances import variance_along
 from automos.geometry import Array, inverse
 from automos.kernels import kernel
+from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.links import Window
 from automos.odometry.submap import VOXEL, Submap, make_submap
 from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
@@ -159,16 +160,16 @@ def score_speeds(
         submap, whole = facing_surfaces(surfels[start], forward, settings.overhead)
         ends = start + np.array(lags)
         seconds = clock[ends] - clock[start]
-        travelled = signed_distance(inverse(T[start]) @ T[ends], forward)[0]
+        steps = inverse(T[start]) @ T[ends]
+        travelled = signed_distance(steps, forward)[0]
         # A braking sensor has a different mean speed over each lag: a hypothesis changes the speed equally over all.
         distances = travelled[:, None] + (speeds - travelled[-1] / seconds[-1]) * seconds[:, None]
-        found = np.array([
-            score_distances(
-                submap, surfels[end], inverse(T[start]) @ T[end], forward, distance, window.share * period / passed,
-                settings.overhead,
-            )
-            for end, passed, distance in zip(ends, seconds, distances, strict=True)
-        ])  # fmt: skip
+        found = np.zeros((len(lags), 3, len(speeds)))
+        alone = [isolated_points(window.surfels[i], forward, settings.overhead, BESIDE) for i in (start, *ends)]
+        for k, (end, step, share) in enumerate(zip(ends, steps, window.share * period / seconds, strict=True)):
+            found[k] = score_distances(submap, surfels[end], step, forward, distances[k], share, settings.overhead)
+            along = signed_distance(step, forward)
+            found[k, 1] += count_met_again(alone[0], alone[k + 1], step, along, distances[k], share)
         by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (WEIGHTS, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 

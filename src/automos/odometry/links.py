@@ -14,7 +14,6 @@ from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Pose, Sequence
-from automos.sensor.compensation import compensate
 from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
@@ -54,7 +53,7 @@ class Window:
         """Return the same scans at other poses, with surfels compensated for the motion between these."""
         twists = self.share * step_twists(T_world_sensor, self.gaps)
         changes = zip(self.surfels, twists - self.twists, strict=True)
-        surfels = [replace(s, mean=compensate(s.mean, s.time, change)) for s, change in changes]
+        surfels = [of_scan.compensated(change) for of_scan, change in changes]
         return replace(self, surfels=surfels, twists=twists, T_world_sensor=T_world_sensor)
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock, find_missing
 from automos.odometry.kiss import register_surfels
-from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
+from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
 from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import lengthen, search_speed
+from automos.odometry.speed import is_ahead, lengthen, search_speed
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Pose, Scan, Sequence
 from automos.sensor.sweep_timing import SweepTiming, azimuth_times
@@ -48,8 +48,6 @@ CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
 first, and after `WINDOWS` windows."""
 
-ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
-"""Each scan with its neighbours: adapts their steps to the hypothesis, by up to half a metre."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
 """A single iteration, to find the likeliest of many hypotheses."""
 
@@ -109,7 +107,9 @@ def _rough_poses(
     gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
     T = chain(np.eye(4), steps)
     rough = Window(surfels, np.zeros((len(surfels), 6)), T, gaps, clock.period, 0.0)
-    return lengthen(T, search_speed(rough, settings, pool).missing), gaps
+    found = search_speed(rough, settings, pool)
+    is_rival = is_ahead(found.landmarks_at_rival, found.landmarks, True)
+    return lengthen(T, found.rival if is_rival else found.missing), gaps
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -129,15 +129,12 @@ def _surfels_of(
 def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
-    A misfit is the logarithm of the wall thickness over the matched share; NaN if too little is matched. `is_rough`:
-    neighbours keep their steps, which takes a third of the time.
+    A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
     """
     source, T = "none" if guess.has_fixed_seam else guess.source, window.T_world_sensor
     surfels = [_timed(s, guess) for s in window.surfels[source]]
     timed = Window(surfels, window.twists[source], T, window.gaps, window.period, guess.share).moved(T)
     links = list(choose_links(timed, COARSE))
-    if not is_rough:
-        timed = refine_poses(timed, settings, ON_NEIGHBOURS)[0]
     timed = refine_poses(timed, settings, ROUGH if is_rough else COARSE)[0]
     fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
     n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
@@ -149,7 +146,7 @@ def _timed(surfels: Surfels, guess: SweepTiming) -> Surfels:
     """Return surfels with the hypothetical times; those that are known of points only, they have already."""
     if not guess.has_fixed_seam:
         return surfels
-    return replace(surfels, time=azimuth_times(surfels.mean, guess.turn, guess.seam_deg or 0.0))
+    return surfels.timed(lambda points: azimuth_times(points, guess.turn, guess.seam_deg or 0.0))
 
 
 class Search:

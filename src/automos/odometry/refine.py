@@ -32,8 +32,7 @@ WINDOW = 20.0
 """Seconds of recording refined at once: many times the longest baseline."""
 OVERLAP = 6.0
 """Seconds of it that are refined again with the next window: as long as a pose has influence."""
-SPEED_ROUNDS = 5
-"""Searches for the speed, at most, each from the poses of the previous one."""
+SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 
 
 def refine_poses(
@@ -126,26 +125,29 @@ class RollingRefinement:
         surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
         gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
         window = Window(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
-        window, search = self._settle_speed(window)
-        is_possible = can_be_driven(window.T_world_sensor, window.clock)
-        if is_ahead(search.landmarks_at_rival, search.landmarks, is_possible):
-            other, found = self._settle_speed(self._at_longer_steps(window, self._free(search.rival)))
-            if is_ahead(found.landmarks, search.landmarks, is_possible):
-                window, search = other, found
+        registered, first = window, search_speed(window, self._settings, self._pool)
+        window, search = self._settle_speed(registered, first)
+        # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
+        for rival, start in ((first, registered), (search, window)):
+            is_possible = can_be_driven(window.T_world_sensor, window.clock)
+            if is_ahead(rival.landmarks_at_rival, search.landmarks, is_possible):
+                other = self._at_longer_steps(start, self._free(rival.rival))
+                other, found = self._settle_speed(other, search_speed(other, self._settings, self._pool))
+                if is_ahead(found.landmarks, search.landmarks, is_possible):
+                    window, search = other, found
         self.searches.append(search)
         window, consistency = self._refined(window)
         self._consistency.append(consistency)
         self._surfels, self._twists = list(window.surfels), list(window.twists)
         self._poses = list(window.T_world_sensor)
 
-    def _settle_speed(self, window: Window) -> tuple[Window, SpeedSearch]:
-        """Return the window at the speed found from its poses, and the last search."""
-        for _ in range(SPEED_ROUNDS):
-            search = search_speed(window, self._settings, self._pool)
-            missing = self._free(search.missing)
-            if not missing.any():
+    def _settle_speed(self, window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
+        """Return the window at the speed to which the `search` from its poses leads, and the last search."""
+        for _ in range(SPEED_ROUNDS - 1):
+            if not (missing := self._free(search.missing)).any():
                 break
             window = self._at_longer_steps(window, missing)
+            search = search_speed(window, self._settings, self._pool)
         return window, search
 
     def _free(self, missing: Array) -> Array:

@@ -31,23 +31,16 @@ GAIN = 0.2
 """Share by which the score of another speed must be higher."""
 ACCELERATION_COST = 0.3
 """Penalty of an acceleration of the usual size, as a share of a full score."""
-MIN_RATIO = 0.8
-"""Least ratio of the true speed to the initial estimate."""
-MIN_STEP = 0.1
-"""Metres; shorter steps have no direction."""
-KNOWN, KNOWN_SECONDS, KNOWN_PLACES, MAX_SLOPE = 0.4, 2.0, 3, 1.5
-"""Re-observed surfels from which a speed is known; seconds and places next to an unknown end from which its
-acceleration is extrapolated; the greatest such acceleration, m/s²."""
+MIN_RATIO = 0.8  # least ratio of the true speed to the initial estimate
+MIN_STEP = 0.1  # metres; shorter steps have no direction
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
-OTHER_SPEED = 1.0
-"""m/s from which two speeds are considered different."""
+OTHER_SPEED = 1.0  # m/s from which two speeds are considered different
 CLEARLY_MORE = 1.2
 """Standard deviations of the evidence by which a speed must lead another."""
 AHEAD = 0.1
 """Share of the landmarks re-observed at the rival speed by which it must lead to put the current speed in doubt."""
-NEAR_STEPS = 2
-"""Steps of speed within which two speeds count as the same."""
+NEAR_STEPS = 2  # steps of speed within which two speeds count as the same
 
 
 class Landmarks(NamedTuple):
@@ -187,8 +180,7 @@ def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySet
     penalised = scores.with_priors(scores.by_landmarks, 0.0)
     path = _best_path(penalised, scores.speeds, scores.times, settings.usual_acceleration)
     here, there = _landmarks_along(scores, scores.nearest), _landmarks_along(scores, path)
-    speeds = _extended(scores.times, there.speeds, there.refound >= KNOWN)
-    growth = _growth(scores.times, speeds - scores.present, window)
+    growth = _growth(scores.times, there.speeds - scores.present, window)
     return SpeedSearch(np.zeros((len(growth), 3)), growth[:, None] * forward, here, there)
 
 
@@ -198,20 +190,6 @@ def _landmarks_along(scores: SpeedScores, path: npt.NDArray[np.int64]) -> Landma
     refound = np.take_along_axis(np.einsum("k,mks->ms", LANDMARKS, scores.refound), near, axis=1).max(axis=1)
     share = expected_share(scores.speeds[path, None] * np.array(LAGS)).mean(axis=1)
     return Landmarks(scores.speeds[path], refound, scores.whole @ LANDMARKS * share)
-
-
-def _extended(times: Array, speeds: Array, is_known: Mask) -> Array:
-    """Return `speeds` (M,), extrapolated at unknown ends with the acceleration of the known speeds near them."""
-    known = np.flatnonzero(is_known)
-    if len(known) < 2:
-        return speeds
-    out = speeds.copy()
-    for end, outside in ((known[0], times < times[known[0]]), (known[-1], times > times[known[-1]])):
-        near = known[np.abs(times[known] - times[end]) <= KNOWN_SECONDS]
-        if len(near) >= KNOWN_PLACES:
-            slope = np.clip(np.polyfit(times[near] - times[end], speeds[near], 1)[0], -MAX_SLOPE, MAX_SLOPE)
-            out[outside] = speeds[end] + slope * (times[outside] - times[end])
-    return out
 
 
 def _growth(times: Array, change: Array, window: Window) -> Array:

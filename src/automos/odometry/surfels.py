@@ -6,7 +6,8 @@ moved, merged and matched at a thousandth of the cost of its points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from automos.geometry import Array
 from automos.kernels import kernel
 from automos.odometry.motion import usable_points
 from automos.scan import Points, Scan
+from automos.sensor.compensation import compensate
 from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 from automos.voxels import VoxelMap, find_slot, voxel_key
@@ -47,12 +49,23 @@ class Surfels:
     covariance: npt.NDArray[np.float32]  # (M, 6) square metres: xx, xy, xz, yy, yz, zz of the points about their mean
     count: npt.NDArray[np.float32]  # (M,) points
     time: npt.NDArray[np.float32]  # (M,) in [-0.5, 0.5], mean time in the sweep (zero if unknown)
+    sparse: Surfels | None = None  # of the whole scan, those with too few points for a surface
 
     def __len__(self) -> int:
         return len(self.mean)
 
     def __getitem__(self, rows: npt.NDArray | slice) -> Surfels:
         return Surfels(self.mean[rows], self.covariance[rows], self.count[rows], self.time[rows])
+
+    def compensated(self, twist: Array) -> Surfels:
+        """Return the surfels, compensated for the motion `twist` (6,) during the sweep."""
+        sparse = None if self.sparse is None else self.sparse.compensated(twist)
+        return replace(self, mean=compensate(self.mean, self.time, twist), sparse=sparse)
+
+    def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Surfels:
+        """Return the surfels with the times that `times_of` gives for their positions."""
+        sparse = None if self.sparse is None else self.sparse.timed(times_of)
+        return replace(self, time=times_of(self.mean), sparse=sparse)
 
 
 def make_surfels(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
@@ -78,7 +91,8 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, has_seam: 
         is of both. A pattern that never repeats sees a place throughout the sweep.
     """
     surfels = make_surfels(points, times, has_seam)
-    return surfels[surfels.count >= MIN_SURFEL_POINTS]
+    is_surface = surfels.count >= MIN_SURFEL_POINTS
+    return replace(surfels[is_surface], sparse=surfels[~is_surface])
 
 
 def scan_surfels(scan: Scan, twist: Array, timing: SweepTiming, settings: OdometrySettings) -> Surfels:

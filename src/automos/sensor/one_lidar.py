@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from automos.arrays import evenly_spread
-from automos.geometry import Array
 from automos.scan import Pose, Scan, Sequence
+from automos.sensor.views import View
 
 SAMPLES = 5
 """Scans in which the points of each LiDAR are counted."""
 
 
-class OneLidar(Sequence):
+class OneLidar(View):
     """The points of LiDAR `number` in each scan of `sequence`, in its own frame.
 
     What holds for the sweeps of one holds for all that are driven alike, each about its own axis, from wherever it
@@ -21,29 +21,11 @@ class OneLidar(Sequence):
 
     def __init__(self, sequence: Sequence, number: int):
         """Take the recording of merged clouds."""
-        self._sequence, self._number = sequence, number
-        self.name, self.source = sequence.name, sequence.source
-
-    def __len__(self) -> int:
-        return len(self._sequence)
+        super().__init__(sequence)
+        self._number = number
 
     def __getitem__(self, index: int) -> Scan:
-        return self._sequence[index].of_sensor(self._number)[1]
-
-    @property
-    def names(self) -> list[str]:
-        """As in the full recording."""
-        return self._sequence.names
-
-    @property
-    def stamps(self) -> Array | None:
-        """As in the full recording."""
-        return self._sequence.stamps
-
-    @property
-    def is_compensated(self) -> bool | None:
-        """As in the full recording."""
-        return self._sequence.is_compensated
+        return super().__getitem__(index).of_sensor(self._number)[1]
 
 
 def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Pose | None]:

@@ -1,0 +1,70 @@
+"""Isolated points: beside the road, a few beams meet something too small for a surface, at one place of the path.
+
+Surfaces facing along the path need several points each. On a motorway, 16 beams leave one or two on a post or a bush,
+and no such surface is re-observed for seconds. A point with no other ahead or behind, at its height and offset from the
+path, marks a position along the path as well: at 30 m/s, one in twenty or more is met again, and hardly any by chance.
+A long wall or a crash barrier has no isolated points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from automos.geometry import Array
+from automos.odometry.surfels import Surfels
+from automos.scan import Pose
+
+ALONE = (3.0, 0.4, 0.4)
+"""Metres along the path, across it and in height, to both sides of an isolated point, with no other point."""
+CLOSE, CLOSE_ACROSS = 0.15, 0.3
+"""Metres along the path and perpendicular to it between a point and the one that meets it again, at most."""
+BIN = 0.05  # metres of the path, resolution at which points are counted
+
+
+def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: float) -> Surfels:
+    """Return what is isolated along `forward` (3,), higher than `overhead` or farther than `beside` (metres) aside."""
+    sparse = surfels[:0] if surfels.sparse is None else surfels.sparse
+    places = np.concatenate([sparse.mean, surfels.mean]) @ _path_axes(forward)
+    rows = np.flatnonzero((sparse.mean[:, 2] > overhead) | (np.abs(places[: len(sparse), 1]) > beside))
+    if len(rows):
+        tree = KDTree(places / ALONE)
+        rows = rows[tree.query_ball_point(places[rows] / ALONE, 1.0, p=np.inf, return_length=True) == 1]  # itself
+    return sparse[rows]
+
+
+def count_met_again(
+    here: Surfels, there: Surfels, T_here_there: Pose, travelled: tuple[float, Array], distances: Array, share: float
+) -> Array:
+    """Return (D,) how many isolated points are met again if the sensor travelled `distances` (D,), evenly spaced.
+
+    Parameters
+    ----------
+    here, there : of `isolated_points`.
+    T_here_there : (4, 4) float64.
+    travelled : metres and (3,) direction that it has along the path.
+    share : of the distance, that which is travelled during a sweep: points are compensated for each distance.
+    """
+    present, direction = travelled
+    axes = _path_axes(direction)
+    first = here.mean @ axes
+    second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - [present, 0.0, 0.0]
+    if not len(first) or not len(second):
+        return np.zeros(len(distances))
+    found = KDTree(second[:, 1:]).query_ball_tree(KDTree(first[:, 1:]), CLOSE_ACROSS)
+    j = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
+    i = np.concatenate([np.array(rows, int) for rows in found])
+    later = share * (there.time[j] - here.time[i])
+    apart = (first[i, 0] - second[j, 0] + later * present) / (1.0 + later)
+    # What is met at its place in the sensor's frame may be a ring's, on a wall that is seen at a grazing angle.
+    stays = np.abs(apart) < CLOSE
+    apart = apart[~np.isin(i, i[stays]) & ~np.isin(j, j[stays])]
+    edges = np.arange(distances[0] - 1.0, distances[-1] + 1.0 + BIN, BIN)
+    count = np.convolve(np.histogram(apart, edges)[0], np.ones(2 * round(CLOSE / BIN) + 1), "same")
+    return np.interp(distances, edges[:-1] + 0.5 * BIN, count)
+
+
+def _path_axes(direction: Array) -> Array:
+    """Return (3, 3) with the unit vectors along a path, level across it, and perpendicular to both as columns."""
+    across = np.array([-direction[1], direction[0], 0.0]) / max(float(np.hypot(*direction[:2])), 1e-9)
+    return np.column_stack([direction, across, np.cross(direction, across)])
