@@ -34,7 +34,7 @@ def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: f
 
 
 def count_met_again(
-    here: Surfels, there: Surfels, T_here_there: Pose, travelled: tuple[float, Array], distances: Array, share: float
+    here: Surfels, there: Surfels, T_here_there: Pose, travelled: tuple[Array, Array], distances: Array, share: float
 ) -> Array:
     """Return (D,) how many isolated points are met again if the sensor travelled `distances` (D,), evenly spaced.
 
@@ -42,13 +42,13 @@ def count_met_again(
     ----------
     here, there : of `isolated_points`.
     T_here_there : (4, 4) float64.
-    travelled : metres and (3,) direction that it has along the path.
+    travelled : () metres and (3,) direction that it has along the path.
     share : of the distance, that which is travelled during a sweep: points are compensated for each distance.
     """
     present, direction = travelled
     axes = _path_axes(direction)
     first = here.mean @ axes
-    second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - [present, 0.0, 0.0]
+    second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - np.array([1.0, 0.0, 0.0]) * present
     if not len(first) or not len(second):
         return np.zeros(len(distances))
     found = KDTree(second[:, 1:]).query_ball_tree(KDTree(first[:, 1:]), CLOSE_ACROSS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.geometry import Array
 from automos.scan import Mask, Scan, Sequence
@@ -11,7 +12,7 @@ from automos.scan import Mask, Scan, Sequence
 class View(Sequence):
     """The scans `ids` of `sequence`, all by default; subclasses choose among their points."""
 
-    def __init__(self, sequence: Sequence, ids: Array | None = None):
+    def __init__(self, sequence: Sequence, ids: npt.NDArray[np.intp] | None = None):
         self._sequence, self._ids = sequence, np.arange(len(sequence)) if ids is None else ids
         self.name, self.source = sequence.name, sequence.source
 
