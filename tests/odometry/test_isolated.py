@@ -51,6 +51,12 @@ def test_points_of_a_surface_are_no_isolated_points_but_stand_beside_others():
     assert len(isolated([*board, POSTS[1] + [1.5, 0.0, 0.0]])) == 0
 
 
+def test_where_nothing_is_isolated_nothing_is_met_again():
+    none = isolated(np.zeros((0, 3)))
+    assert len(none) == len(isolated([[5.0, 1.0, 0.0]])) == 0
+    assert not met_again(none, isolated(POSTS)).any()
+
+
 def test_isolated_points_are_met_again_after_the_distance_travelled():
     count = met_again(isolated(POSTS), isolated(POSTS - [2.5, 0.0, 0.0]))
     assert DISTANCES[count == 3.0] == pytest.approx([2.4, 2.5, 2.6])

@@ -25,12 +25,13 @@ BIN = 0.05  # metres of the path, resolution at which points are counted
 def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: float) -> Surfels:
     """Return what is isolated along `forward` (3,), higher than `overhead` or farther than `beside` (metres) aside."""
     sparse = surfels[:0] if surfels.sparse is None else surfels.sparse
-    places = np.concatenate([sparse.mean, surfels.mean]) @ _path_axes(forward)
-    rows = np.flatnonzero((sparse.mean[:, 2] > overhead) | (np.abs(places[: len(sparse), 1]) > beside))
-    if len(rows):
-        tree = KDTree(places / ALONE)
-        rows = rows[tree.query_ball_point(places[rows] / ALONE, 1.0, p=np.inf, return_length=True) == 1]  # itself
-    return sparse[rows]
+    points = np.concatenate([sparse.mean, surfels.mean])
+    places = points @ _path_axes(forward)
+    is_landmark = (points[:, 2] > overhead) | (np.abs(places[:, 1]) > beside)
+    rows = np.flatnonzero(is_landmark[: len(sparse)])
+    tree = KDTree(places[is_landmark] / ALONE, balanced_tree=False, compact_nodes=False)
+    n_around = tree.query_ball_point(places[rows] / ALONE, 1.0, p=np.inf, return_length=True)
+    return sparse[rows[n_around == 1]]  # itself
 
 
 def count_met_again(
@@ -40,8 +41,7 @@ def count_met_again(
 
     Parameters
     ----------
-    here, there : of `isolated_points`.
-    T_here_there : (4, 4) float64.
+    here, there, T_here_there : of `isolated_points`, and the (4, 4) from one to the other.
     travelled : () metres and (3,) direction that it has along the path.
     share : of the distance, that which is travelled during a sweep: points are compensated for each distance.
     """
