@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -155,21 +156,20 @@ def score_speeds(
     starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
     clock = window.clock
     speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
+    alone = cache(lambda i: isolated_points(window.surfels[i], forward, settings.overhead, BESIDE))
 
     def score(start: int) -> tuple[Array, Array, Array, Array]:
         submap, whole = facing_surfaces(surfels[start], forward, settings.overhead)
-        ends = start + np.array(lags)
+        ends = [start + lag for lag in lags]
         seconds = clock[ends] - clock[start]
         steps = inverse(T[start]) @ T[ends]
-        travelled = signed_distance(steps, forward)[0]
+        metres, along = signed_distance(steps, forward)
         # A braking sensor has a different mean speed over each lag: a hypothesis changes the speed equally over all.
-        distances = travelled[:, None] + (speeds - travelled[-1] / seconds[-1]) * seconds[:, None]
+        distances = metres[:, None] + (speeds - metres[-1] / seconds[-1]) * seconds[:, None]
         found = np.zeros((len(lags), 3, len(speeds)))
-        alone = [isolated_points(window.surfels[i], forward, settings.overhead, BESIDE) for i in (start, *ends)]
         for k, (end, step, share) in enumerate(zip(ends, steps, window.share * period / seconds, strict=True)):
             found[k] = score_distances(submap, surfels[end], step, forward, distances[k], share, settings.overhead)
-            along = signed_distance(step, forward)
-            found[k, 1] += count_met_again(alone[0], alone[k + 1], step, along, distances[k], share)
+            found[k, 1] += count_met_again(alone(start), alone(end), step, (metres[k], along[k]), distances[k], share)
         by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (WEIGHTS, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 

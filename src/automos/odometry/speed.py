@@ -6,7 +6,7 @@ motion: registrations of neighbouring scans agree on steps that are too short. O
 accelerations are chosen (Viterbi), with priors for the registration's own speed and against driving backwards.
 
 If most observed surfaces are traffic, traffic wins. Its rival is the sequence of speeds under which landmarks alone are
-re-observed: surfaces higher than any vehicle, or farther beside the path than the lanes of the same direction.
+re-observed: what is higher than any vehicle, or farther beside the path than the lanes of the same direction.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NEAR_STEPS = 2  # steps of speed within which two speeds count as the same
 
 
 class Landmarks(NamedTuple):
-    """Re-observed landmarks at M places: surfaces far beside the path or overhead, which cannot be traffic."""
+    """Re-observed landmarks at M places: surfaces and isolated points that cannot be traffic, far aside or overhead."""
 
     speeds: Array  # (M,) m/s
     refound: Array  # (M,) evidence re-observed at these speeds

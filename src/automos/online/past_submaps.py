@@ -19,7 +19,6 @@ from automos.odometry.refine import CONVERGED, INFORMATION
 from automos.odometry.submap import Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels
 from automos.scan import Pose
-from automos.sensor.compensation import compensate
 from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]
@@ -153,7 +152,7 @@ class PastSubmaps:
             step = -np.linalg.solve(known, g + prior * off)
             T = T @ se3_exp(step)
             twist = se3_log(inverse(prediction.T_world_last) @ T) / prediction.gap
-            surfels = _compensated(surfels, prediction.share * (twist - used))
+            surfels = surfels.compensated(prediction.share * (twist - used))
             used = twist
             if np.abs(step[:3]).max() < CONVERGED:
                 break
@@ -177,7 +176,3 @@ class PastSubmaps:
                 place.submap, surfels[k % every :: every], inverse(place.T_world_center) @ T, kernel)
             for k, place in enumerate(places)
         ]  # fmt: skip
-
-
-def _compensated(surfels: Surfels, change: Array) -> Surfels:
-    return Surfels(compensate(surfels.mean, surfels.time, change), surfels.covariance, surfels.count, surfels.time)
