@@ -21,8 +21,7 @@ from store import stored_world
 from trust import OFF, SAYS_SO, speed_error
 
 from automos import ArraySequence, load_settings
-from automos.odometry import estimate, estimate_trajectory, facing, kiss, refine, speed
-from automos.odometry.clock import find_missing
+from automos.odometry import estimate_trajectory, facing, kiss, missing, refine, speed
 from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 from automos.progress import StageProgress
 from automos.scan import Sequence
@@ -33,36 +32,39 @@ MISSING = 7
 """Every so many-th scan is left out of the second half of the drives, and stamps with it."""
 
 
-def _no_landmarks(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
+def _without_direction(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
+    is_known = speed.direction_of(window.steps) is not None
+    if is_known:
+        return search_speed(window, settings, pool)
     nothing = np.zeros((len(window) - 1, 3))
     return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
 
 
-def _without_direction(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
-    is_known = speed._direction(window.steps) is not None
-    return (search_speed if is_known else _no_landmarks)(window, settings, pool)
+def _none_missing(window, settings, pool=None):  # type: ignore[no-untyped-def]
+    return window.gaps
 
 
-def _nothing_found(steps, gaps, period, refound=None):  # type: ignore[no-untyped-def]
-    return gaps
+def _as_registered(window, settings, pool=None):  # type: ignore[no-untyped-def]
+    return window
 
 
-def _by_steps_alone(steps, gaps, period, refound=None):  # type: ignore[no-untyped-def]
-    return find_missing(steps, gaps, period)
+def _nothing_refound(window, overhead, pool):  # type: ignore[no-untyped-def]
+    return np.zeros((len(window) - 1, len(missing.TRIED)))
 
 
 PARTS: dict[str, list[tuple[object, str, object]]] = {
     "everything": [],
     "starts at other speeds": [(kiss, "_find_start", lambda rest, *others: rest)],
-    "landmarks' doubt about a slow start": [(kiss, "search_speed", _no_landmarks)],
-    "that doubt, and the lead of the registration's own start": [(kiss, "TRIAL_GAIN", 0.0)],
-    "a search for the speed": [(refine, "SPEED_ROUNDS", 1), (refine, "lengthen", lambda T, missing: T)],
+    "a search for the speed": [(refine, "SPEED_ROUNDS", 1), (refine, "lengthen", lambda T, longer: T)],
     "a search where the sensor seems to stand": [(refine, "search_speed", _without_direction)],
     "the rival that landmarks propose": [(refine, "is_ahead", lambda *evidence: False)],
-    "isolated points": [(facing, "count_met_again", lambda *met: 0.0)],
-    "the body left out of the search": [(speed, "without_body", lambda surfels: surfels)],
-    "missing scans counted": [(estimate, "find_missing", _nothing_found)],
-    "missing scans counted by what faces along the path": [(estimate, "find_missing", _by_steps_alone)],
+    "isolated points": [
+        (facing, "count_met_again", lambda *met: 0.0),
+        (missing, "count_met_again", lambda *met: 0.0),
+    ],
+    "missing scans counted": [(refine, "count_missing", _none_missing)],
+    "missing scans counted by what faces along the path": [(missing, "refound_after", _nothing_refound)],
+    "missing scans counted at the speed that is searched first": [(missing, "to_likely_speed", _as_registered)],
 }
 """What is left out, and the attributes that are replaced for it."""
 

@@ -27,7 +27,7 @@ def isolated(points, times=None):
 def met_again(here, there, travelled=0.0, share=0.0):
     T = np.eye(4)
     T[0, 3] = travelled
-    return count_met_again(here, there, T, (travelled, FORWARD), DISTANCES, share)
+    return count_met_again(here, there, T, FORWARD, DISTANCES, share)
 
 
 def test_a_post_beside_the_road_is_isolated_and_a_post_at_the_kerb_is_not():

@@ -5,6 +5,7 @@ from test_refine import shaken
 from worlds import record, van
 
 from automos.odometry import refine
+from automos.odometry.clock import Clock
 from automos.odometry.motion import chain
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.surfels import surfels_of
@@ -12,6 +13,7 @@ from automos.settings import OdometrySettings
 
 N = 45
 SETTINGS = OdometrySettings()
+CLOCK = Clock(0.1 * np.arange(N), 0.1, np.ones(N - 1), has_stamps=True)
 
 
 @pytest.fixture
@@ -28,7 +30,7 @@ def drive():
 
 
 def roll(surfels, poses):
-    refinement = RollingRefinement(0.1, 0.0, SETTINGS)
+    refinement = RollingRefinement(CLOCK, 0.0, SETTINGS)
     for i in range(len(poses)):
         step = np.linalg.inv(poses[max(i - 1, 0)]) @ poses[i]
         refinement.add(surfels[i], np.zeros(6), step, 1.0)
@@ -62,7 +64,7 @@ def test_no_more_than_a_window_of_scans_is_kept(drive):
 
 def test_poses_settle_between_searches_for_the_speed():
     pose, n = curve(8.0, 0.0), 30
-    traffic = (van(8.0, 0.0, 0.0, 8.0), van(-9.0, 0.2, 0.0, 8.0), van(2.0, 3.5, 0.0, 8.0), van(-5.0, 3.5, 0.0, 8.0))
+    traffic = (van(8.0, 0.0, 0.0, 8.0), van(-9.0, 0.2, 0.0, 8.0))
     world = record((*CANYON, *traffic), np.array([pose(0.1 * i) for i in range(n)]), n_beams=32)
     truth = true_poses(pose, n)
     steps = np.linalg.inv(truth[:-1]) @ truth[1:]

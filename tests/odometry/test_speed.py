@@ -3,6 +3,7 @@ import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import Block, record, van
 
+from automos.odometry.clock import Clock
 from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, is_stationary, score_distances, score_speeds
 from automos.odometry.links import Alignment, Window
 from automos.odometry.refine import RollingRefinement, refine_poses
@@ -63,7 +64,7 @@ def test_who_brakes_finds_again_over_both_lags_what_stands():
     braking = [9.0 * t - 3.5 * t**2 for t in 0.1 * np.arange(13)]
     truth = np.array([pose(way) for way in braking])
     window = window_of(record(CANYON, truth, n_beams=32), np.linalg.inv(truth[0]) @ truth)
-    scores = score_speeds(np.eye(3)[0], window, window.surfels, SETTINGS, None)
+    scores = score_speeds(np.eye(3)[0], window, SETTINGS, None)
     over_both = scores.refound.sum(axis=1)
     near = [slice(at - 1, at + 2) for at in scores.nearest]
     assert all(of_place[there].max() > 0.95 * of_place.max() for of_place, there in zip(over_both, near, strict=True))
@@ -183,7 +184,8 @@ def test_where_nearly_all_that_is_seen_keeps_step_signs_overhead_tell_the_speed(
     assert not search.missing.any()  # all together, the traffic wins
     assert search.landmarks_at_rival.explains_more_than(search.landmarks)
 
-    refinement = RollingRefinement(0.1, 0.0, settings)
+    clock = Clock(0.1 * np.arange(N), 0.1, np.ones(N - 1), has_stamps=True)
+    refinement = RollingRefinement(clock, 0.0, settings)
     for surfels in window.surfels:
         refinement.add(surfels, np.zeros(6), np.eye(4), 1.0)
     poses, _ = refinement.finish()

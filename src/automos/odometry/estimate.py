@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import Array, checked_poses
 from automos.ground.level import MIN_POINTS, level_frame
-from automos.odometry.clock import Clock, FacingGaps, find_missing, read_clock
+from automos.odometry.clock import Clock, read_clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
 from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists, usable_points
@@ -27,13 +27,20 @@ from automos.sensor.views import distinct_scans
 from automos.settings import OdometrySettings
 from automos.trajectory import Trajectory
 
-GROUND_SCANS = 20
-"""Scans of a recording in which the ground is searched."""
+GROUND_SCANS = 20  # scans of a recording in which the ground is searched
 WITHOUT_CLOCK = 4.0
 """Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 Progress = Callable[[int, int], None]
-FirstPoses = tuple[Pose, list[int], RollingRefinement]
-"""Steps (N - 1, 4, 4) between scans, the scans whose motion is extrapolated, and all scans for refinement."""
+MOST_PASSES = 2  # times that all scans are registered, at most: again, if scans turn out to be missing
+
+
+class Registration(NamedTuple):
+    """All scans, registered."""
+
+    poses: Pose  # (N, 4, 4)
+    gaps: Array  # (N - 1,) time between neighbouring scans over the usual one
+    extrapolated: list[int]  # scans with too few points to register
+    figures: dict[str, Any]  # of the refinement
 
 
 def estimate_trajectory(
@@ -140,53 +147,51 @@ class _Estimate:
     def _poses_under(self, timing: SweepTiming) -> Pose:
         """Return (N, 4, 4) poses under a timing; corrects the clock if scans are missing."""
         names, given = self.sequence.names, self.clock.gaps
-        steps, held, refinement = self._register(timing)
+        found = self._register(timing)
         if len(missing := np.flatnonzero(self.clock.gaps != given)):
             self.warnings.append(
                 f"scans seem to be missing at {len(missing)} places (first: before {names[missing[0] + 1]}); "
                 "without stamps, their number was estimated from the motion and taken into account."
             )
-        if held:
+        if held := found.extrapolated:
             self.warnings.append(
                 f"scans with too few points to register: {len(held)} (first: {names[held[0]]}); their "
                 "poses are extrapolated."
             )
-        if not self.settings.refine:
-            return chain(np.eye(4), steps)
-        poses, consistency = refinement.finish()
-        self.figures |= {**summarize(consistency), **speed_figures(refinement.searches)}
-        return poses
+        self.figures |= found.figures
+        return found.poses
 
-    def _register(self, timing: SweepTiming) -> FirstPoses:
+    def _register(self, timing: SweepTiming) -> Registration:
         """Return every scan registered to the previous ones; repeated if scans turn out to be missing."""
-        if self.clock.has_stamps:
-            return self._register_once(timing)
-        at_gaps = FacingGaps(timing.share, self.settings, self.pool)
-        first = self._register_once(timing, at_gaps)
-        gaps = find_missing(first[0], self.clock.gaps, self.clock.period, at_gaps.shares())
-        if (gaps == self.clock.gaps).all():
-            return first
-        self.clock = self.clock.with_gaps(gaps)
-        return self._register_once(timing)
+        for _ in range(1 if self.clock.has_stamps else MOST_PASSES):
+            found = self._register_once(timing)
+            if (found.gaps == self.clock.gaps).all():
+                break
+            self.clock = self.clock.with_gaps(found.gaps)
+        return found
 
-    def _register_once(self, timing: SweepTiming, at_gaps: FacingGaps | None = None) -> FirstPoses:
-        """Return every scan registered to the previous ones; also passes each to `at_gaps`."""
-        gaps, steps, held = self.clock.gaps, [], []
-        refinement = RollingRefinement(self.clock.period, timing.share, self.settings, self.pool)
-        for i, scan in enumerate(register_scans(self.sequence, self.settings, timing, gaps)):
+    def _register_once(self, timing: SweepTiming) -> Registration:
+        """Return every scan registered to the previous ones, and refined; without stamps, missing scans are counted."""
+        clock, settings, steps, held = self.clock, self.settings, [], []
+        is_refined = settings.refine or not clock.has_stamps  # in which missing scans are counted
+        refinement = RollingRefinement(clock, timing.share, settings, self.pool)
+        for i, scan in enumerate(register_scans(self.sequence, settings, timing, clock.gaps)):
             steps.append(scan.T_last_this)
             if not scan.is_registered:
                 held.append(i)
-            if self.settings.refine or at_gaps is not None:
+            if is_refined:
                 surfels = self.pool.submit(surfels_of, scan.points, scan.times, timing.has_seam)
-                gap = gaps[i - 1] if i else 1.0
-                if self.settings.refine:
-                    refinement.add(surfels, scan.twist, scan.T_last_this, gap)
-                if at_gaps is not None:
-                    at_gaps.add(surfels, scan.T_last_this, gap)
+                refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
             if self.progress is not None:
                 self.progress(i + 1, len(self.sequence))
-        return np.array(steps[1:]).reshape(-1, 4, 4), held, refinement
+        registered = chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
+        if not is_refined:
+            return Registration(registered, clock.gaps, held, {})
+        poses, consistency = refinement.finish()
+        gaps = np.array(refinement.gaps[1:])
+        if not settings.refine:
+            return Registration(registered, gaps, held, {})
+        return Registration(poses, gaps, held, {**summarize(consistency), **speed_figures(refinement.searches)})
 
 
 def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:

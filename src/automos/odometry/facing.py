@@ -19,6 +19,7 @@ from automos.geometry import Array, inverse
 from automos.kernels import kernel
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.links import Window
+from automos.odometry.motion import signed_distance
 from automos.odometry.submap import VOXEL, Submap, make_submap
 from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
 from automos.scan import Pose
@@ -56,15 +57,6 @@ REVERSE_COST = 0.3
 """Penalty of driving backwards, as a share of a full score."""
 MIN_CLEAR_SPEED = 2.0
 """m/s; slower initial estimates may be a mistaken standstill."""
-
-
-def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
-    """Return the (...,) metres travelled, negative backwards, and the (..., 3) forward direction."""
-    travelled = T_start_end[..., :3, 3]
-    length = np.linalg.norm(travelled, axis=-1)
-    sign = np.where(travelled @ forward < 0.0, -1.0, 1.0)
-    direction = sign[..., None] * travelled / np.maximum(length, 1e-9)[..., None]
-    return sign * length, np.where((length > 0.5)[..., None], direction, forward)
 
 
 def score_distances(
@@ -148,28 +140,28 @@ class SpeedScores:
 
 
 def score_speeds(
-    forward: Array, window: Window, surfels: list[Surfels], settings: OdometrySettings, pool: ThreadPoolExecutor | None
+    forward: Array, window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None
 ) -> SpeedScores:
     """Return how much is re-observed along `forward` (3,) at every speed."""
-    T, period = window.T_world_sensor, window.period
+    T, surfels, period = window.T_world_sensor, window.surfels, window.period
     lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
     starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
     clock = window.clock
     speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
-    alone = cache(lambda i: isolated_points(window.surfels[i], forward, settings.overhead, BESIDE))
+    alone = cache(lambda i: isolated_points(surfels[i], forward, settings.overhead, BESIDE))
 
     def score(start: int) -> tuple[Array, Array, Array, Array]:
         submap, whole = facing_surfaces(surfels[start], forward, settings.overhead)
         ends = [start + lag for lag in lags]
         seconds = clock[ends] - clock[start]
         steps = inverse(T[start]) @ T[ends]
-        metres, along = signed_distance(steps, forward)
+        metres = signed_distance(steps, forward)[0]
         # A braking sensor has a different mean speed over each lag: a hypothesis changes the speed equally over all.
         distances = metres[:, None] + (speeds - metres[-1] / seconds[-1]) * seconds[:, None]
         found = np.zeros((len(lags), 3, len(speeds)))
         for k, (end, step, share) in enumerate(zip(ends, steps, window.share * period / seconds, strict=True)):
             found[k] = score_distances(submap, surfels[end], step, forward, distances[k], share, settings.overhead)
-            found[k, 1] += count_met_again(alone(start), alone(end), step, (metres[k], along[k]), distances[k], share)
+            found[k, 1] += count_met_again(alone(start), alone(end), step, forward, distances[k], share)
         by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (WEIGHTS, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from automos.geometry import Array
-from automos.odometry.surfels import Surfels
+from automos.odometry.motion import signed_distance
+from automos.odometry.surfels import Surfels, TimedPoints
 from automos.scan import Pose
 
 ALONE = (3.0, 0.4, 0.4)
@@ -22,7 +23,7 @@ CLOSE, CLOSE_ACROSS = 0.15, 0.3
 BIN = 0.05  # metres of the path, resolution at which points are counted
 
 
-def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: float) -> Surfels:
+def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: float) -> TimedPoints:
     """Return what is isolated along `forward` (3,), higher than `overhead` or farther than `beside` (metres) aside."""
     sparse = surfels[:0] if surfels.sparse is None else surfels.sparse
     points = np.concatenate([sparse.mean, surfels.mean])
@@ -35,17 +36,17 @@ def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: f
 
 
 def count_met_again(
-    here: Surfels, there: Surfels, T_here_there: Pose, travelled: tuple[Array, Array], distances: Array, share: float
+    here: TimedPoints, there: TimedPoints, T_here_there: Pose, forward: Array, distances: Array, share: float
 ) -> Array:
-    """Return (D,) how many isolated points are met again if the sensor travelled `distances` (D,), evenly spaced.
+    """Return (D,) how many isolated points are met again if the sensor travelled `distances` (D,) along its path.
 
     Parameters
     ----------
     here, there, T_here_there : of `isolated_points`, and the (4, 4) from one to the other.
-    travelled : () metres and (3,) direction that it has along the path.
+    forward : (3,) direction of the path.
     share : of the distance, that which is travelled during a sweep: points are compensated for each distance.
     """
-    present, direction = travelled
+    present, direction = signed_distance(T_here_there, forward)
     axes = _path_axes(direction)
     first = here.mean @ axes
     second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - np.array([1.0, 0.0, 0.0]) * present
@@ -59,7 +60,7 @@ def count_met_again(
     # What is met at its place in the sensor's frame may be a ring's, on a wall that is seen at a grazing angle.
     stays = np.abs(apart) < CLOSE
     apart = apart[~np.isin(i, i[stays]) & ~np.isin(j, j[stays])]
-    edges = np.arange(distances[0] - 1.0, distances[-1] + 1.0 + BIN, BIN)
+    edges = np.arange(distances.min() - 1.0, distances.max() + 1.0 + BIN, BIN)
     count = np.convolve(np.histogram(apart, edges)[0], np.ones(2 * round(CLOSE / BIN) + 1), "same")
     return np.interp(distances, edges[:-1] + 0.5 * BIN, count)
 

@@ -4,8 +4,7 @@ Scans are compensated to mid-sweep before KISS-ICP, so its poses refer to mid-sw
 them to the sweep's end). If a scan has too few points to register, the motion is extrapolated and the map kept.
 
 A registration that starts at rest may stay at rest while the sensor drives fast, because rings coincide. So the first
-scans are also registered from a few speeds, and the start whose scans align best over longer baselines is chosen. In
-traffic a standstill aligns well, too, but a stationary sensor re-observes landmarks.
+scans are also registered from a few speeds, and the start whose scans align best over longer baselines is chosen.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
-from automos.odometry.speed import search_speed
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Points, Pose, Scan, Sequence
 from automos.sensor.sweep_timing import SweepTiming
@@ -32,20 +30,13 @@ STEP_DIGITS = 6
 """Decimals (m, rad) of a step: rounding removes the effect of the summation order, so that reruns are identical."""
 UNKNOWN_MOTION, KNOWN_MOTION = 2.0, 0.5
 """Metres, initial expected deviation while the motion is unknown, and once it is known."""
-START_SCANS = 6
-"""Scans registered twice to estimate the motion during the first one."""
+START_SCANS = 6  # scans registered twice to estimate the motion during the first one
 CLEAR_STEP = 0.5
 """Metres per scan: registrations are biased towards rest, so a faster start is not a mistaken standstill."""
-TRIED_STEPS = (1.0, 2.5)
-"""Metres per scan, tried if a start is slower, in both directions of the sensor's x and y axes."""
-TRIAL_SURFELS = 3000
-"""Surfels of a scan with which starts are compared, at most."""
-SAME_START = 0.05
-"""Metres per scan between starts that converged to the same motion, at most."""
-TRIAL_SCANS = 10
-"""Scans whose alignment decides between starts."""
-TRIAL_GAIN = 0.2
-"""Share by which another start, or one that landmarks contradict, must align them better."""
+TRIED_STEPS = (1.0, 2.5)  # metres per scan, tried if a start is slower, in both directions of the sensor's x and y axes
+TRIAL_SURFELS = 3000  # surfels of a scan with which starts are compared, at most
+SAME_START = 0.05  # metres per scan between starts that converged to the same motion, at most
+TRIAL_SCANS = 10  # scans whose alignment decides between starts
 COARSE_VOXEL = 1.5
 """Metres, voxel of the local map that surfels are registered to: later steps provide centimetre accuracy."""
 
@@ -145,12 +136,8 @@ def _find_start(rest: Array, surfels: list[Surfels], settings: OdometrySettings,
         start, is_from_rest = se3_log(aligned.steps[0]) / gaps[0], not tried
         if is_from_rest and (misfit is None or np.linalg.norm(start[:3]) > CLEAR_STEP):
             return rest
-        if misfit is not None:
-            misfit += is_from_rest * np.log1p(-TRIAL_GAIN)
-            if misfit < least and search_speed(aligned, settings).landmarks.are_missed:
-                misfit -= np.log1p(-TRIAL_GAIN)
-            if misfit < least:
-                best, least = rest if is_from_rest else start, misfit
+        if misfit is not None and misfit < least:
+            best, least = rest if is_from_rest else start, misfit
         tried.append(steps)
     return best
 

@@ -62,6 +62,15 @@ def step_twists(poses: Pose, gaps: Array) -> Array:
     return 0.5 * (before + after)
 
 
+def signed_distance(T_start_end: Pose, forward: Array) -> tuple[Array, Array]:
+    """Return the (...,) metres travelled, negative backwards, and the (..., 3) forward direction."""
+    travelled = T_start_end[..., :3, 3]
+    length = np.linalg.norm(travelled, axis=-1)
+    sign = np.where(travelled @ forward < 0.0, -1.0, 1.0)
+    direction = sign[..., None] * travelled / np.maximum(length, 1e-9)[..., None]
+    return sign * length, np.where((length > 0.5)[..., None], direction, forward)
+
+
 def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
     """Return the greatest acceleration, m/s², of (N, 4, 4) `poses` over half a second, and its middle scan."""
     if len(times) < 2:

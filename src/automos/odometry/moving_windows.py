@@ -10,12 +10,13 @@ from functools import cache, partial
 import numpy as np
 
 from automos.geometry import Array, inverse, se3_log
-from automos.odometry.clock import Clock, find_missing
+from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
+from automos.odometry.missing import find_missing
 from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
-from automos.odometry.speed import is_ahead, lengthen, search_speed
+from automos.odometry.speed import to_likely_speed
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.scan import Pose, Scan, Sequence
 from automos.sensor.sweep_timing import SweepTiming, azimuth_times
@@ -107,9 +108,7 @@ def _rough_poses(
     gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
     T = chain(np.eye(4), steps)
     rough = Window(surfels, np.zeros((len(surfels), 6)), T, gaps, clock.period, 0.0)
-    found = search_speed(rough, settings, pool)
-    is_rival = is_ahead(found.landmarks_at_rival, found.landmarks, True)
-    return lengthen(T, found.rival if is_rival else found.missing), gaps
+    return to_likely_speed(rough, settings, pool).T_world_sensor, gaps
 
 
 def bend_of(T_world_sensor: Pose) -> float:

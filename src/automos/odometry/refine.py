@@ -14,24 +14,23 @@ import numpy as np
 
 from automos.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.normal_equations import FIXED, NormalEquations
+from automos.odometry.clock import Clock
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
+from automos.odometry.missing import count_missing, with_gaps
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
-from automos.scan import Pose
+from automos.scan import Mask, Pose
 from automos.settings import OdometrySettings
 
-CONVERGED = 0.003
-"""Metres; iterations end once no scan moves further: a tenth of a surfel's noise."""
+CONVERGED = 0.003  # metres; iterations end once no scan moves further: a tenth of a surfel's noise
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
-LOOSE = 1e-3
-"""Prior information on every pose, which keeps scans without links in place."""
+LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
 WINDOW = 20.0
 """Seconds of recording refined at once: many times the longest baseline."""
-OVERLAP = 6.0
-"""Seconds of it that are refined again with the next window: as long as a pose has influence."""
+OVERLAP = 6.0  # seconds of it that are refined again with the next window: as long as a pose has influence
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 
 
@@ -90,20 +89,20 @@ class RollingRefinement:
     refined again, with the later scans that it lacked.
     """
 
-    def __init__(self, period: float, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
-        """Take the usual period (s), the sweep's share of it, and threads."""
-        self._period, self._share, self._settings, self._pool = period, share, settings, pool
-        self._length = max(round(WINDOW / period), 3)
-        self._overlap = min(max(round(OVERLAP / period), 2), self._length - 1)
+    def __init__(self, clock: Clock, share: float, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None):
+        """Take the clock (if it has no stamps, missing scans are counted), the sweep's share of its period, threads."""
+        self._clock, self._share, self._settings, self._pool = clock, share, settings, pool
+        self._length = max(round(WINDOW / clock.period), 3)
+        self._overlap = min(max(round(OVERLAP / clock.period), 2), self._length - 1)
         self._surfels: list[Surfels | Future[Surfels]] = []
         self._twists: list[Array] = []
         self._poses: list[Pose] = []
         self._gaps: list[float] = []
         self._n_known = 0  # how many of these were refined before
         self._finished: list[Pose] = []
+        self.gaps: list[float] = []  # of the finished scans, each to the scan before (the first has none)
         self._consistency: list[Consistency] = []
-        self.searches: list[SpeedSearch] = []
-        """Result of the last speed search in each window."""
+        self.searches: list[SpeedSearch] = []  # the last one in each window
 
     def add(self, surfels: Surfels | Future[Surfels], twist: Array, T_last_this: Pose, gap: float) -> None:
         """Add a scan: surfels, the twist of their compensation, pose in the previous scan's frame, gap to that scan."""
@@ -124,8 +123,20 @@ class RollingRefinement:
     def _refine(self) -> None:
         surfels = [s.result() if isinstance(s, Future) else s for s in self._surfels]
         gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
-        window = Window(surfels, np.array(self._twists), poses, gaps, self._period, self._share)
-        registered, first = window, search_speed(window, self._settings, self._pool)
+        window = Window(surfels, np.array(self._twists), poses, gaps, self._clock.period, self._share)
+        if not self._clock.has_stamps:
+            counted = count_missing(window, self._settings, self._pool)
+            window = with_gaps(window, np.where(self._is_free(gaps), counted, gaps))
+        window, search = self._at_likely_speed(window)
+        self.searches.append(search)
+        window, consistency = self._refined(window)
+        self._consistency.append(consistency)
+        self._surfels, self._twists, self._gaps[1:] = list(window.surfels), list(window.twists), window.gaps.tolist()
+        self._poses = list(window.T_world_sensor)
+
+    def _at_likely_speed(self, registered: Window) -> tuple[Window, SpeedSearch]:
+        """Return the window at the speed that surfaces along the path or landmarks favour, and the last search."""
+        first = search_speed(registered, self._settings, self._pool)
         window, search = self._settle_speed(registered, first)
         # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
         for rival, start in ((first, registered), (search, window)):
@@ -135,11 +146,7 @@ class RollingRefinement:
                 other, found = self._settle_speed(other, search_speed(other, self._settings, self._pool))
                 if is_ahead(found.landmarks, search.landmarks, is_possible):
                     window, search = other, found
-        self.searches.append(search)
-        window, consistency = self._refined(window)
-        self._consistency.append(consistency)
-        self._surfels, self._twists = list(window.surfels), list(window.twists)
-        self._poses = list(window.T_world_sensor)
+        return window, search
 
     def _settle_speed(self, window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
         """Return the window at the speed to which the `search` from its poses leads, and the last search."""
@@ -150,9 +157,13 @@ class RollingRefinement:
             search = search_speed(window, self._settings, self._pool)
         return window, search
 
+    def _is_free(self, steps: Array) -> Mask:
+        """Return (N - 1,) which of the `steps` were not refined before."""
+        return np.arange(len(steps)) >= self._n_known - 1
+
     def _free(self, missing: Array) -> Array:
         """Return (N - 1, 3) `missing` metres, zero for steps that were refined before."""
-        return np.where(np.arange(len(missing))[:, None] < self._n_known - 1, 0.0, missing)
+        return np.where(self._is_free(missing)[:, None], missing, 0.0)
 
     def _at_longer_steps(self, window: Window, missing: Array) -> Window:
         """Return the window with `missing` (N - 1, 3) metres added to its steps, refined."""
@@ -165,6 +176,7 @@ class RollingRefinement:
     def _keep_last(self, n: int) -> None:
         done = len(self._poses) - n
         self._finished += self._poses[:done]
+        self.gaps += self._gaps[:done]
         for kept in (self._surfels, self._twists, self._poses, self._gaps):
             del kept[:done]
         self._n_known = n

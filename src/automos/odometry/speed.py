@@ -21,7 +21,6 @@ import numpy.typing as npt
 from automos.geometry import Array
 from automos.odometry.facing import LAGS, LANDMARKS, STEP, SpeedScores, expected_share, is_stationary, score_speeds
 from automos.odometry.links import Window
-from automos.odometry.surfels import without_body
 from automos.scan import Mask, Pose
 from automos.settings import OdometrySettings
 
@@ -105,18 +104,24 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
         return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
-    surfels = without_body(window.surfels)
-    known = _direction(steps)
+    known = direction_of(steps)
     best, best_gain, found = nothing, 0.0, []
     # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.
     for forward in np.eye(3)[:2] if known is None else [known]:
-        scores = score_speeds(forward, window, surfels, settings, pool)
+        scores = score_speeds(forward, window, settings, pool)
         growth, gain = _follow_speed(scores, window, settings, known is None)
         if gain > best_gain:
             best, best_gain = growth[:, None] * forward, gain
         found.append(_follow_landmarks(scores, window, settings, forward))
     rival = max(found, key=lambda search: search.landmarks_at_rival.lead_over(search.landmarks))
     return replace(rival, missing=best)
+
+
+def to_likely_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Window:
+    """Return the scans at the speed that landmarks clearly favour, or else at that of all surfaces; not refined."""
+    found = search_speed(window, settings, pool)
+    is_rival = is_ahead(found.landmarks_at_rival, found.landmarks, True)
+    return window.moved(lengthen(window.T_world_sensor, found.rival if is_rival else found.missing))
 
 
 def speed_figures(searches: list[SpeedSearch]) -> dict[str, float | bool]:
@@ -198,7 +203,7 @@ def _growth(times: Array, change: Array, window: Window) -> Array:
     return np.interp(0.5 * (clock[1:] + clock[:-1]), times, change) * np.diff(clock)
 
 
-def _direction(steps: Pose) -> Array | None:
+def direction_of(steps: Pose) -> Array | None:
     """Return the usual (3,) direction of motion in the sensor frame; None if there is none."""
     length = np.linalg.norm(steps[:, :3, 3], axis=1)
     if len(length) == 0 or length.max() < MIN_STEP:

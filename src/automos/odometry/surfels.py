@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ from automos.scan import Points, Scan
 from automos.sensor.compensation import compensate
 from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
-from automos.voxels import VoxelMap, find_slot, voxel_key
+from automos.voxels import find_slot, voxel_key
 
 N_LEVELS = 4
 """Voxel sizes: each covers twice the distance of the previous one."""
@@ -31,41 +32,50 @@ MAX_RANGE = 80.0
 """Metres; surfels farther away are larger than the errors they should reveal."""
 MIN_SURFEL_POINTS = 3
 """Points of a surfel, at least: fewer have no extent."""
-BODY_RANGE = 6.0
-"""Metres within which the ego body is searched: up to the ends of a long vehicle."""
-BODY_VOXEL = 0.4
-"""Metres, edge of the voxels in which positions are compared, the same as for surfels."""
-BODY_SHARE = 0.8
-"""Share of the scans that must observe it at the same position."""
-BODY_SPREAD = 0.04
-"""Metres, deviation of that position: noise of a surfel."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surfels:
-    """Surfels in one frame."""
+class TimedPoints:
+    """Positions in one frame, and when in the sweep they were measured."""
 
     mean: Points  # (M, 3) metres
-    covariance: npt.NDArray[np.float32]  # (M, 6) square metres: xx, xy, xz, yy, yz, zz of the points about their mean
-    count: npt.NDArray[np.float32]  # (M,) points
     time: npt.NDArray[np.float32]  # (M,) in [-0.5, 0.5], mean time in the sweep (zero if unknown)
-    sparse: Surfels | None = None  # of the whole scan, those with too few points for a surface
 
     def __len__(self) -> int:
         return len(self.mean)
 
+    def __getitem__(self, rows: npt.NDArray | slice) -> TimedPoints:
+        return TimedPoints(self.mean[rows], self.time[rows])
+
+    def compensated(self, twist: Array) -> Self:
+        """Return them compensated for the motion `twist` (6,) during the sweep."""
+        return replace(self, mean=compensate(self.mean, self.time, twist))
+
+    def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Self:
+        """Return them with the times that `times_of` gives for their positions."""
+        return replace(self, time=times_of(self.mean))
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels(TimedPoints):
+    """Surfels in one frame."""
+
+    covariance: npt.NDArray[np.float32]  # (M, 6) square metres: xx, xy, xz, yy, yz, zz of the points about their mean
+    count: npt.NDArray[np.float32]  # (M,) points
+    sparse: TimedPoints | None = None  # means of the whole scan's voxels with too few points for a surface
+
     def __getitem__(self, rows: npt.NDArray | slice) -> Surfels:
-        return Surfels(self.mean[rows], self.covariance[rows], self.count[rows], self.time[rows])
+        return Surfels(self.mean[rows], self.time[rows], self.covariance[rows], self.count[rows])
 
     def compensated(self, twist: Array) -> Surfels:
-        """Return the surfels, compensated for the motion `twist` (6,) during the sweep."""
+        """Return them compensated for the motion `twist` (6,), the sparse ones, too."""
         sparse = None if self.sparse is None else self.sparse.compensated(twist)
-        return replace(self, mean=compensate(self.mean, self.time, twist), sparse=sparse)
+        return replace(super().compensated(twist), sparse=sparse)
 
     def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Surfels:
-        """Return the surfels with the times that `times_of` gives for their positions."""
+        """Return them with the times that `times_of` gives, the sparse ones, too."""
         sparse = None if self.sparse is None else self.sparse.timed(times_of)
-        return replace(self, time=times_of(self.mean), sparse=sparse)
+        return replace(super().timed(times_of), sparse=sparse)
 
 
 def make_surfels(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
@@ -77,7 +87,7 @@ def make_surfels(points: Points, times: npt.NDArray[np.float32] | None, has_seam
     moments = sums[:, 1:] * (1.0 / sums[:, :1])
     mean, second = moments[:, :3], moments[:, 3:9]
     covariance = second - mean[:, [0, 0, 0, 1, 1, 2]] * mean[:, [0, 1, 2, 1, 2, 2]]
-    return Surfels(*(part.astype(np.float32) for part in (mean, covariance, sums[:, 0], moments[:, 9])))
+    return Surfels(*(part.astype(np.float32) for part in (mean, moments[:, 9], covariance, sums[:, 0])))
 
 
 def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
@@ -92,36 +102,12 @@ def surfels_of(points: Points, times: npt.NDArray[np.float32] | None, has_seam: 
     """
     surfels = make_surfels(points, times, has_seam)
     is_surface = surfels.count >= MIN_SURFEL_POINTS
-    return replace(surfels[is_surface], sparse=surfels[~is_surface])
+    return replace(surfels[is_surface], sparse=TimedPoints(surfels.mean[~is_surface], surfels.time[~is_surface]))
 
 
 def scan_surfels(scan: Scan, twist: Array, timing: SweepTiming, settings: OdometrySettings) -> Surfels:
     """Return the surfels of `scan`, compensated for the `twist` (6,) of its sweep with the times of `timing`."""
     return surfels_of(*usable_points(scan, timing, twist, settings), timing.has_seam)
-
-
-def without_body(surfels: list[Surfels]) -> list[Surfels]:
-    """Return the surfels of consecutive scans, each in its sensor frame, without those of the ego body.
-
-    These are near the sensor, at the same position within centimetres in nearly every scan (as is very even ground,
-    which is not needed; at standstill, everything is).
-    """
-    if not surfels:
-        return []
-    is_near = [np.einsum("ij,ij->i", s.mean, s.mean) < BODY_RANGE**2 for s in surfels]
-    means = np.concatenate([s.mean[near] for s, near in zip(surfels, is_near, strict=True)]).astype(np.float64)
-    voxel = VoxelMap(BODY_VOXEL).add(means)
-    count = np.bincount(voxel)
-    spread = np.zeros(len(count))
-    for axis in range(3):
-        mean = np.bincount(voxel, means[:, axis], len(count)) / count
-        spread += np.bincount(voxel, (means[:, axis] - mean[voxel]) ** 2, len(count)) / count
-    is_body = ((count > BODY_SHARE * len(surfels)) & (spread < BODY_SPREAD**2))[voxel]
-    parts = np.split(is_body, np.cumsum([near.sum() for near in is_near])[:-1])
-    kept = [~near for near in is_near]
-    for keep, near, body in zip(kept, is_near, parts, strict=True):
-        keep[near] = ~body
-    return [scan[keep] for scan, keep in zip(surfels, kept, strict=True)]
 
 
 @kernel

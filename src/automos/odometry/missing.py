@@ -1,0 +1,141 @@
+"""Missing scans of a recording without stamps, counted from the motion.
+
+A missing scan shows as a step of twice the length among even ones. But registrations start with the previous motion,
+and in traffic that keeps pace they stay there. Surfaces facing along the path do not move with the traffic: they are
+re-observed at a step of one, two or more gaps. Both cues are combined, since in open terrain no surface faces along the
+path, but registrations are right there. The speed is searched first: where registrations follow the traffic, no step of
+theirs stands out.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from automos.geometry import Array, inverse
+from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
+from automos.odometry.isolated import count_met_again, isolated_points
+from automos.odometry.links import Window
+from automos.odometry.speed import direction_of, lengthen, to_likely_speed
+from automos.scan import Pose
+from automos.settings import OdometrySettings
+
+N_AROUND = 3  # steps on either side that define the usual speed
+TRIED = np.arange(1.0, 7.0)  # hypotheses on the gaps of a step: up to five consecutive missing scans are detected
+LAGS = 2  # steps over which surfaces are re-observed, at most: over more, errors of several steps add up
+ROUNDS = 3  # searches for the speed, at most, each with the gaps that were found at the previous one
+AROUND = 0.1 * np.arange(-2, 3)  # metres around a distance: the speed only approximates that of the steps around
+LEAST_STEP = 0.2  # metres; if steps are usually shorter, double steps cannot be distinguished from single ones
+USUAL_ACCELERATION = 3.0  # m/s², usual change of the speed from scan to scan
+STEP_NOISE = 0.05  # metres, error of a registration from scan to scan
+MISTAKEN = 14.0  # greatest log-odds that a registration contributes: it may follow traffic
+SELDOM, EACH = 8.0, 1.0  # prior log-odds that no scan is missing at a place, and for each further missing scan
+REFOUND = 30.0  # log-odds if over one of three pairs of scans, all that faces along the path is re-observed
+CHANCE = 0.1  # share re-observed by chance for each missing scan: posts along a road are evenly spaced
+
+
+def count_missing(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Array:
+    """Return (N - 1,) the likely gaps between the scans, at the likely speed."""
+    given = window.gaps
+    for _ in range(ROUNDS):
+        window = to_likely_speed(window, settings, pool)
+        refound = refound_after(window, settings.overhead, pool)
+        gaps, before = find_missing(window.steps, given, window.period, refound), window.gaps
+        if (gaps == before).all():
+            break
+        window = with_gaps(window, gaps)
+    return gaps
+
+
+def with_gaps(window: Window, gaps: Array) -> Window:
+    """Return the scans with other `gaps` (N - 1,), and where these differ, with steps as long as others by the gap."""
+    travelled = window.steps[:, :3, 3]
+    missing = _usual(travelled / gaps[:, None]) * gaps[:, None] - travelled
+    T = lengthen(window.T_world_sensor, np.where((gaps != window.gaps)[:, None], missing, 0.0))
+    return replace(window, gaps=gaps).moved(T)
+
+
+def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
+    """Return (N - 1,) the gaps under which the speed changes least and most surfaces are re-observed.
+
+    The less the scans before and after agree on the speed, the less a step's length counts.
+
+    Parameters
+    ----------
+    steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered.
+    gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
+    period : float, seconds between scans.
+    refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
+    """
+    travelled, found = steps[:, :3, 3], gaps
+    rarity = SELDOM + EACH * (TRIED - 1.0)
+    certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
+    for _ in range(2):  # neighbouring steps may have gaps, too
+        velocity, found = travelled / found[:, None], gaps.copy()
+        for k in range(len(travelled)):
+            sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
+            medians = [np.median(side, axis=0) for side in sides if len(side) == N_AROUND]
+            if not medians:
+                continue
+            before, after = medians[0], medians[-1]
+            usual = 0.5 * (before + after)
+            length = np.linalg.norm(usual)
+            if length < LEAST_STEP:
+                continue  # double steps are hardly longer
+            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # either side may be right
+            off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
+            cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
+            if refound is not None:
+                cost -= REFOUND * np.maximum(refound[k] - CHANCE * (TRIED - 1.0), 0.0)
+            found[k] = TRIED[np.argmin(cost)]
+    return found
+
+
+def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | None) -> Array:
+    """Return (N - 1, 6) what faces along the path and is re-observed if a step has 1 to 6 gaps.
+
+    The sum over the pairs of scans that a step is part of (at most `LAGS` steps apart) of a share of 1 at most.
+    """
+    steps, T, surfels = window.steps, window.T_world_sensor, window.surfels
+    found = np.zeros((len(steps) + LAGS, len(TRIED)))
+    if (forward := direction_of(steps)) is None:
+        return found[: len(steps)]
+    single = _usual(steps[:, :3, 3] / window.gaps[:, None]) @ forward  # also of the other step of a pair: see above
+    alone = cache(lambda i: isolated_points(surfels[i], forward, overhead, BESIDE))
+
+    def shares(first: int) -> Array:
+        """Return (2, 6) the shares for the steps after a scan."""
+        share_of = np.zeros((LAGS, len(TRIED)))
+        if single[first] < LEAST_STEP:
+            return share_of
+        submap, whole = facing_surfaces(surfels[first], forward, overhead)
+        for last in range(first + 1, min(first + LAGS, len(steps)) + 1):
+            each, n = slice(first, last), last - first
+            lengths = single[each] * window.gaps[each]
+            others = lengths.sum() - lengths
+            distances = (others + single[each] * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
+            pair, tried = inverse(T[first]) @ T[last], distances.ravel()
+            refound = score_distances(submap, surfels[last], pair, forward, tried, window.share / n, overhead)
+            refound[1] += count_met_again(alone(first), alone(last), pair, forward, tried, window.share / n)
+            scores = weighed_down(WEIGHTS @ refound, float(WEIGHTS @ whole), tried)
+            best = scores.reshape(distances.shape).max(axis=2)
+            share_of[:n] += best / (best.max(axis=1, keepdims=True) + EVIDENCE)
+        return share_of
+
+    firsts = range(len(steps))
+    for first, share_of in enumerate(map(shares, firsts) if pool is None else pool.map(shares, firsts)):
+        found[first : first + LAGS] += share_of
+    return found[: len(steps)]
+
+
+def _usual(velocities: Array) -> Array:
+    """Return (M, 3) the median of the `velocities` (M, 3) around each; zero if there is only one."""
+    if len(velocities) == 1:
+        return np.zeros_like(velocities)
+    around = np.full((2 * N_AROUND, *velocities.shape), np.nan)
+    for k in range(N_AROUND):
+        around[2 * k, k + 1 :], around[2 * k + 1, : -(k + 1)] = velocities[: -(k + 1)], velocities[k + 1 :]
+    return np.nanmedian(around, axis=0)
