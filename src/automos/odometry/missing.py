@@ -65,7 +65,7 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
 
     Parameters
     ----------
-    steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered.
+    steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered or at a likely speed.
     gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
     period : float, seconds between scans.
     refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
@@ -103,7 +103,8 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
     found = np.zeros((len(steps) + LAGS, len(TRIED)))
     if (forward := direction_of(steps)) is None:
         return found[: len(steps)]
-    single = _usual(steps[:, :3, 3] / window.gaps[:, None]) @ forward  # also of the other step of a pair: see above
+    # The usual speed, for the other step of a pair as well: a single registered step may be too short.
+    single = _usual(steps[:, :3, 3] / window.gaps[:, None]) @ forward
     alone = cache(lambda i: isolated_points(surfels[i], forward, overhead, BESIDE))
 
     def shares(first: int) -> Array:

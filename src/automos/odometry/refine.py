@@ -125,8 +125,8 @@ class RollingRefinement:
         gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
         window = Window(surfels, np.array(self._twists), poses, gaps, self._clock.period, self._share)
         if not self._clock.has_stamps:
-            counted = count_missing(window, self._settings, self._pool)
-            window = with_gaps(window, np.where(self._is_free(gaps), counted, gaps))
+            counted = np.where(self._is_free(gaps), count_missing(window, self._settings, self._pool), gaps)
+            window = window if (counted == gaps).all() else with_gaps(window, counted)
         window, search = self._at_likely_speed(window)
         self.searches.append(search)
         window, consistency = self._refined(window)
