@@ -21,7 +21,7 @@ from store import stored_world
 from trust import OFF, SAYS_SO, speed_error
 
 from automos import ArraySequence, load_settings
-from automos.odometry import estimate_trajectory, facing, kiss, missing, refine, speed
+from automos.odometry import estimate_trajectory, facing, kiss, missing_scans, refine, speed
 from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 from automos.progress import StageProgress
 from automos.scan import Sequence
@@ -49,7 +49,7 @@ def _as_registered(window, settings, pool=None):  # type: ignore[no-untyped-def]
 
 
 def _nothing_refound(window, overhead, pool):  # type: ignore[no-untyped-def]
-    return np.zeros((len(window) - 1, len(missing.TRIED)))
+    return np.zeros((len(window) - 1, len(missing_scans.TRIED)))
 
 
 PARTS: dict[str, list[tuple[object, str, object]]] = {
@@ -60,11 +60,11 @@ PARTS: dict[str, list[tuple[object, str, object]]] = {
     "the rival that landmarks propose": [(refine, "is_ahead", lambda *evidence: False)],
     "isolated points": [
         (facing, "count_met_again", lambda *met: 0.0),
-        (missing, "count_met_again", lambda *met: 0.0),
+        (missing_scans, "count_met_again", lambda *met: 0.0),
     ],
     "missing scans counted": [(refine, "count_missing", _none_missing)],
-    "missing scans counted by what faces along the path": [(missing, "refound_after", _nothing_refound)],
-    "missing scans counted at the speed that is searched first": [(missing, "to_likely_speed", _as_registered)],
+    "missing scans counted by what faces along the path": [(missing_scans, "refound_after", _nothing_refound)],
+    "missing scans counted at the speed that is searched first": [(missing_scans, "to_likely_speed", _as_registered)],
 }
 """What is left out, and the attributes that are replaced for it."""
 

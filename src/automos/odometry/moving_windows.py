@@ -13,7 +13,7 @@ from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
-from automos.odometry.missing import find_missing
+from automos.odometry.missing_scans import find_missing
 from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import to_likely_speed

@@ -16,7 +16,7 @@ from automos.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.normal_equations import FIXED, NormalEquations
 from automos.odometry.clock import Clock
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
-from automos.odometry.missing import count_missing, with_gaps
+from automos.odometry.missing_scans import count_missing, with_gaps
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit

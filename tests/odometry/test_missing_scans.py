@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.odometry.links import Window
-from automos.odometry.missing import TRIED, count_missing, find_missing, refound_after, with_gaps
+from automos.odometry.missing_scans import TRIED, count_missing, find_missing, refound_after, with_gaps
 from automos.odometry.motion import chain
 from automos.odometry.surfels import surfels_of
 from automos.settings import OdometrySettings
