@@ -29,7 +29,7 @@ from automos.scan import Sequence
 SCENARIOS = ("motorway", "canyon", "slowdown", "avenue")
 SENSORS = ("VLP-16", "HDL-64E")
 MISSING = 7
-"""Every so many-th scan is left out of the second half of the drives, and stamps with it."""
+"""Every so many-th scan is left out of the second form of each drive, and its stamps with it."""
 
 
 def _without_direction(window, settings, pool=None) -> SpeedSearch:  # type: ignore[no-untyped-def]
