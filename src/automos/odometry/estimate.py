@@ -184,14 +184,13 @@ class _Estimate:
                 refinement.add(surfels, scan.twist, scan.T_last_this, clock.gaps[i - 1] if i else 1.0)
             if self.progress is not None:
                 self.progress(i + 1, len(self.sequence))
-        registered = chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4))
-        if not is_refined:
-            return Registration(registered, clock.gaps, held, {})
-        poses, consistency = refinement.finish()
-        gaps = np.array(refinement.gaps[1:])
-        if not settings.refine:
-            return Registration(registered, gaps, held, {})
-        return Registration(poses, gaps, held, {**summarize(consistency), **speed_figures(refinement.searches)})
+        poses, gaps, figures = chain(np.eye(4), np.array(steps[1:]).reshape(-1, 4, 4)), clock.gaps, {}
+        if is_refined:
+            refined, consistency = refinement.finish()
+            gaps = np.array(refinement.gaps[1:])
+            if settings.refine:
+                poses, figures = refined, {**summarize(consistency), **speed_figures(refinement.searches)}
+        return Registration(poses, gaps, held, figures)
 
 
 def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:

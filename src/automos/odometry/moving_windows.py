@@ -9,7 +9,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from automos.geometry import Array, inverse, se3_log
+from automos.geometry import Array, inverse, se3_exp, se3_log
 from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
@@ -49,6 +49,8 @@ CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
 first, and after `WINDOWS` windows."""
 
+PART_OF_A_TURN = 0.02
+"""Turns per scan more or less than one from which it matters that scans as measured agree on the motion in a turn."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
 """A single iteration, to find the likeliest of many hypotheses."""
 
@@ -58,11 +60,23 @@ class MovingWindow:
     """N consecutive scans in which the sensor moves."""
 
     first: int  # index of the first scan
-    surfels: dict[str, list[Surfels]]  # for each source of times, of points compensated with `twists`
-    twists: dict[str, Array]  # (N, 6) for each source of times
-    T_world_sensor: Pose  # (N, 4, 4) rough poses
-    gaps: Array  # (N - 1,) time between scans in units of the usual one
-    period: float  # seconds, the usual time between scans
+    by_source: dict[str, Window]  # at rough poses, of points compensated with the times of each source
+    turns: float  # of the sensor, from scan to scan
+
+    @property
+    def rough(self) -> Pose:
+        """(N, 4, 4) rough poses."""
+        return self.by_source["none"].T_world_sensor
+
+    def starts(self, guess: SweepTiming) -> list[Pose]:
+        """Return the (N, 4, 4) poses near which those under the guess may be.
+
+        Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart and not a scan;
+        the search for the speed may have corrected that already.
+        """
+        if guess.share == 0.0 or abs(self.turns - 1.0) < PART_OF_A_TURN:
+            return [self.rough]
+        return [self.rough, chain(self.rough[0], se3_exp(self.turns * se3_log(self.by_source["none"].steps)))]
 
 
 def moving_windows(
@@ -71,11 +85,13 @@ def moving_windows(
     poses: Pose | None,
     clock: Clock,
     from_points: list[SweepTiming],
+    turns: float,
     pool: ThreadPoolExecutor | None,
 ) -> Iterator[MovingWindow]:
     """Yield the windows of the recording in which the sensor moves, starting from the middle.
 
-    `from_points` : timings that need the points of a whole scan, at most one of each source.
+    `from_points` : timings that need the points of a whole scan, at most one of each source; `turns` : of the sensor
+    per scan.
     """
     each: Callable = map if pool is None else pool.map
     length = min(WINDOW_SCANS, len(sequence))
@@ -85,30 +101,24 @@ def moving_windows(
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
     for first in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
         scans = [sequence[i] for i in range(first, first + length)]
-        twists = {"none": np.zeros((length, 6))}
-        surfels = {"none": _surfels_of(scans, twists["none"], SweepTiming(), settings, each)}
+        at_rest = np.zeros((length, 6))
+        surfels = _surfels_of(scans, at_rest, SweepTiming(), settings, each)
         gaps = clock.gaps[first : first + length - 1]
         if poses is None:
-            T, gaps = _rough_poses(surfels["none"], gaps, clock, settings, pool)
+            steps = register_surfels(surfels, settings, gaps)
+            gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
+            rough = Window(surfels, at_rest, chain(np.eye(4), steps), gaps, clock.period, 0.0)
+            rough = to_likely_speed(rough, settings, pool)
         else:
-            T = poses[first : first + length]
-        if bend_of(T) < MIN_BEND:
+            rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
+        if bend_of(rough.T_world_sensor) < MIN_BEND:
             continue
+        by_source = {"none": rough}
         for timing in from_points:
-            twists[timing.source] = timing.share * step_twists(T, gaps)
-            surfels[timing.source] = _surfels_of(scans, twists[timing.source], timing, settings, each)
-        yield MovingWindow(first, surfels, twists, T, gaps, clock.period)
-
-
-def _rough_poses(
-    surfels: list[Surfels], gaps: Array, clock: Clock, settings: OdometrySettings, pool: ThreadPoolExecutor | None
-) -> tuple[Pose, Array]:
-    """Return (N, 4, 4) poses from uncompensated surfels alone, and the (N - 1,) gaps between scans."""
-    steps = register_surfels(surfels, settings, gaps)
-    gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
-    T = chain(np.eye(4), steps)
-    rough = Window(surfels, np.zeros((len(surfels), 6)), T, gaps, clock.period, 0.0)
-    return to_likely_speed(rough, settings, pool).T_world_sensor, gaps
+            twists = timing.share * step_twists(rough.T_world_sensor, gaps)
+            timed = _surfels_of(scans, twists, timing, settings, each)
+            by_source[timing.source] = replace(rough, surfels=timed, twists=twists)
+        yield MovingWindow(first, by_source, turns)
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -130,22 +140,24 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
     """
-    source, T = "none" if guess.has_fixed_seam else guess.source, window.T_world_sensor
-    surfels = [_timed(s, guess) for s in window.surfels[source]]
-    timed = Window(surfels, window.twists[source], T, window.gaps, window.period, guess.share).moved(T)
-    links = list(choose_links(timed, COARSE))
-    timed = refine_poses(timed, settings, ROUGH if is_rough else COARSE)[0]
-    fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
-    n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
-    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
-    return np.log(np.array([fit.thickness for fit in fits]) / share)
+    as_seen = window.by_source["none" if guess.has_fixed_seam else guess.source]
+    if guess.has_fixed_seam:  # which gives surfels their times; those of other sources have theirs from the points
+        times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
+        as_seen = replace(as_seen, surfels=[of_scan.timed(times) for of_scan in as_seen.surfels])
+    as_seen = replace(as_seen, share=guess.share)
+    links, found = list(choose_links(as_seen, COARSE)), []
+    for start in window.starts(guess):
+        timed = refine_poses(as_seen.moved(start), settings, ROUGH if is_rough else COARSE)[0]
+        fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
+        n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
+        share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
+        found.append(np.log(np.array([fit.thickness for fit in fits]) / share))
+    return min(found, key=_mean_misfit)
 
 
-def _timed(surfels: Surfels, guess: SweepTiming) -> Surfels:
-    """Return surfels with the hypothetical times; those that are known of points only, they have already."""
-    if not guess.has_fixed_seam:
-        return surfels
-    return surfels.timed(lambda points: azimuth_times(points, guess.turn, guess.seam_deg or 0.0))
+def _mean_misfit(misfits: Array) -> Array:
+    """Return the mean misfit of links (..., L), in which those without enough matches count as a bad fit."""
+    return np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=-1)
 
 
 class Search:
@@ -172,8 +184,7 @@ class Search:
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
         """Return the `n` of `guesses` under which the windows align best with their current poses, in their order."""
-        misfits = self._evaluate(guesses, is_rough=True)
-        found = np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=1)  # unmatched links count as a bad fit
+        found = _mean_misfit(self._evaluate(guesses, is_rough=True))
         return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
 
     def best(

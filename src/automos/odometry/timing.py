@@ -16,11 +16,11 @@ import numpy as np
 from automos.errors import InputError
 from automos.odometry.clock import Clock
 from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
-from automos.scan import Pose, Scan, Sequence
+from automos.scan import Pose, Sequence
 from automos.sensor.drifting_seam import learn_drifting_seam
 from automos.sensor.one_lidar import with_one_lidar
 from automos.sensor.point_order import learn_order, sees_all_round
-from automos.sensor.sweep_timing import SweepTiming, recorded_duration, sweep_times
+from automos.sensor.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
@@ -28,12 +28,8 @@ _log = logging.getLogger(__name__)
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuth seams that are tried, the most common first: others must be clearly better."""
 CIRCLE = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-SAME_TIME = 0.02
-"""Share of the time between scans by which two consistent timings of a point may differ."""
 OTHER_MOTION = 0.2
 """Share of the motion in a window that final poses may change: the timing changes it by a tenth."""
-MOSTLY = 0.95
-"""Share of a scan's points for which two timings must agree."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
@@ -92,21 +88,22 @@ def choose_timing(
         return TimingChoice(timed[0])
     is_round = sees_all_round(sequence)
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
-    if len(timed) == 2 and _agree(sequence[len(sequence) // 2], *timed):
-        timed = timed[:1]
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
+    turns = next((of.turns_per_scan for of in [*timed, *drifting] if of.turns_per_scan != 1.0), 1.0)
+    if len(timed) == 2 and timed[0].agrees_with(timed[1], sequence[len(sequence) // 2]):
+        timed = timed[:1]
     steady = [] if timed or is_round else [AT_A_STEADY_RATE]
     none = [] if sequence.is_compensated is False else [SweepTiming()]
     untimed = [] if wanted == "azimuth" else [*none, *steady]
     search, best = Search(settings, pool), None
-    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
+    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], turns, pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
             break
     if best is None:  # no motion, so no distortion, or too few surfaces
         return TimingChoice([*([from_file] if from_file else []), *untimed, *timed, rear_seam()][0])
-    choice = TimingChoice(best, search.misfits, [(w.first, w.T_world_sensor) for w in search.windows])
+    choice = TimingChoice(best, search.misfits, [(w.first, w.rough) for w in search.windows])
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
@@ -175,15 +172,6 @@ def _recorded_timings(sequence: Sequence, from_file: SweepTiming | None, wanted:
             "set odometry.time to auto, azimuth or none."
         )
     return found
-
-
-def _agree(scan: Scan, a: SweepTiming, b: SweepTiming) -> bool:
-    """Whether two timings agree on the points of a scan."""
-    in_a, in_b = sweep_times(scan, a), sweep_times(scan, b)
-    if in_a is None or in_b is None:
-        return False
-    off = np.abs(a.share * in_a - b.share * in_b)[scan.is_valid]
-    return len(off) > 0 and bool((off < SAME_TIME).mean() > MOSTLY)
 
 
 def _drifting_timings(sequence: Sequence) -> list[SweepTiming]:

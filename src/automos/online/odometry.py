@@ -18,11 +18,10 @@ from automos.geometry import inverse, se3_log
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import TRIAL_SCANS, find_start
 from automos.odometry.moving_windows import MIN_BEND
-from automos.odometry.timing import SAME_TIME
 from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.online.path import Path, Posed, TimedScan
 from automos.scan import Pose, Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.sensor.sweep_timing import SAME_TIME, SweepTiming
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16

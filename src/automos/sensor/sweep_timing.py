@@ -17,6 +17,10 @@ from automos.sensor.point_order import PointOrder, turns_since_start
 
 LONGEST_SWEEP = 1e4
 """Seconds; larger values are not times within a sweep: the slowest surveying scanners take minutes."""
+SAME_TIME = 0.02
+"""Share of the time between scans by which two consistent timings of a point may differ."""
+MOSTLY = 0.95
+"""Share of a scan's points for which two timings must agree."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,19 @@ class SweepTiming:
     def has_seam(self) -> bool:
         """Whether the times are known to be those of a rotating sensor."""
         return self.source in ("azimuth", "order")
+
+    @property
+    def turns_per_scan(self) -> float:
+        """Turns of a rotating sensor from the start of a scan to that of the next, 1 if unknown."""
+        return self.turns if self.order is None else self.order.turns_per_scan
+
+    def agrees_with(self, other: SweepTiming, scan: Scan) -> bool:
+        """Whether two timings agree on the points of a scan."""
+        here, there = sweep_times(scan, self), sweep_times(scan, other)
+        if here is None or there is None:
+            return False
+        off = np.abs(self.share * here - other.share * there)[scan.is_valid]
+        return len(off) > 0 and bool((off < SAME_TIME).mean() > MOSTLY)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text, for `from_dict`."""
