@@ -9,7 +9,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from automos.geometry import Array, inverse, se3_exp, se3_log
+from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
@@ -50,7 +50,7 @@ CLEAR_ERRORS = (4.0, 2.0)
 first, and after `WINDOWS` windows."""
 
 PART_OF_A_TURN = 0.02
-"""Turns per scan more or less than one from which it matters that scans as measured agree on the motion in a turn."""
+"""Turns per scan more or less than one from which the motion on which raw scans agree is clearly wrong."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
 """A single iteration, to find the likeliest of many hypotheses."""
 
@@ -61,22 +61,12 @@ class MovingWindow:
 
     first: int  # index of the first scan
     by_source: dict[str, Window]  # at rough poses, of points compensated with the times of each source
-    turns: float  # of the sensor, from scan to scan
+    starts: dict[str, list[Pose]]  # (N, 4, 4) poses from which each source is tested
 
     @property
     def rough(self) -> Pose:
         """(N, 4, 4) rough poses."""
         return self.by_source["none"].T_world_sensor
-
-    def starts(self, guess: SweepTiming) -> list[Pose]:
-        """Return the (N, 4, 4) poses near which those under the guess may be.
-
-        Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart and not a scan;
-        the search for the speed may have corrected that already.
-        """
-        if guess.share == 0.0 or abs(self.turns - 1.0) < PART_OF_A_TURN:
-            return [self.rough]
-        return [self.rough, chain(self.rough[0], se3_exp(self.turns * se3_log(self.by_source["none"].steps)))]
 
 
 def moving_windows(
@@ -91,7 +81,8 @@ def moving_windows(
     """Yield the windows of the recording in which the sensor moves, starting from the middle.
 
     `from_points` : timings that need the points of a whole scan, at most one of each source; `turns` : of the sensor
-    per scan.
+    per scan. Raw scans agree on the motion between two views of a place, which are a turn apart and not a scan: unless
+    that is the same, scans are also registered anew with the times of each source.
     """
     each: Callable = map if pool is None else pool.map
     length = min(WINDOW_SCANS, len(sequence))
@@ -113,12 +104,16 @@ def moving_windows(
             rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
         if bend_of(rough.T_world_sensor) < MIN_BEND:
             continue
-        by_source = {"none": rough}
+        by_source: dict[str, Window] = {"none": rough}
+        starts: dict[str, list[Pose]] = {"none": [rough.T_world_sensor]}
         for timing in from_points:
             twists = timing.share * step_twists(rough.T_world_sensor, gaps)
             timed = _surfels_of(scans, twists, timing, settings, each)
             by_source[timing.source] = replace(rough, surfels=timed, twists=twists)
-        yield MovingWindow(first, by_source, turns)
+            starts[timing.source] = [rough.T_world_sensor]
+            if abs(turns - 1.0) > PART_OF_A_TURN:
+                starts[timing.source].append(chain(np.eye(4), register_surfels(timed, settings, gaps)))
+        yield MovingWindow(first, by_source, starts)
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -140,13 +135,14 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
     """
-    as_seen = window.by_source["none" if guess.has_fixed_seam else guess.source]
+    source = "none" if guess.has_fixed_seam else guess.source
+    as_seen = window.by_source[source]
     if guess.has_fixed_seam:  # which gives surfels their times; those of other sources have theirs from the points
         times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
         as_seen = replace(as_seen, surfels=[of_scan.timed(times) for of_scan in as_seen.surfels])
     as_seen = replace(as_seen, share=guess.share)
     links, found = list(choose_links(as_seen, COARSE)), []
-    for start in window.starts(guess):
+    for start in window.starts[source]:
         timed = refine_poses(as_seen.moved(start), settings, ROUGH if is_rough else COARSE)[0]
         fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
         n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
