@@ -12,7 +12,7 @@ import numpy as np
 from automos.geometry import Array, inverse, se3_log
 from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
-from automos.odometry.links import COARSE, MIN_MATCHED, Window, choose_links, fit_links
+from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
 from automos.odometry.missing_scans import find_missing
 from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
@@ -51,6 +51,8 @@ first, and after `WINDOWS` windows."""
 
 PART_OF_A_TURN = 0.02
 """Turns per scan more or less than one from which the motion on which raw scans agree is clearly wrong."""
+ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
+"""Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
 """A single iteration, to find the likeliest of many hypotheses."""
 
@@ -61,7 +63,7 @@ class MovingWindow:
 
     first: int  # index of the first scan
     by_source: dict[str, Window]  # at rough poses, of points compensated with the times of each source
-    starts: dict[str, list[Pose]]  # (N, 4, 4) poses from which each source is tested
+    is_cut: bool  # whether a scan is clearly more or less than a turn of the sensor
 
     @property
     def rough(self) -> Pose:
@@ -81,8 +83,7 @@ def moving_windows(
     """Yield the windows of the recording in which the sensor moves, starting from the middle.
 
     `from_points` : timings that need the points of a whole scan, at most one of each source; `turns` : of the sensor
-    per scan. Raw scans agree on the motion between two views of a place, which are a turn apart and not a scan: unless
-    that is the same, scans are also registered anew with the times of each source.
+    per scan.
     """
     each: Callable = map if pool is None else pool.map
     length = min(WINDOW_SCANS, len(sequence))
@@ -105,15 +106,11 @@ def moving_windows(
         if bend_of(rough.T_world_sensor) < MIN_BEND:
             continue
         by_source: dict[str, Window] = {"none": rough}
-        starts: dict[str, list[Pose]] = {"none": [rough.T_world_sensor]}
         for timing in from_points:
             twists = timing.share * step_twists(rough.T_world_sensor, gaps)
             timed = _surfels_of(scans, twists, timing, settings, each)
             by_source[timing.source] = replace(rough, surfels=timed, twists=twists)
-            starts[timing.source] = [rough.T_world_sensor]
-            if abs(turns - 1.0) > PART_OF_A_TURN:
-                starts[timing.source].append(chain(np.eye(4), register_surfels(timed, settings, gaps)))
-        yield MovingWindow(first, by_source, starts)
+        yield MovingWindow(first, by_source, abs(turns - 1.0) > PART_OF_A_TURN)
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -134,17 +131,21 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
+    Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart. Where that is not
+    a scan, steps are adapted to the times of the guess, too, and the better result counts. Elsewhere this gains nothing
+    and may end at a standstill, where the rings of all scans coincide.
     """
-    source = "none" if guess.has_fixed_seam else guess.source
-    as_seen = window.by_source[source]
+    timed = window.by_source["none" if guess.has_fixed_seam else guess.source]
     if guess.has_fixed_seam:  # which gives surfels their times; those of other sources have theirs from the points
         times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
-        as_seen = replace(as_seen, surfels=[of_scan.timed(times) for of_scan in as_seen.surfels])
-    as_seen = replace(as_seen, share=guess.share)
-    links, found = list(choose_links(as_seen, COARSE)), []
-    for start in window.starts[source]:
-        timed = refine_poses(as_seen.moved(start), settings, ROUGH if is_rough else COARSE)[0]
-        fits = fit_links(timed, links, COARSE.kernels[-1], COARSE, None)[0]
+        timed = replace(timed, surfels=[of_scan.timed(times) for of_scan in timed.surfels])
+    timed = replace(timed, share=guess.share).moved(window.rough)
+    links, found, starts = list(choose_links(timed, COARSE)), [], [timed]
+    if window.is_cut and guess.share != 0.0:
+        starts.append(refine_poses(timed, settings, ON_NEIGHBOURS)[0])
+    for start in starts:
+        aligned = refine_poses(start, settings, ROUGH if is_rough else COARSE)[0]
+        fits = fit_links(aligned, links, COARSE.kernels[-1], COARSE, None)[0]
         n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
         share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
         found.append(np.log(np.array([fit.thickness for fit in fits]) / share))
