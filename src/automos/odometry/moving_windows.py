@@ -49,8 +49,6 @@ CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
 first, and after `WINDOWS` windows."""
 
-PART_OF_A_TURN = 0.02
-"""Turns per scan more or less than one from which the motion on which raw scans agree is clearly wrong."""
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
 """Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
 ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
@@ -63,7 +61,6 @@ class MovingWindow:
 
     first: int  # index of the first scan
     by_source: dict[str, Window]  # at rough poses, of points compensated with the times of each source
-    is_cut: bool  # whether a scan is clearly more or less than a turn of the sensor
 
     @property
     def rough(self) -> Pose:
@@ -77,13 +74,11 @@ def moving_windows(
     poses: Pose | None,
     clock: Clock,
     from_points: list[SweepTiming],
-    turns: float,
     pool: ThreadPoolExecutor | None,
 ) -> Iterator[MovingWindow]:
     """Yield the windows of the recording in which the sensor moves, starting from the middle.
 
-    `from_points` : timings that need the points of a whole scan, at most one of each source; `turns` : of the sensor
-    per scan.
+    `from_points` : timings that need the points of a whole scan, at most one of each source.
     """
     each: Callable = map if pool is None else pool.map
     length = min(WINDOW_SCANS, len(sequence))
@@ -110,7 +105,7 @@ def moving_windows(
             twists = timing.share * step_twists(rough.T_world_sensor, gaps)
             timed = _surfels_of(scans, twists, timing, settings, each)
             by_source[timing.source] = replace(rough, surfels=timed, twists=twists)
-        yield MovingWindow(first, by_source, abs(turns - 1.0) > PART_OF_A_TURN)
+        yield MovingWindow(first, by_source)
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -127,13 +122,15 @@ def _surfels_of(
     return list(each(partial(scan_surfels, timing=timing, settings=settings), scans, twists))
 
 
-def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, settings: OdometrySettings) -> Array:
+def _measure_misfits(
+    guess: SweepTiming, window: MovingWindow, is_rough: bool, is_cut: bool, settings: OdometrySettings
+) -> Array:
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
     Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart. Where that is not
-    a scan, steps are adapted to the times of the guess, too, and the better result counts. Elsewhere this gains nothing
-    and may end at a standstill, where the rings of all scans coincide.
+    a scan (`is_cut`), steps are adapted to the times of the guess, too, and the better result counts. Elsewhere this
+    gains nothing and may end at a standstill, where the rings of all scans coincide.
     """
     timed = window.by_source["none" if guess.has_fixed_seam else guess.source]
     if guess.has_fixed_seam:  # which gives surfels their times; those of other sources have theirs from the points
@@ -141,7 +138,7 @@ def _measure_misfits(guess: SweepTiming, window: MovingWindow, is_rough: bool, s
         timed = replace(timed, surfels=[of_scan.timed(times) for of_scan in timed.surfels])
     timed = replace(timed, share=guess.share).moved(window.rough)
     links, found, starts = list(choose_links(timed, COARSE)), [], [timed]
-    if window.is_cut and guess.share != 0.0:
+    if is_cut and guess.share != 0.0:
         starts.append(refine_poses(timed, settings, ON_NEIGHBOURS)[0])
     for start in starts:
         aligned = refine_poses(start, settings, ROUGH if is_rough else COARSE)[0]
@@ -158,11 +155,11 @@ def _mean_misfit(misfits: Array) -> Array:
 
 
 class Search:
-    """Evaluates every hypothesis once in every window."""
+    """Evaluates every hypothesis once in every window; `is_cut` if a scan is more or less than a turn of the sensor."""
 
-    def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None):
+    def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None, is_cut: bool = False):
         self._map: Callable = map if pool is None else pool.map
-        self._measure = cache(partial(_measure_misfits, settings=settings))
+        self._measure = cache(partial(_measure_misfits, is_cut=is_cut, settings=settings))
         self.windows: list[MovingWindow] = []
         self.misfits: dict[str, float] = {}  # see `TimingChoice`
         self.is_clear = False  # whether all hypotheses of another kind than the best are worse, or no different

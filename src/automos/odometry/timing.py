@@ -34,6 +34,8 @@ USUAL_PERIODS = (0.1, 0.05)
 """Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
 """Of a sensor without a rotating head, whose azimuth does not advance: points are appended as they are measured."""
+PART_OF_A_TURN = 0.02
+"""Turns per scan more or less than one from which the motion on which raw scans agree is clearly wrong."""
 N_LIKELY = 3
 """Seams that are compared in detail."""
 
@@ -89,14 +91,14 @@ def choose_timing(
     is_round = sees_all_round(sequence)
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
-    turns = next((of.turns_per_scan for of in [*timed, *drifting] if of.turns_per_scan != 1.0), 1.0)
+    is_cut = any(abs(timing.turns_per_scan - 1.0) > PART_OF_A_TURN for timing in [*timed, *drifting])
     if len(timed) == 2 and timed[0].agrees_with(timed[1], sequence[len(sequence) // 2]):
         timed = timed[:1]
     steady = [] if timed or is_round else [AT_A_STEADY_RATE]
     none = [] if sequence.is_compensated is False else [SweepTiming()]
     untimed = [] if wanted == "azimuth" else [*none, *steady]
-    search, best = Search(settings, pool), None
-    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], turns, pool):
+    search, best = Search(settings, pool, is_cut), None
+    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
