@@ -1,6 +1,5 @@
-import tracemalloc
-
 import numpy as np
+from forks import peak_memory
 
 from automos.array_sequence import ArraySequence
 from automos.recording_warnings import recording_warnings
@@ -56,8 +55,6 @@ class Long(Sequence):
 
 
 def test_the_memory_of_long_recordings_is_that_of_a_few_of_their_scans():
-    tracemalloc.start()
     assert recording_warnings(Long()) == []
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    peak = peak_memory(lambda: recording_warnings(Long()))
     assert peak < 200e6  # a distance from each scan to each other one would be 41 GB

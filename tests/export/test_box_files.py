@@ -1,11 +1,11 @@
 """Boxes and tracks in other tools' files, with every number worked out from the run that was made by hand."""
 
 import json
-import tracemalloc
 import zipfile
 
 import numpy as np
 import pytest
+from forks import peak_memory
 from made_run import CENTERS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, YAW, export, make_run, make_scans
 from scipy.spatial.transform import Rotation
 
@@ -223,10 +223,8 @@ def test_segments_holds_the_points_of_one_scan_at_a_time(run, tmp_path, monkeypa
     n_points = 200_000
     frame = lambda *_: {"point_annotations": [0] * n_points}  # noqa: E731
     monkeypatch.setattr("automos.export.segments._segmentation", frame)
-    tracemalloc.start()
-    out = export(run, "segments", tmp_path / "sample")
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    out = tmp_path / "sample"
+    peak = peak_memory(lambda: export(run, "segments", out))
     assert peak < 5 * 8 * n_points  # a list of pointers, its texts and what joins them; three scans have three of each
     text = (out / "segmentation.json").read_text()
     assert text == json.dumps(json.loads(text))
