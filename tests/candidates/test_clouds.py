@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,7 @@ def test_far_points_and_no_numbers_are_in_no_cloud():
     assert not in_clouds(points, np.zeros(180, bool), np.ones(180, bool)).any()
 
 
+@cache
 def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
     """Return a scan of a simulated street, what is observed in it, and which of its points are in the air."""
     recording = record("city", sensor, 4, 5, conditions=Conditions(weather=weather))
