@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from forks import in_a_fork
+from forks import TRACED_PATIENCE, in_a_fork
 from worlds import lane, write_bins
 
 from automos import Labeler, load_settings, open_sequence
@@ -163,7 +163,7 @@ def test_an_hour_of_objects_is_kept_in_little_memory(tmp_path, monkeypatch):
 
     with results_writer(tmp_path / "out", None, load_settings("default")) as writer:
         writer.write(scan_of(0, n_objects))
-        kept = in_a_fork(memory_of_the_rest)
+        kept = in_a_fork(memory_of_the_rest, TRACED_PATIENCE)
         write_the_rest()
         run = writer.finish({})
     assert 100.0 < kept / (n_scans * n_objects) < 200.0  # bytes for a box of 13 numbers
