@@ -63,7 +63,7 @@ def test_the_number_of_workers_does_not_change_the_bytes(street, written, tmp_pa
 
 def test_a_folder_that_is_no_simulated_sequence_is_refused(street, tmp_path):
     (tmp_path / "photo.jpg").touch()
-    with pytest.raises(InputError, match="exists and is not a simulated sequence; choose a new folder"):
+    with pytest.raises(InputError, match="holds other things"):
         simulation.write(street, tmp_path)
     with pytest.raises(InputError, match="is a file"):
         simulation.write(street, tmp_path / "photo.jpg")
@@ -71,7 +71,7 @@ def test_a_folder_that_is_no_simulated_sequence_is_refused(street, tmp_path):
 
 def test_another_simulation_is_not_written_over(written):
     other = simulation.simulate("canyon", "VLP-16", n_scans=3, seed=5)
-    with pytest.raises(InputError, match=r"holds another simulation \(seed: 4, not 5\)"):
+    with pytest.raises(InputError, match=r"written of something else \(seed: 4, not 5\)"):
         simulation.write(other, written)
 
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from automos.cli.compare import compare_app
 from automos.cli.consoles import console, output, set_up_logging
 from automos.cli.formats import formats_app
+from automos.cli.hand_on import hand_on_app
 from automos.cli.label import label_app
 from automos.cli.live import live_app
 from automos.cli.look import look_app
@@ -34,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
+for group in (label_app, score_app, formats_app, hand_on_app, look_app, compare_app, network_app, live_app, worlds_app):
     for command in group.registered_commands:
         command.callback = command.callback and on_this_machine(command.callback)
     app.add_typer(group)

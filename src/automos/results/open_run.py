@@ -20,6 +20,7 @@ def open_run(
     recording: str | Path | None = None,
     format: str | None = None,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    deskewed: bool = False,
 ) -> RunFiles:
     """Open a results folder together with its recording.
 
@@ -33,6 +34,8 @@ def open_run(
         Format of the recording, if it is not recognised.
     progress : callable, optional
         Called as `progress(what, done, total)` while scans are read.
+    deskewed : bool, default False
+        Whether exported points are motion-compensated; InputError if the run does not say how.
 
     Returns
     -------
@@ -56,7 +59,7 @@ def open_run(
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give the results folder of automos label")
     if recording is not None:
-        return RunFiles(folder, open_sequence(recording, format), progress)
+        return RunFiles(folder, open_sequence(recording, format), progress, deskewed)
     about = Workspace(folder).read_run()
     if not about:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
@@ -71,4 +74,4 @@ def open_run(
         raise InputError(
             f"the recording cannot be opened where it was ({error}); give its path after {folder}"
         ) from error
-    return RunFiles(folder, sequence, progress)
+    return RunFiles(folder, sequence, progress, deskewed)

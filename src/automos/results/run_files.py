@@ -24,7 +24,7 @@ from automos.labels import Label, to_mos
 from automos.pose_files import read_poses
 from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
-from automos.scan import GROUND, Points, Pose, Scan, Sequence
+from automos.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.trajectory import Trajectory, make_frame
 from automos.upright_boxes import Boxes
 from automos.workspace import REVIEWED, Workspace, require_same
@@ -132,12 +132,16 @@ class RunFiles:
         Boxes were fitted to these. Unusable points stay as they are, NaN included, and so do all points if the run no
         longer says how the sensor moved.
         """
-        if self._trajectory is None:
+        frame = self.frame(scan, index)
+        if frame is None:
             return scan.points
-        frame = make_frame(scan, self._trajectory, index)
         points = scan.points.copy()
         points[frame.kept] = frame.points
         return points
+
+    def frame(self, scan: Scan, index: int) -> Frame | None:
+        """Return the points of use of `scan`, motion-compensated; None if the run no longer says how."""
+        return None if self._trajectory is None else make_frame(scan, self._trajectory, index)
 
     def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
         """Return (N,) which points of `scan` lie on the ground; none if the run no longer says so."""

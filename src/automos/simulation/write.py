@@ -18,10 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from automos.atomic import write_raw, write_text
-from automos.errors import InputError
+from automos.own_folder import own_folder
 from automos.parallel import map_in_order
 from automos.pose_writers import write_kitti
-from automos.reading import read_json
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"
@@ -47,8 +46,16 @@ def write(
     """
     out = Path(out)
     description = _description(sequence)
-    _claim(out, description)
-    write_text(out / MARKER, json.dumps(description, indent=2) + "\n")
+    with own_folder(out, MARKER, description):
+        for name in _FOLDERS:
+            (out / name).mkdir(exist_ok=True)
+        _write_all(sequence, out, workers, progress)
+    return out
+
+
+def _write_all(
+    sequence: SimulatedSequence, out: Path, workers: int, progress: Callable[[str, int, int], None] | None
+) -> None:
     write_text(out / "calib.txt", "".join(f"P{k}: {_IDENTITY}\n" for k in range(4)) + f"Tr: {_IDENTITY}\n")
     write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in sequence.stamps))
     write_kitti(out / "poses.txt", sequence.reference_poses)
@@ -58,7 +65,6 @@ def write(
         done += 1
         if progress is not None:
             progress("simulate", done, len(sequence))
-    return out
 
 
 def _description(sequence: SimulatedSequence) -> dict[str, object]:
@@ -70,30 +76,6 @@ def _description(sequence: SimulatedSequence) -> dict[str, object]:
         "seed": sequence.seed,
         "compensated": sequence.is_compensated,
     }
-
-
-def _claim(out: Path, description: dict[str, object]) -> None:
-    """Make the folders of `out`, if it is free or ours."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; choose a folder to write the simulated sequence to.")
-    if out.exists() and any(out.iterdir()):
-        try:
-            found = read_json(out / MARKER)
-        except (OSError, ValueError):
-            raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.") from None
-        if not isinstance(found, dict):
-            raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.")
-        if found != description:
-            differs = next(key for key in description if found.get(key) != description[key])
-            raise InputError(
-                f"{out} holds another simulation ({differs}: {found.get(differs)}, not {description[differs]}); "
-                "choose a new folder or remove it."
-            )
-    try:
-        for name in _FOLDERS:
-            (out / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be made: {error.strerror}; choose another folder.") from None
 
 
 def _write_scan(sequence: SimulatedSequence, out: Path, index: int) -> None:

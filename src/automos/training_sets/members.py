@@ -1,0 +1,117 @@
+"""The recordings of a data set: what each is called in it, which split it is in, and which sensor it is of."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from automos.errors import InputError
+from automos.results.run_files import RunFiles
+from automos.sensor.beam_pattern import learn_pattern
+from automos.training_sets.range_images import ImageSensor, measure_sensor
+from automos.training_sets.scans import full_scale_of, spread
+from automos.training_sets.trainer_files import SPLITS
+from automos.workspace import Workspace
+
+FIRST_NUMBER = 50
+"""Of the sequences: trainers come with lists of the scans to leave out of KITTI's, which have the numbers below."""
+_SHOWN = 5
+"""Scans by which a sensor is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A run in a data set.
+
+    Attributes
+    ----------
+    run : RunFiles
+    number : int
+        Of its sequence, from 50 on.
+    name : str
+        Of the recording; with the number where others have the same.
+    split : str
+        One of `SPLITS`.
+    full_scale : float
+        The intensity that becomes 1.
+    sensor : ImageSensor
+        The same for all recordings of one kind of sensor.
+    """
+
+    run: RunFiles
+    number: int
+    name: str
+    split: str
+    full_scale: float
+    sensor: ImageSensor
+
+    def about(self) -> dict[str, Any]:
+        """Return what identifies it, for the manifest."""
+        run = Workspace(self.run.folder).read_run()
+        return {
+            "sequence": self.number,
+            "name": self.name,
+            "split": self.split,
+            "run": str(self.run.folder.absolute()),
+            "recording": run.get("recording", {}).get("source"),
+            "labels": run.get("fingerprint"),
+        }
+
+
+def members_of(runs: Sequence[RunFiles], splits: Mapping[str, str]) -> list[Member]:
+    """Return the members that `runs` are, numbered in their order.
+
+    splits : split by name of recording; those not named are for training.
+
+    Raises
+    ------
+    InputError
+        No runs, the same twice, an unknown split, or a name that no recording has.
+    """
+    if not runs:
+        raise InputError("a data set needs results: give the results folders of automos label")
+    folders = [run.folder.resolve() for run in runs]
+    twice = next((run.folder for run in runs if folders.count(run.folder.resolve()) > 1), None)
+    if twice is not None:
+        raise InputError(f"{twice} is given twice: give each results folder once")
+    names = [run.sequence.name for run in runs]
+    for name, split in splits.items():
+        if split not in SPLITS:
+            raise InputError(f"--split {split}={name}: there is no split {split!r}; there are {', '.join(SPLITS)}")
+        if name not in names:
+            raise InputError(f"--split {split}={name}: no such recording; there are: {', '.join(sorted(set(names)))}")
+    times = Counter(names)
+    members = [
+        Member(
+            run,
+            number,
+            name if times[name] == 1 else f"{name}-{number}",
+            splits.get(name, "train"),
+            full_scale_of(run),
+            _sensor_of(run),
+        )
+        for number, (run, name) in enumerate(zip(runs, names, strict=True), FIRST_NUMBER)
+    ]
+    return _with_joined_sensors(members)
+
+
+def _sensor_of(run: RunFiles) -> ImageSensor:
+    """Return the sensor of a run, from some of its scans: their beam numbers if they have such, else their pattern."""
+    scans = {index: run.scan(index) for index in spread(len(run), _SHOWN)}
+    rings = [scan.ring for scan in scans.values() if scan.ring is not None and len(scan.ring)]
+    frames = [frame for index, scan in scans.items() if (frame := run.frame(scan, index)) is not None]
+    n_rows = max(int(ring.max()) for ring in rings) + 1 if rings else learn_pattern(frames).n_rows
+    return measure_sensor([frame.points for frame in frames], n_rows)
+
+
+def _with_joined_sensors(members: list[Member]) -> list[Member]:
+    """Return `members` with one sensor for all that are of one kind, which holds the rays of each."""
+    kinds: list[ImageSensor] = []
+    kind_of: list[int] = []
+    for member in members:
+        like = next((k for k, kind in enumerate(kinds) if kind.is_like(member.sensor)), len(kinds))
+        kinds[like:] = [member.sensor if like == len(kinds) else kinds[like].joined(member.sensor), *kinds[like + 1 :]]
+        kind_of.append(like)
+    return [replace(member, sensor=kinds[kind]) for member, kind in zip(members, kind_of, strict=True)]

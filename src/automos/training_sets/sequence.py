@@ -1,0 +1,153 @@
+"""One recording of a data set on disk, as SemanticKITTI lays it out: velodyne, labels, poses, calibration, times."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.atomic import atomic_path, write_npy, write_raw, write_text
+from automos.geometry import inverse
+from automos.pose_writers import write_kitti
+from automos.scan import Points, Pose
+from automos.tracking.verdict import Verdict
+from automos.training_sets.kinds import kinds_of
+from automos.training_sets.members import Member
+from automos.training_sets.range_images import WIDTH, residual_image
+from automos.training_sets.scans import TrainingScan, training_scan
+
+_IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0"
+_INSMOS_CLASSES = (1, 8, 9)
+"""InsMOS's numbers of what `KINDS` names: car, person, bicyclist."""
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What is written beside, for trainers that need it.
+
+    Attributes
+    ----------
+    residuals : tuple of int
+        How many scans back each residual image looks; a folder for each.
+    boxes : bool
+        Whether InsMOS's boxes are written.
+    """
+
+    residuals: tuple[int, ...] = ()
+    boxes: bool = False
+
+
+@dataclass
+class Written:
+    """What of a recording is in the data set, scan by scan.
+
+    Attributes
+    ----------
+    names : list of str
+        The recording's own names of the scans 000000, 000001, ...; those without a point of use are left out.
+    points, moving : list of int
+        Of each scan.
+    numbers : Counter
+        How many points have each number of a label.
+    """
+
+    names: list[str] = field(default_factory=list)
+    points: list[int] = field(default_factory=list)
+    moving: list[int] = field(default_factory=list)
+    numbers: Counter[int] = field(default_factory=Counter)
+
+    @property
+    def n_without_movers(self) -> int:
+        """Number of scans in which nothing moves."""
+        return self.moving.count(0)
+
+    def add(self, name: str, scan: TrainingScan) -> None:
+        """Count one more scan."""
+        self.names.append(name)
+        self.points.append(len(scan.points))
+        self.moving.append(scan.n_moving)
+        numbers, counts = np.unique(scan.labels & 0xFFFF, return_counts=True)
+        self.numbers.update(dict(zip(numbers.tolist(), counts.tolist(), strict=True)))
+
+
+def write_sequence(member: Member, folder: Path, ids: str, extras: Extras) -> Written:
+    """Write the recording `member` to `folder`; scans that are there are complete, and kept."""
+    run, written, kept = member.run, Written(), []
+    before: deque[tuple[Points, Pose]] = deque(maxlen=max(extras.residuals, default=0))
+    for name in ("velodyne", "labels", *([_BOXES] if extras.boxes else []), *map(_residuals, extras.residuals)):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for index in run.each(f"writing {member.name}"):
+        if not run.scan(index).is_valid.any():
+            continue
+        scan = _write_scan(member, index, folder, f"{len(kept):06d}", ids, extras, before)
+        before.append((scan.points[:, :3], run.T_world_sensor[index]))
+        written.add(run.names[index], scan)
+        kept.append(index)
+    write_kitti(folder / "poses.txt", run.T_world_sensor[kept])
+    write_text(folder / "calib.txt", "".join(f"{key}: {_IDENTITY}\n" for key in ("P0", "P1", "P2", "P3", "Tr")))
+    write_text(folder / "times.txt", "".join(f"{stamp:.9f}\n" for stamp in run.stamps[kept]))
+    return written
+
+
+def _write_scan(
+    member: Member,
+    index: int,
+    folder: Path,
+    stem: str,
+    ids: str,
+    extras: Extras,
+    before: Sequence[tuple[Points, Pose]],
+) -> TrainingScan:
+    points, labels = folder / "velodyne" / f"{stem}.bin", folder / "labels" / f"{stem}.label"
+    if labels.exists():  # written last
+        return TrainingScan(np.fromfile(points, np.float32).reshape(-1, 4), np.fromfile(labels, np.uint32))
+    scan = training_scan(member.run, index, ids, member.full_scale)
+    write_raw(points, scan.points)
+    T_now_world = inverse(member.run.T_world_sensor[index])
+    for back in extras.residuals:
+        image = np.zeros((member.sensor.height, WIDTH), np.float32)
+        if back <= len(before):
+            earlier, T_world_before = before[-back]
+            image = residual_image(scan.points[:, :3], earlier, T_now_world @ T_world_before, member.sensor)
+        write_npy(folder / _residuals(back) / f"{stem}.npy", image)
+    if extras.boxes:
+        write_objects(folder / _BOXES / f"{stem}.npy", insmos_boxes(member, index))
+    write_raw(labels, scan.labels)
+    return scan
+
+
+_BOXES = "boundingbox_label"
+
+
+def _residuals(back: int) -> str:
+    return f"residual_images_{back}"
+
+
+def insmos_boxes(member: Member, index: int) -> npt.NDArray[np.object_]:
+    """Return the (K, 4) boxes of scan `index` as InsMOS loads them: name, class, whether it moves, box.
+
+    A box is the centre x, y, z, length, width, height and heading, in metres and radians of the sensor's frame.
+    """
+    run = member.run
+    found = run.boxes_upright(index)
+    boxes = found.boxes.transformed(inverse(run.T_upright_sensor(index)))
+    rows = np.empty((len(found), 4), object)
+    for k, kind in enumerate(kinds_of(found.boxes.size)):
+        size = found.boxes.size[k]
+        box = [*boxes.center[k].tolist(), *size.tolist(), float(boxes.yaw[k])]
+        rows[k] = "object", _INSMOS_CLASSES[kind], int(found.verdict[k] == Verdict.MOVING), None
+        rows[k, 3] = box
+    return rows
+
+
+def write_objects(path: Path, rows: npt.NDArray[np.object_]) -> None:
+    """Write `rows` as NumPy's file with Python's objects in it, whole or not at all."""
+    content = io.BytesIO()
+    np.save(content, rows, allow_pickle=True)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
