@@ -66,3 +66,24 @@ def test_points_times_and_lines_are_the_drivers(tmp_path, file, package, frame):
 def test_a_message_that_is_cut_short_is_told():
     with pytest.raises(InputError, match="here is cut short: 30 bytes for 1 points"):
         read_columns(bytes(30), False, "here")
+
+
+@pytest.mark.parametrize("frame", ["l", "livox_frame"])
+@pytest.mark.parametrize("file", ["log.bag", "log.mcap"])
+def test_points_are_cut_out_of_a_message_and_counted_anew(tmp_path, file, frame):
+    from rosbags.highlevel import AnyReader
+
+    from automos.datasets.message_rows import with_rows
+
+    write_livox(tmp_path / file, "livox_ros_driver2", street_log(), frame)
+    is_ros2 = file.endswith("mcap")
+    with AnyReader([tmp_path / file]) as reader:
+        connection, _, raw = next(reader.messages())
+        was = reader.deserialize(raw, connection.msgtype)
+        for kept in (np.arange(was.point_num) % 3 > 0, np.zeros(was.point_num, bool)):
+            now = reader.deserialize(with_rows(raw, connection.msgtype, is_ros2, kept), connection.msgtype)
+            assert (now.header, now.timebase, now.lidar_id) == (was.header, was.timebase, was.lidar_id)
+            assert now.point_num == len(now.points) == kept.sum()
+            assert now.points == [point for point, is_kept in zip(was.points, kept, strict=True) if is_kept]
+        with pytest.raises(InputError, match="labels"):
+            with_rows(raw, connection.msgtype, is_ros2, kept[1:])

@@ -42,17 +42,53 @@ def dataset(
     from automos.training_sets.make import make_training_set
     from automos.training_sets.sequence import Extras
 
-    if recordings and len(recordings) != len(results):
-        raise InputError(f"{len(recordings)} --recordings for {len(results)} results folders: give one for each")
+    places: list[Path | None] = [*recordings] if recordings else [None] * len(results)
+    if len(places) != len(results):
+        raise InputError(f"{len(places)} --recordings for {len(results)} results folders: give one for each")
     extras, splits = Extras(_numbers(residuals), boxes), _splits(split or [])
     with StageProgress(console, "dataset") as progress:
         runs = [
             open_run(folder, recording, format, progress, deskewed=True)
-            for folder, recording in zip(results, recordings or [None] * len(results), strict=True)
+            for folder, recording in zip(results, places, strict=True)
         ]
         made = make_training_set(runs, out, layout, ids, splits, extras)
     for sentence in (*made.sentences(), f"data set in {out}"):
         output.print(sentence, markup=False)
+
+
+@hand_on_app.command()
+def clean(
+    results: Annotated[Path, typer.Argument(help="a results folder of automos label")],
+    out: Annotated[Path, typer.Option(help="folder to write to; a new one, or one that this command began")],
+    recording: Annotated[
+        Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
+    ] = None,
+    as_: Annotated[str | None, typer.Option("--as", help="bin, pcd, laz, mcap; default: its own kind")] = None,
+    keep_unsure: Annotated[bool, typer.Option("--keep-unsure", help="keep points without a label, too")] = False,
+    only_movers: Annotated[bool, typer.Option("--only-movers", help="keep moving points, and no others")] = False,
+    format: Format = None,
+) -> None:
+    """Write the recording again without moving points; in a bag, all else stays as it is.
+
+    [bold]Examples[/bold]
+
+    automos clean automos_runs/log --out clean/                 for mapping: static points only
+
+    automos clean automos_runs/log --out clean/ --keep-unsure   ... and what has no label
+    """
+    from automos.cleaning.choice import Choice
+    from automos.cleaning.clean import clean as clean_recording
+    from automos.progress import StageProgress
+    from automos.results.open_run import open_run
+
+    if keep_unsure and only_movers:
+        raise InputError("--keep-unsure and --only-movers exclude each other: give one of them")
+    choice = Choice.MOVING if only_movers else Choice.NOT_MOVING if keep_unsure else Choice.STATIC
+    with StageProgress(console, "clean") as progress:
+        run = open_run(results, recording, format, progress)
+        written, points, left_out = clean_recording(run, out, as_, choice)
+    share = 100.0 * left_out / max(points, 1)
+    output.print(f"{written}: {left_out:,} of {points:,} points left out ({share:.2f} %)", markup=False)
 
 
 def _splits(given: list[str]) -> dict[str, str]:

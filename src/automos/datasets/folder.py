@@ -61,9 +61,7 @@ class FolderSequence(Sequence):
         self.name = self.source.resolve().name
         self._folder = self.source / scan_folder
         self._files, found, stamps = files.list_scans(self._folder, codec)
-        if codec is None:
-            codec = guess_codec(self._paths) if found == "bin" else found
-        self._codec = codec
+        self.codec = codec or (guess_codec(self.paths) if found == "bin" else found)
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
@@ -78,8 +76,8 @@ class FolderSequence(Sequence):
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self._files = [self._files[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
-        if codec == "pcd":
-            _warn_of_viewpoint(self._paths[0])
+        if self.codec == "pcd":
+            _warn_of_viewpoint(self.paths[0])
 
     def __len__(self) -> int:
         return len(self._files)
@@ -87,7 +85,7 @@ class FolderSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
         path = self._folder / self._files[index]
-        columns = read_columns(path, self._codec)
+        columns = read_columns(path, self.codec)
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
         time_unit = (self._point_times.unit or 0.0) if has_time else None
@@ -147,9 +145,9 @@ class FolderSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
-        digest = hashlib.sha256(self._codec.encode())
+        digest = hashlib.sha256(self.codec.encode())
         with damage_reported(self._folder):
-            for path in self._paths:
+            for path in self.paths:
                 status = path.stat()
                 digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
         if self._stamps is not None:
@@ -160,13 +158,14 @@ class FolderSequence(Sequence):
 
     # -------------------------------------------------------------------------------------------- files beside
     @property
-    def _paths(self) -> list[Path]:
+    def paths(self) -> list[Path]:
+        """The file of each scan."""
         return [self._folder / file for file in self._files]
 
     @cached_property
     def _fullest(self) -> Path:
         """The largest file, which says most about how all of them are to be read."""
-        return max(self._paths, key=lambda path: path.stat().st_size)
+        return max(self.paths, key=lambda path: path.stat().st_size)
 
     def _pose_files(self) -> list[Path]:
         return [self.source / "poses.txt"]
@@ -175,7 +174,7 @@ class FolderSequence(Sequence):
     def _copy_of(self) -> npt.NDArray[np.int64]:
         """(len,) for each scan the first one whose file holds the same points; those without are no copies."""
         with damage_reported(self._folder):
-            return files.find_copies(self._paths, self._n_points)
+            return files.find_copies(self.paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
@@ -196,11 +195,11 @@ class FolderSequence(Sequence):
         unit = self._point_times.unit
 
         def start(path: Path) -> float:
-            times = time_column(read_columns(path, self._codec))
+            times = time_column(read_columns(path, self.codec))
             return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
 
         with ThreadPoolExecutor() as pool:
-            times = with_all_times(np.array(list(pool.map(start, self._paths))))
+            times = with_all_times(np.array(list(pool.map(start, self.paths))))
         return times if others is None or np.isfinite(times).all() else others
 
     @cached_property
@@ -208,28 +207,28 @@ class FolderSequence(Sequence):
         return any((self.source / "labels").glob("[!.]*.label"))
 
     def _n_points(self, index: int) -> int:
-        if self._codec in WIDTHS:
-            return (self._folder / self._files[index]).stat().st_size // (4 * WIDTHS[self._codec])
+        if self.codec in WIDTHS:
+            return (self._folder / self._files[index]).stat().st_size // (4 * WIDTHS[self.codec])
         return len(self[index])
 
     @cached_property
     def _unit(self) -> tuple[float, list[str]]:
         """Metres per unit of the coordinates, and what to say of it."""
         with contextlib.suppress(InputError):  # reported when the scan itself is read
-            return unit_of(coordinates(read_columns(self._fullest, self._codec), self._fullest))
+            return unit_of(coordinates(read_columns(self._fullest, self.codec), self._fullest))
         return 1.0, []
 
     @cached_property
     def _point_times(self) -> PointTimes:
         """How the points' times are read, determined once: a scan of few points may not show it."""
-        if self._codec in WIDTHS:
+        if self.codec in WIDTHS:
             return PointTimes()
-        columns = read_columns(self._fullest, self._codec)
+        columns = read_columns(self._fullest, self.codec)
         # Those of few points, as recordings may begin and end with, have no times.
         most = self._fullest.stat().st_size
-        full = [path for path in self._paths if 2 * path.stat().st_size >= most]
+        full = [path for path in self.paths if 2 * path.stat().st_size >= most]
         others = [full[0], full[-1]] if time_column(columns) is not None else []
-        return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder, self._gap)
+        return judge_times([columns, *(read_columns(path, self.codec) for path in others)], self._folder, self._gap)
 
 
 def _warn_of_viewpoint(path: Path) -> None:

@@ -14,7 +14,7 @@ from automos.errors import InputError
 TYPES = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
 
 _POINT = (("offset_time", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("tag", "u1"))
-_LENGTH = 19
+LENGTH = 19
 """Bytes of a point: the fields above and its line. CDR, of ROS 2, starts each at a multiple of four."""
 
 
@@ -34,8 +34,8 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
         count = int(np.frombuffer(raw, f"{order}u4", 1, offset=at + 16)[0])  # after that time, sizes and reserved bytes
     except ValueError:
         count, at = 1, len(raw)
-    stride = 20 if is_ros2 else _LENGTH
-    start, needed = at + 20, max(count - 1, 0) * stride + (_LENGTH if count else 0)
+    stride = stride_of(is_ros2)
+    start, needed = at + 20, max(count - 1, 0) * stride + (LENGTH if count else 0)
     if len(raw) < start + needed:
         raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} points; record or export it again")
     names, kinds = zip(*_POINT, ("line", "u1"), strict=True)
@@ -43,6 +43,11 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
     layout = np.dtype(
         {"names": names, "formats": [order + kind for kind in kinds], "offsets": offsets, "itemsize": stride}
     )
-    padded = bytes(raw[start : start + needed]) + bytes(stride - _LENGTH if count else 0)
+    padded = bytes(raw[start : start + needed]) + bytes(stride - LENGTH if count else 0)
     rows = np.frombuffer(padded, layout, count)
     return {name: rows[name] for name in names if name != "tag"}
+
+
+def stride_of(is_ros2: bool) -> int:
+    """Return the bytes from a point to the next."""
+    return 20 if is_ros2 else LENGTH

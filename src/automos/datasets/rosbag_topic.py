@@ -48,7 +48,7 @@ def _is_packed(file: Path) -> bool:
 
 
 class RosbagSequence(Sequence):
-    """The point clouds of one topic, found once, read when asked for."""
+    """The point clouds of one `topic`, found once, read when asked for."""
 
     source: Path
 
@@ -65,18 +65,18 @@ class RosbagSequence(Sequence):
         wanted = None if path == bag else path.relative_to(bag).as_posix()
         self.source, self._address = bag, path
         self._threads = threading.local()
-        packed = next(filter(_is_packed, _files(bag)), None)
+        packed = next(filter(_is_packed, bag_files(bag)), None)
         if packed is not None:  # the library would unpack all of it for every scan, with no limit on its size
             raise InputError(
                 f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "
                 f"{packed.name}) and give the unpacked file"
             )
         with _reported(bag):
-            self._topic = _choose_topic(self._reader, bag, wanted)
+            self.topic = _choose_topic(self._reader, bag, wanted)
             self._recorded, headers, self._sizes, self._digests = self._index()
         self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
         if len(self._recorded) == 0:
-            raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
+            raise InputError(f"{bag} has no messages on topic {self.topic}; record it again or give another topic")
         self._stamps = self._choose_stamps(headers)
 
     @property
@@ -113,7 +113,7 @@ class RosbagSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
-        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(_files(self.source))}"
+        return f"{super().fingerprint()}:{self.topic}:{digest_of_files(bag_files(self.source))}"
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key != "_threads"}
@@ -128,12 +128,17 @@ class RosbagSequence(Sequence):
             anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
             # Bags of early ROS 2 do not store their types; this one has not changed since.
             types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-            for file in _files(self.source):
+            for file in bag_files(self.source):
                 require_regular(file)
             reader = anyreader.AnyReader([self.source], default_typestore=types)
             reader.open()
             self._threads.reader = reader
         return self._threads.reader
+
+    @property
+    def recorded(self) -> npt.NDArray[np.int64]:
+        """(len,) nanoseconds at which the message of each scan was recorded."""
+        return self._recorded[self._messages]
 
     @cached_property
     def frame_id(self) -> str:
@@ -155,7 +160,7 @@ class RosbagSequence(Sequence):
         return found
 
     def _connections(self) -> list[Any]:
-        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype in _TYPES]
+        return [c for c in self._reader.connections if c.topic == self.topic and c.msgtype in _TYPES]
 
     def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
         """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
@@ -201,10 +206,10 @@ class RosbagSequence(Sequence):
         return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
 
     def _where(self, index: int | None = None) -> Path:
-        return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")
+        return self.source / self.topic.strip("/") / ("" if index is None else f"{index:06d}")
 
 
-def _files(bag: Path) -> list[Path]:
+def bag_files(bag: Path) -> list[Path]:
     """Return what a bag is made of: the file itself, or what lies in its folder beside other folders."""
     return sorted(file for file in bag.iterdir() if not file.is_dir()) if bag.is_dir() else [bag]
 

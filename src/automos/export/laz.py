@@ -40,7 +40,8 @@ def write(run: RunFiles, out: Path) -> None:
         xyz = np.column_stack([columns[axis] for axis in "xyz"])
         xyz = np.where((np.abs(xyz) < _REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
         las.x, las.y, las.z = xyz.astype(np.float64).T
-        las.classification = columns["label"].astype(np.uint8)
+        if "label" in columns:
+            las.classification = columns["label"].astype(np.uint8)
         if "intensity" in columns:
             las.intensity = _to_16_bits(columns["intensity"], scale)
         if "time" in columns:

@@ -14,12 +14,16 @@ def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
 
     x, y, z (float32, metres, sensor frame), intensity (float32), time (float32, seconds) and ring (uint16) where the
     recording has them, label (uint16, values of `Label`), instance (uint32, 0: none). Deskewed points are all of one
-    time, and come without.
+    time, and come without. Where `run.rows_of` chooses among the points, these come as the recording has them: without
+    label and instance.
     """
     scan = run.scan(index)
     columns = scan_columns(scan, run.points_at_pose(scan, index) if run.deskewed else scan.points)
     if run.deskewed:
         columns.pop("time", None)
+    if run.rows_of is not None:
+        rows = run.rows_of(scan, index)
+        return {name: column[rows] for name, column in columns.items()}
     return columns | {
         "label": run.labels(index, len(scan)),
         "instance": run.instances(index, len(scan)).astype(np.uint32),

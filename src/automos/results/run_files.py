@@ -46,6 +46,11 @@ class RunFiles:
     deskewed : bool, default False
         Whether exported points are motion-compensated.
 
+    Attributes
+    ----------
+    rows_of : callable, optional
+        Takes a scan and its number and returns which of its points are exported. All if None.
+
     Raises
     ------
     InputError
@@ -62,6 +67,7 @@ class RunFiles:
         self.folder = folder
         self.sequence = sequence
         self.deskewed = deskewed
+        self.rows_of: Callable[[Scan, int], npt.NDArray[np.bool_]] | None = None
         self.names = sequence.names
         self._progress = progress
         self._predictions = find_predictions(folder, sequence.name, is_only=True)

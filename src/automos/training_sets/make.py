@@ -59,7 +59,7 @@ class Made:
             lines.append(f"warning: no recording is in {missing[0]}, which trainers ask for: --split {missing[0]}=NAME")
         n_sensors = len({member.sensor for member in self.members})
         if n_sensors > 1:
-            lines.append(f"{n_sensors} different sensors, each with classes and sensor files of its own")
+            lines.append(f"{n_sensors} different sensors: give a trainer on range images one at a time")
         return lines
 
 

@@ -77,7 +77,8 @@ class Written:
 
 def write_sequence(member: Member, folder: Path, ids: str, extras: Extras) -> Written:
     """Write the recording `member` to `folder`; scans that are there are complete, and kept."""
-    run, written, kept = member.run, Written(), []
+    run, written = member.run, Written()
+    kept: list[int] = []
     before: deque[tuple[Points, Pose]] = deque(maxlen=max(extras.residuals, default=0))
     for name in ("velodyne", "labels", *([_BOXES] if extras.boxes else []), *map(_residuals, extras.residuals)):
         (folder / name).mkdir(parents=True, exist_ok=True)

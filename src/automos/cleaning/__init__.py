@@ -1,0 +1,1 @@
+"""Recordings written again without the points that move, for mapping and odometry."""

@@ -1,0 +1,116 @@
+"""The recording of a run again, without its moving points: in its own kind, or as another.
+
+In its own kind nothing but the points changes: files of the same names with the same columns, bags with the same
+messages. What lies beside the scans of a folder (times, poses, calibration) is copied; true labels are not.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from automos.atomic import atomic_path
+from automos.cleaning import kitti_bin
+from automos.cleaning.bags import rewrite_bag
+from automos.cleaning.choice import Choice
+from automos.cleaning.point_files import rewrite_of
+from automos.datasets.folder import FolderSequence
+from automos.datasets.message_rows import with_rows
+from automos.datasets.rosbag_topic import RosbagSequence
+from automos.errors import InputError
+from automos.export import load_export
+from automos.export.formats import Export
+from automos.own_folder import own_folder
+from automos.results.claiming import refuse_folders_of, refuse_results
+from automos.results.run_files import RunFiles
+from automos.workspace import Workspace
+
+KINDS = {"bin": kitti_bin.EXPORT, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
+"""Writers of points as the recording has them."""
+MARKER = "clean.json"
+_BESIDE = ("times.txt", "poses.txt", "calib.txt", "mounts.yaml")
+
+
+def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Choice.STATIC) -> tuple[Path, int, int]:
+    """Write the recording of `run` with the points of `choice` to folder `out`; an interrupted call goes on.
+
+    Parameters
+    ----------
+    kind : one of `KINDS`; the recording's own if not given, which "bag" says of a bag as well.
+
+    Returns
+    -------
+    Path, int, int
+        What was written; how many points were there, and how many were left out.
+
+    Raises
+    ------
+    InputError
+        The recording is of a kind that is not written, `out` holds other things, or the disk is full.
+    """
+    sequence = run.sequence
+    is_own = kind is None or (isinstance(sequence, RosbagSequence) and kind in ("bag", sequence.source.suffix[1:]))
+    export = None if is_own else _export_of(str(kind))
+    if is_own and not isinstance(sequence, RosbagSequence | FolderSequence):
+        raise InputError(f"{sequence.name} is of a kind that is not written again as such: give --as bin, pcd or laz")
+    refuse_folders_of(sequence, out)
+    refuse_results(out)
+    about = {
+        "format": "automos clean",
+        "run": str(run.folder.absolute()),
+        "labels": Workspace(run.folder).read_run().get("fingerprint"),
+        "kind": "own" if export is None else kind,
+        "kept": choice.value,
+    }
+    counted = _Counted(run, choice)
+    with own_folder(out, MARKER, about) as found:
+        if export is not None:
+            run.rows_of = counted.rows
+            written = out / f"{sequence.name}{export.suffix}" if export.suffix else out
+            export.write(run, written)
+        elif isinstance(sequence, RosbagSequence):
+            written = rewrite_bag(sequence, out, counted.cut)
+        else:
+            assert isinstance(sequence, FolderSequence)
+            written = _rewrite_folder(counted, sequence, out)
+        found.update(points=counted.n_points, left_out=counted.n_left_out)
+    return written, counted.n_points, counted.n_left_out
+
+
+def _export_of(kind: str) -> Export:
+    if kind not in KINDS:
+        raise InputError(f"--as {kind}: there is no such; there are {', '.join(KINDS)}, and bag of a bag")
+    return KINDS[kind]
+
+
+class _Counted:
+    """The choice of points, scan by scan, and how many were left out."""
+
+    def __init__(self, run: RunFiles, choice: Choice):
+        self.run, self._choice, self.n_points, self.n_left_out = run, choice, 0, 0
+
+    def rows(self, scan: Any, index: int) -> Any:
+        """Return (N,) which points of `scan`, number `index`, are kept."""
+        rows = self._choice.rows(self.run, scan, index)
+        self.n_points += len(rows)
+        self.n_left_out += int((~rows).sum())
+        return rows
+
+    def cut(self, index: int, raw: bytes, kind: str, is_ros2: bool) -> bytes:
+        """Return the message of scan `index` with the points that are kept."""
+        return with_rows(raw, kind, is_ros2, self.rows(self.run.scan(index), index))
+
+
+def _rewrite_folder(counted: _Counted, sequence: FolderSequence, out: Path) -> Path:
+    run, rewrite = counted.run, rewrite_of(sequence.codec)
+    for name in _BESIDE:
+        if (sequence.source / name).is_file():
+            with atomic_path(out / name) as temporary:
+                shutil.copyfile(sequence.source / name, temporary)
+    for index in run.each("writing scans"):
+        source = sequence.paths[index]
+        target = out / source.relative_to(sequence.source)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        rewrite(source, target, sequence.codec, counted.rows(run.scan(index), index))
+    return out
