@@ -22,6 +22,7 @@ from automos.cli.look import look_app
 from automos.cli.memory import require_memory
 from automos.cli.network import network_app
 from automos.cli.options import on_this_machine
+from automos.cli.ros2 import ros2_app
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.errors import AutomosError, plain
@@ -35,7 +36,18 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (label_app, score_app, formats_app, hand_on_app, look_app, compare_app, network_app, live_app, worlds_app):
+for group in (
+    label_app,
+    score_app,
+    formats_app,
+    hand_on_app,
+    look_app,
+    compare_app,
+    network_app,
+    live_app,
+    ros2_app,
+    worlds_app,
+):
     for command in group.registered_commands:
         command.callback = command.callback and on_this_machine(command.callback)
     app.add_typer(group)

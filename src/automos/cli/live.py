@@ -30,7 +30,8 @@ def live(
     send: Annotated[str | None, typer.Option(help="udp://HOST:PORT to send a message per scan to")] = None,
     view: Annotated[bool, typer.Option("--view", help="show it in the viewer, in a window")] = False,
     web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web; 0: any free one")] = 0,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="serve it to Foxglove or Lichtblick")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web or --foxglove; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
     points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 20_000,
     speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay; 0: fastest, nothing left out")] = 1.0,
@@ -59,6 +60,8 @@ def live(
 
     if not 0.0 <= lag < float("inf"):
         raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
+    if web and foxglove:
+        raise InputError("--web and --foxglove take one --port: give one of them")
     chosen = load_settings("default", settings, read_overrides(set_))
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
@@ -68,6 +71,8 @@ def live(
         sinks: list[Sink] = [] if sender is None else [_sending(sender)]
         if view or web:
             sinks.append(_showing(feed.name, web, port, browser, points, stack))
+        if foxglove:
+            sinks.append(_serving(feed.name, port, stack))
         if out is not None:  # it is emptied, so whatever may be wrong with the command was looked at before
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))
@@ -111,6 +116,15 @@ def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack:
     shown = LiveView(viewer, name, points)
     stack.callback(shown.close)  # before the viewer itself
     return shown.show
+
+
+def _serving(name: str, port: int, stack: ExitStack) -> Sink:
+    from automos.visualization.foxglove import FoxgloveView
+
+    served = FoxgloveView(name, port)
+    stack.callback(served.close)
+    output.print(f"open {served.url} in Foxglove or Lichtblick (Foxglove WebSocket)", markup=False)
+    return served.show
 
 
 class _Line:

@@ -58,7 +58,7 @@ def read_columns(message: Any, where: str) -> Columns:
     if height == 1 or row_step == 0:
         row_step = width * point_step  # drivers get it wrong where it does not matter
     n_bytes = (height - 1) * row_step + width * point_step if height * width else 0
-    data = np.asarray(message.data).view(np.uint8)
+    data = np.frombuffer(message.data, np.uint8)
     if len(data) < n_bytes or row_step < width * point_step:
         raise InputError(
             f"{where} is cut short: {len(data)} bytes for {height} x {width} points of {point_step} bytes; "

@@ -1,0 +1,192 @@
+"""What the node publishes of each labelled scan: clouds, odometry, boxes, and transforms where they are asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.datasets.stamped_poses import from_quaternions
+from automos.errors import MissingExtraError
+from automos.geometry import inverse
+from automos.labeler import LabelledScan
+from automos.labels import Label
+from automos.ros2.clouds import Body, new_field, with_field, with_rows
+from automos.ros2.feed import RosFeed
+from automos.scan import Pose, Scan
+
+_DEPTH = 5
+"""Messages of a topic that wait for who reads them: what is sent again after a loss is still there."""
+RED = (0.9, 0.3, 0.3, 0.6)
+
+
+class Publisher:
+    """A sink that publishes every labelled scan with the stamp of its cloud.
+
+    ROS parameters
+    --------------
+    lidar_odom_frame : frame of the odometry and the boxes: z up, the ground under the first scan at 0.
+    base_frame : whose odometry it is; the cloud's own frame if empty. Another one needs tf2_ros.
+    publish_odom_tf : whether the transform from lidar_odom_frame is sent to /tf.
+    """
+
+    def __init__(self, feed: RosFeed):
+        """Declare the parameters and make the publishers; MissingExtraError where the messages of one are absent."""
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import QoSProfile
+        from sensor_msgs.msg import PointCloud2
+        from visualization_msgs.msg import MarkerArray
+
+        self._feed, self._node = feed, feed.node
+        declare = self._node.declare_parameter
+        self._odom_frame = str(declare("lidar_odom_frame", "odom_lidar").value)
+        self._base_frame = str(declare("base_frame", "").value)
+        sends_tf = bool(declare("publish_odom_tf", False).value)
+        few = QoSProfile(depth=_DEPTH)
+        self._labelled = self._node.create_publisher(PointCloud2, "~/points_labelled", few)
+        self._static = self._node.create_publisher(PointCloud2, "~/points_static", few)
+        self._odometry = self._node.create_publisher(Odometry, "~/odometry", few)
+        self._boxes = self._node.create_publisher(MarkerArray, "~/boxes", few)
+        self._detections = _detections_publisher(self._node, few)
+        self._tf = self._node.create_publisher(_required("tf2_msgs.msg").TFMessage, "/tf", 10) if sends_tf else None
+        self._mounts: Any = None
+        if self._base_frame:
+            tf2_ros = _required("tf2_ros")
+            self._mounts = tf2_ros.Buffer()
+            self._listener = tf2_ros.TransformListener(self._mounts, self._node)
+
+    def __call__(self, scan: Scan, given: LabelledScan) -> None:
+        """Publish one scan."""
+        message = self._feed.message(scan.name)
+        header = message.header
+        self._labelled.publish(_changed(message, with_field(message, given.labels), is_wider=True))
+        self._static.publish(_changed(message, with_rows(message, given.labels == Label.STATIC)))
+        frame, pose = header.frame_id, given.pose
+        if self._mounts is not None and self._base_frame != frame:
+            mount = self._mount(frame)
+            if mount is None:
+                return
+            frame, pose = self._base_frame, of_base(given.pose, mount)
+        self._odometry.publish(_odometry(header.stamp, self._odom_frame, frame, pose))
+        if self._tf is not None:
+            self._tf.publish(_transform(header.stamp, self._odom_frame, frame, pose))
+        self._boxes.publish(_markers(header.stamp, self._odom_frame, given.objects))
+        if self._detections is not None:
+            self._detections.publish(_detections(header.stamp, self._odom_frame, given.objects))
+
+    def _mount(self, frame: str) -> Pose | None:
+        """Return (4, 4) where the LiDAR sits on the base, None while nobody says so."""
+        from rclpy.time import Time
+
+        if not self._mounts.can_transform(self._base_frame, frame, Time()):
+            self._node.get_logger().warning(
+                f"no transform from {frame} to {self._base_frame} yet: odometry and boxes wait for it",
+                throttle_duration_sec=5.0,
+            )
+            return None
+        found = self._mounts.lookup_transform(self._base_frame, frame, Time()).transform
+        t, q = found.translation, found.rotation
+        return from_quaternions([[t.x, t.y, t.z]], [[q.x, q.y, q.z, q.w]], Path("/tf"))[0]
+
+
+def of_base(T_odom_lidar: Pose, T_base_lidar: Pose) -> Pose:
+    """Return (4, 4) the base's pose in the odometry's frame, whose place and heading are then the base's at first."""
+    return T_base_lidar @ T_odom_lidar @ inverse(T_base_lidar)
+
+
+def _required(module: str) -> Any:
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError:
+        package = module.partition(".")[0]
+        raise MissingExtraError(f"{package} is not there: install ros-DISTRO-{package.replace('_', '-')}") from None
+
+
+def _changed(message: Any, body: Body, is_wider: bool = False) -> Any:
+    """Return a cloud like `message` with other points; `is_wider` with a field more."""
+    from sensor_msgs.msg import PointCloud2, PointField
+
+    return PointCloud2(
+        header=message.header,
+        fields=[*message.fields, *([new_field(message, PointField)] if is_wider else [])],
+        is_bigendian=message.is_bigendian,
+        is_dense=message.is_dense,
+        **body._asdict(),
+    )
+
+
+def _fill(pose: Any, T: Pose, position: str, rotation: str) -> None:
+    """Put a (4, 4) transform into a message's vector and quaternion."""
+    from scipy.spatial.transform import Rotation
+
+    for axis, value in zip("xyz", T[:3, 3].tolist(), strict=True):
+        setattr(getattr(pose, position), axis, value)
+    for part, value in zip("xyzw", Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True).tolist(), strict=True):
+        setattr(getattr(pose, rotation), part, value)
+
+
+def _odometry(stamp: Any, frame: str, child: str, T: Pose) -> Any:
+    from nav_msgs.msg import Odometry
+
+    message = Odometry(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = stamp, frame
+    _fill(message.pose.pose, T, "position", "orientation")
+    return message
+
+
+def _transform(stamp: Any, frame: str, child: str, T: Pose) -> Any:
+    from geometry_msgs.msg import TransformStamped
+
+    message = TransformStamped(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = stamp, frame
+    _fill(message.transform, T, "translation", "rotation")
+    return _required("tf2_msgs.msg").TFMessage(transforms=[message])
+
+
+def _markers(stamp: Any, frame: str, objects: npt.NDArray) -> Any:
+    """Return a cube for each object, after what removes those of the scan before."""
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    nothing = Marker(action=Marker.DELETEALL)
+    nothing.header.stamp, nothing.header.frame_id = stamp, frame
+    markers = [nothing]
+    for thing in objects:
+        marker = Marker(ns="moving", id=int(thing["track"]) & 0x7FFFFFFF, type=Marker.CUBE, action=Marker.ADD)
+        marker.header = nothing.header
+        _fill_box(marker.pose, marker.scale, thing)
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = RED
+        markers.append(marker)
+    return MarkerArray(markers=markers)
+
+
+def _fill_box(pose: Any, size: Any, thing: Any) -> None:
+    half = 0.5 * float(thing["yaw"])
+    for axis, place, side in zip("xyz", thing["center"].tolist(), thing["size"].tolist(), strict=True):
+        setattr(pose.position, axis, place)
+        setattr(size, axis, side)
+    pose.orientation.z, pose.orientation.w = float(np.sin(half)), float(np.cos(half))
+
+
+def _detections_publisher(node: Any, quality: Any) -> Any:
+    """Return the publisher of vision_msgs' boxes, None where there are no such messages."""
+    try:
+        from vision_msgs.msg import Detection3DArray
+    except ImportError:
+        return None
+    return node.create_publisher(Detection3DArray, "~/detections", quality)
+
+
+def _detections(stamp: Any, frame: str, objects: npt.NDArray) -> Any:
+    from vision_msgs.msg import Detection3D, Detection3DArray
+
+    message = Detection3DArray()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    for thing in objects:
+        found = Detection3D(header=message.header, id=str(thing["track"]))
+        _fill_box(found.bbox.center, found.bbox.size, thing)
+        message.detections.append(found)
+    return message
