@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_run import INSTANCES, STAMPS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, export, make_run, make_scans
+from made_run import INSTANCES, LABELS, STAMPS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, export, make_run, make_scans
 
 from automos.export.flow import scan_flow, timestamps
 from automos.geometry import inverse, transform
@@ -76,8 +76,11 @@ def test_opensceneflow_finds_all_that_its_loader_asks_for(run, tmp_path):
         assert sorted(file, key=int) == NANOSECONDS
         for (_, stamp), scan in zip(index, run.sequence, strict=True):
             group = file[stamp]
-            assert group["lidar"].shape == (len(scan), 4)
+            n_points = int(scan.is_valid.sum())
+            assert group["lidar"].shape == (n_points, 4)
+            assert np.isfinite(group["lidar"][:]).all()
             assert group["ground_mask"].dtype == bool
+            assert {group[name].shape for name in ("ground_mask", "dufo", "dufocluster")} == {(n_points,)}
             assert group["pose"].shape == (4, 4)
             assert ("flow" in group) == (stamp != NANOSECONDS[-1])
         first, second = file[NANOSECONDS[0]], file[NANOSECONDS[1]]
@@ -87,6 +90,9 @@ def test_opensceneflow_finds_all_that_its_loader_asks_for(run, tmp_path):
         moved = first["lidar"][:, :3] @ ego[:3, :3].T + ego[:3, 3] - first["lidar"][:, :3]
         assert first["flow"][:][still] == pytest.approx(moved[still], abs=1e-4)
         assert first["flow_is_valid"][:].tolist() == scan_flow(run, 0).is_known.tolist()
+        assert first["dufo"][:].tolist() == [int(label == 251) for label in LABELS[0]]
+        assert first["dufocluster"][:].tolist() == [int(track > 0) for track in INSTANCES[0]]
+        assert first["flow_category_indices"][:].tolist() == [19 * (track > 0) for track in INSTANCES[0]]
 
 
 def test_opensceneflow_finds_the_last_scan_although_it_compares_times_as_text(run, tmp_path, monkeypatch):

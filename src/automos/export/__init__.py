@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
-    "kitti_tracking", "nuscenes", "openlabel", "cvat", "segments", "supervisely", "sustech",
-    "flow-av2", "opensceneflow",
+    "kitti_tracking", "nuscenes", "nuscenes-tables", "openpcdet", "mmdet3d", "openlabel",
+    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap",
 )  # fmt: skip
 """Formats that results are written in; each is a module of this package, a dash there an underscore."""
 

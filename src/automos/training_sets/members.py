@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from automos.errors import InputError
+from automos.export.kinds import Kinds, kinds_of_tracks
 from automos.results.run_files import RunFiles
 from automos.sensor.beam_pattern import learn_pattern
 from automos.training_sets.range_images import ImageSensor, measure_sensor
@@ -46,6 +48,11 @@ class Member:
     split: str
     full_scale: float
     sensor: ImageSensor
+
+    @cached_property
+    def kinds(self) -> Kinds:
+        """What gives the kind of a track."""
+        return kinds_of_tracks(self.run)
 
     def about(self) -> dict[str, Any]:
         """Return what identifies it, for the manifest."""

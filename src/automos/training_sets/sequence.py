@@ -16,7 +16,6 @@ from automos.geometry import inverse
 from automos.pose_writers import write_kitti
 from automos.scan import Points, Pose
 from automos.tracking.verdict import Verdict
-from automos.training_sets.kinds import kinds_of
 from automos.training_sets.members import Member
 from automos.training_sets.range_images import WIDTH, residual_image
 from automos.training_sets.scans import TrainingScan, training_scan
@@ -138,7 +137,7 @@ def insmos_boxes(member: Member, index: int) -> npt.NDArray[np.object_]:
     found = run.boxes_upright(index)
     boxes = found.boxes.transformed(inverse(run.T_upright_sensor(index)))
     rows = np.empty((len(found), 4), object)
-    for k, kind in enumerate(kinds_of(found.boxes.size)):
+    for k, kind in enumerate(member.kinds(found.ids)):
         size = found.boxes.size[k]
         box = [*boxes.center[k].tolist(), *size.tolist(), float(boxes.yaw[k])]
         rows[k] = "object", _INSMOS_CLASSES[kind], int(found.verdict[k] == Verdict.MOVING), None

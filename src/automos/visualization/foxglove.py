@@ -53,15 +53,15 @@ class FoxgloveView:
         """Send a scan and its labels."""
         m, nanoseconds = self._m, max(round(1e9 * given.stamp), 0)
         time = m.Timestamp(sec=nanoseconds // 10**9, nsec=nanoseconds % 10**9)
-        pose = self._pose(given.pose)
-        self._driven.append(pose)
+        place, turn = self._parts(given.pose)
+        self._driven.append(self._pose(given.pose))
         self._tf.log(
             m.FrameTransform(
                 timestamp=time,
                 parent_frame_id=WORLD,
                 child_frame_id=LIDAR,
-                translation=pose.position,
-                rotation=pose.orientation,
+                translation=place,
+                rotation=turn,
             ),
             log_time=nanoseconds,
         )
@@ -110,10 +110,13 @@ class FoxgloveView:
         return m.SceneUpdate(deletions=[everything], entities=entities)
 
     def _pose(self, T: Pose) -> Any:
+        place, turn = self._parts(T)
+        return self._m.Pose(position=place, orientation=turn)
+
+    def _parts(self, T: Pose) -> tuple[Any, Any]:
+        """Return the vector and the quaternion of a (4, 4) transform."""
         from scipy.spatial.transform import Rotation
 
         place, turn = T[:3, 3].tolist(), Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True).tolist()
-        return self._m.Pose(
-            position=self._m.Vector3(**dict(zip("xyz", place, strict=True))),
-            orientation=self._m.Quaternion(**dict(zip("xyzw", turn, strict=True))),
-        )
+        vector = self._m.Vector3(**dict(zip("xyz", place, strict=True)))
+        return vector, self._m.Quaternion(**dict(zip("xyzw", turn, strict=True)))
