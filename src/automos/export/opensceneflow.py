@@ -67,9 +67,7 @@ def _group(run: RunFiles, index: int, kinds: Kinds) -> dict[str, np.ndarray]:
         group |= {
             "flow": found.flow,
             "flow_is_valid": found.is_known,
-            "flow_category_indices": np.where(
-                found.instances > 0, np.array(CATEGORIES)[kinds(found.instances)], 0
-            ).astype(np.uint8),
+            "flow_category_indices": np.where(found.instances > 0, categories[kinds(found.instances)], np.uint8(0)),
             # 15 bits are all there is: ids beyond wrap, but never to 0, which means "no instance", or below.
             "flow_instance_id": np.where(found.instances > 0, (found.instances - 1) % 0x7FFF + 1, 0).astype(np.int16),
         }
