@@ -17,7 +17,7 @@ import numpy as np
 
 from automos.cleaning.choice import Choice
 from automos.cleaning.clean import clean
-from automos.geometry import inverse
+from automos.core.geometry import inverse
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 

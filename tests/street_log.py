@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 from worlds import ROADSIDE, TRAFFIC, drive, record
 
-from automos.geometry import inverse
-from automos.scan import Pose, Scan
-from automos.upright_boxes import Boxes
+from automos.core.geometry import inverse
+from automos.core.scan import Pose, Scan
+from automos.core.upright_boxes import Boxes
 
 START = 1_500_000_000.0
 """Seconds since 1970 of the first scan."""

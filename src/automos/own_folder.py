@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from automos.atomic import faults_reported, held, remove_parts, write_text
-from automos.errors import InputError
-from automos.reading import read_json
+from automos.core.atomic import faults_reported, held, remove_parts, write_text
+from automos.core.errors import InputError
+from automos.core.reading import read_json
 
 UNFINISHED = "unfinished"
 """Entry of a marker until all of its folder is written."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from automos.datasets import open_sequence
-from automos.label_files import read_labels
+from automos.core.label_files import read_labels
+from automos.readers import open_sequence
 from automos.results.run_files import RunFiles
 
 

@@ -8,9 +8,9 @@ from street_log import street_log
 
 from automos.cleaning.choice import Choice
 from automos.cleaning.clean import clean
-from automos.datasets.message_rows import with_rows
-from automos.datasets.point_cloud2 import read_columns
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.readers.message_rows import with_rows
+from automos.readers.point_cloud2 import read_columns
 
 pytest.importorskip("rosbags")
 from rosbags.highlevel import AnyReader

@@ -9,9 +9,9 @@ from street_log import street_log
 
 from automos.cleaning.choice import Choice
 from automos.cleaning.clean import clean
-from automos.datasets import open_sequence
-from automos.errors import InputError
-from automos.export.pcd import write_pcd
+from automos.core.errors import InputError
+from automos.readers import open_sequence
+from automos.writers.pcd import write_pcd
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_every_column_of_pcd_npy_and_las_is_kept(tmp_path):
                 was, now = laspy.read(path), laspy.read(out / path.name)
                 np.testing.assert_array_equal(now.points.array, was.points[kept].array)
             else:
-                from automos.datasets.pcd import read
+                from automos.readers.pcd import read
 
                 was, now = read(path), read(out / path.name)
                 assert [(k, v.dtype) for k, v in was.items()] == [(k, v.dtype) for k, v in now.items()]

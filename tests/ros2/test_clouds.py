@@ -7,8 +7,8 @@ import pytest
 from bags import cloud, columns_of
 from street_log import street_log
 
-from automos.datasets.point_cloud2 import read_columns
-from automos.geometry import make_transform
+from automos.core.geometry import make_transform
+from automos.readers.point_cloud2 import read_columns
 from automos.ros2.clouds import new_field, scan_of, with_field, with_rows
 from automos.ros2.publishing import of_base
 
@@ -70,7 +70,7 @@ def test_the_bases_path_begins_at_the_bases_own_place():
 def test_without_ros_the_command_says_how_to_get_it(monkeypatch):
     import sys
 
-    from automos.errors import MissingExtraError
+    from automos.core.errors import MissingExtraError
     from automos.ros2.feed import RosFeed
 
     monkeypatch.setitem(sys.modules, "rclpy", None)

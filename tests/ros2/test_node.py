@@ -16,7 +16,7 @@ import pytest
 from bags import cloud, columns_of
 from street_log import street_log
 
-from automos.datasets.point_cloud2 import read_columns
+from automos.readers.point_cloud2 import read_columns
 
 rclpy = pytest.importorskip("rclpy", reason="pip install -e '.[dev-ros2]' in an environment of its own")
 # ruff: noqa: E402

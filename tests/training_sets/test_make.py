@@ -9,10 +9,10 @@ import yaml
 from loaders import HelimosTrainer, RangeImageTrainer
 from made_run import INSTANCES, LABELS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, make_run, make_scans
 
-from automos.errors import InputError
-from automos.geometry import inverse, transform
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
+from automos.core.scan import Scan
 from automos.results.run_files import RunFiles
-from automos.scan import Scan
 from automos.training_sets.make import make_training_set
 from automos.training_sets.sequence import Extras
 

@@ -10,10 +10,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from automos.atomic import atomic_path
-from automos.datasets.formats import import_extra
-from automos.datasets.rosbag_topic import RosbagSequence, bag_files
-from automos.errors import InputError
+from automos.core.atomic import atomic_path
+from automos.core.errors import InputError
+from automos.readers.formats import import_extra
+from automos.readers.rosbag_topic import RosbagSequence, bag_files
 
 Cut = Callable[[int, bytes, str, bool], bytes]
 """Takes the number of a scan, its message, the message's type and whether it is ROS 2's; returns what to write."""

@@ -7,9 +7,9 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from automos.labels import Label
+from automos.core.labels import Label
+from automos.core.scan import Scan
 from automos.results.run_files import RunFiles
-from automos.scan import Scan
 
 
 class Choice(Enum):

@@ -10,21 +10,21 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from automos.atomic import atomic_path
 from automos.cleaning import kitti_bin
 from automos.cleaning.bags import rewrite_bag
 from automos.cleaning.choice import Choice
 from automos.cleaning.point_files import rewrite_of
-from automos.datasets.folder import FolderSequence
-from automos.datasets.message_rows import with_rows
-from automos.datasets.rosbag_topic import RosbagSequence
-from automos.errors import InputError
-from automos.export import load_export
-from automos.export.formats import Export
+from automos.core.atomic import atomic_path
+from automos.core.errors import InputError
+from automos.core.workspace import Workspace
 from automos.own_folder import own_folder
+from automos.readers.folder import FolderSequence
+from automos.readers.message_rows import with_rows
+from automos.readers.rosbag_topic import RosbagSequence
 from automos.results.claiming import refuse_folders_of, refuse_results
 from automos.results.run_files import RunFiles
-from automos.workspace import Workspace
+from automos.writers import load_export
+from automos.writers.formats import Export
 
 KINDS = {"bin": kitti_bin.EXPORT, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
 """Writers of points as the recording has them."""

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.atomic import write_raw, write_text
-from automos.export.formats import Export
-from automos.export.point_columns import point_columns
+from automos.core.atomic import write_raw, write_text
 from automos.results.run_files import RunFiles
+from automos.writers.formats import Export
+from automos.writers.point_columns import point_columns
 
 
 def write(run: RunFiles, out: Path) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, write_npy, write_raw
-from automos.datasets.bin import WIDTHS
-from automos.datasets.codecs import read_columns, suffix_codec
-from automos.datasets.formats import import_extra
-from automos.errors import InputError
-from automos.export.pcd import write_pcd
-from automos.reading import read_array
+from automos.core.atomic import atomic_path, write_npy, write_raw
+from automos.core.errors import InputError
+from automos.core.reading import read_array
+from automos.readers.bin import WIDTHS
+from automos.readers.codecs import read_columns, suffix_codec
+from automos.readers.formats import import_extra
+from automos.writers.pcd import write_pcd
 
 Mask = npt.NDArray[np.bool_]
 Rewrite = Callable[[Path, Path, str, Mask], None]

@@ -10,7 +10,7 @@ import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Format
-from automos.errors import InputError
+from automos.core.errors import InputError
 
 hand_on_app = typer.Typer()
 
@@ -37,7 +37,7 @@ def dataset(
 
     automos dataset automos_runs/* --out set --layout semantickitti --residuals 1-8      MotionSeg3D
     """
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.training_sets.make import make_training_set
     from automos.training_sets.sequence import Extras
@@ -78,7 +78,7 @@ def clean(
     """
     from automos.cleaning.choice import Choice
     from automos.cleaning.clean import clean as clean_recording
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
 
     if keep_unsure and only_movers:

@@ -31,7 +31,7 @@ def ros2(
     """
     import automos
     from automos.compiling import LINE, is_cold
-    from automos.errors import InputError
+    from automos.core.errors import InputError
     from automos.live.run import get_ready, run_live
     from automos.ros2.feed import RosFeed
     from automos.ros2.publishing import Publisher

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.columns import to_scan
-from automos.datasets.point_cloud2 import read_columns
-from automos.labels import Label
-from automos.scan import Scan
+from automos.core.labels import Label
+from automos.core.scan import Scan
+from automos.readers.columns import to_scan
+from automos.readers.point_cloud2 import read_columns
 
 FIELD = "moving"
 STATIC, MOVING, UNKNOWN = 0, 1, 2

@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-from automos.errors import InputError, MissingExtraError
+from automos.core.errors import InputError, MissingExtraError
 from automos.live.feed import Feed
 from automos.ros2.clouds import scan_of
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.stamped_poses import from_quaternions
-from automos.errors import MissingExtraError
-from automos.geometry import inverse
+from automos.core.errors import MissingExtraError
+from automos.core.geometry import inverse
+from automos.core.labels import Label
+from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
-from automos.labels import Label
+from automos.readers.stamped_poses import from_quaternions
 from automos.ros2.clouds import Body, new_field, with_field, with_rows
 from automos.ros2.feed import RosFeed
-from automos.scan import Pose, Scan
 
 _DEPTH = 5
 """Messages of a topic that wait for who reads them: what is sent again after a loss is still there."""

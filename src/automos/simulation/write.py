@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.atomic import write_raw, write_text
+from automos.core.atomic import write_raw, write_text
+from automos.core.parallel import map_in_order
+from automos.core.pose_writers import write_kitti
 from automos.own_folder import own_folder
-from automos.parallel import map_in_order
-from automos.pose_writers import write_kitti
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"

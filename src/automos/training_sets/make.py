@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from automos.atomic import write_text
-from automos.errors import InputError
+from automos.core.atomic import write_text
+from automos.core.errors import InputError
 from automos.own_folder import own_folder
 from automos.results.claiming import refuse_folders_of, refuse_results
 from automos.results.run_files import RunFiles

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import transform
-from automos.scan import Points, Pose
+from automos.core.geometry import transform
+from automos.core.scan import Points, Pose
 
 WIDTH = 2048
 """Columns of the images that all of these trainers are set up for."""

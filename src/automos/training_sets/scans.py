@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.labels import Label, pack
+from automos.core.labels import Label, pack
+from automos.core.scan import Points
 from automos.results.run_files import RunFiles
-from automos.scan import Points
 
 IDS = {
     "universal": {Label.UNLABELED: 0, Label.STATIC: 99, Label.MOVING: 259},

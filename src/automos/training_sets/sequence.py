@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import atomic_path, write_npy, write_raw, write_text
-from automos.geometry import inverse
-from automos.pose_writers import write_kitti
-from automos.scan import Points, Pose
-from automos.tracking.verdict import Verdict
+from automos.core.atomic import atomic_path, write_npy, write_raw, write_text
+from automos.core.geometry import inverse
+from automos.core.pose_writers import write_kitti
+from automos.core.scan import Points, Pose
+from automos.objects.verdict import Verdict
 from automos.training_sets.members import Member
 from automos.training_sets.range_images import WIDTH, residual_image
 from automos.training_sets.scans import TrainingScan, training_scan
