@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.cleaning.choice import Choice
-from automos.cleaning.clean import clean
 from automos.core.geometry import inverse
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
+from automos.writers.cleaning.choice import Choice
+from automos.writers.cleaning.clean import clean
 
 
 def path_of(folder: Path) -> np.ndarray:

@@ -39,8 +39,8 @@ def dataset(
     """
     from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
-    from automos.training_sets.make import make_training_set
-    from automos.training_sets.sequence import Extras
+    from automos.writers.training.make import make_training_set
+    from automos.writers.training.sequence import Extras
 
     places: list[Path | None] = [*recordings] if recordings else [None] * len(results)
     if len(places) != len(results):
@@ -76,10 +76,10 @@ def clean(
 
     automos clean automos_runs/log --out clean/ --keep-unsure   ... and what has no label
     """
-    from automos.cleaning.choice import Choice
-    from automos.cleaning.clean import clean as clean_recording
     from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
+    from automos.writers.cleaning.choice import Choice
+    from automos.writers.cleaning.clean import clean as clean_recording
 
     if keep_unsure and only_movers:
         raise InputError("--keep-unsure and --only-movers exclude each other: give one of them")

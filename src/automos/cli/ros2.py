@@ -32,9 +32,9 @@ def ros2(
     import automos
     from automos.compiling import LINE, is_cold
     from automos.core.errors import InputError
+    from automos.live.ros2.feed import RosFeed
+    from automos.live.ros2.publishing import Publisher
     from automos.live.run import get_ready, run_live
-    from automos.ros2.feed import RosFeed
-    from automos.ros2.publishing import Publisher
     from automos.settings import load_settings, read_overrides
 
     if not 0.0 <= lag < float("inf"):

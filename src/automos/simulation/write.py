@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import write_raw, write_text
+from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
-from automos.own_folder import own_folder
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"

@@ -19,15 +19,15 @@ import numpy as np
 
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
-from automos.own_folder import own_folder
+from automos.core.own_folder import own_folder
 from automos.results.claiming import refuse_folders_of, refuse_results
 from automos.results.run_files import RunFiles
-from automos.training_sets import trainer_files
-from automos.training_sets.members import Member, members_of
-from automos.training_sets.range_images import ImageSensor, image_statistics
-from automos.training_sets.scans import IDS, spread
-from automos.training_sets.sequence import Extras, Written, write_sequence
-from automos.training_sets.trainer_files import SPLITS
+from automos.writers.training import trainer_files
+from automos.writers.training.members import Member, members_of
+from automos.writers.training.range_images import ImageSensor, image_statistics
+from automos.writers.training.scans import IDS, spread
+from automos.writers.training.sequence import Extras, Written, write_sequence
+from automos.writers.training.trainer_files import SPLITS
 
 LAYOUTS = ("semantickitti", "helimos")
 MANIFEST = "dataset.json"

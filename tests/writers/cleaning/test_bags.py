@@ -6,11 +6,11 @@ from bags import cloud, columns_of, write_bag
 from labelled import labelled, moving
 from street_log import street_log
 
-from automos.cleaning.choice import Choice
-from automos.cleaning.clean import clean
 from automos.core.errors import InputError
 from automos.readers.message_rows import with_rows
 from automos.readers.point_cloud2 import read_columns
+from automos.writers.cleaning.choice import Choice
+from automos.writers.cleaning.clean import clean
 
 pytest.importorskip("rosbags")
 from rosbags.highlevel import AnyReader

@@ -7,10 +7,10 @@ import pytest
 from labelled import labelled, moving
 from street_log import street_log
 
-from automos.cleaning.choice import Choice
-from automos.cleaning.clean import clean
 from automos.core.errors import InputError
 from automos.readers import open_sequence
+from automos.writers.cleaning.choice import Choice
+from automos.writers.cleaning.clean import clean
 from automos.writers.pcd import write_pcd
 
 

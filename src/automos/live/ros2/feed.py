@@ -14,7 +14,7 @@ from typing import Any
 
 from automos.core.errors import InputError, MissingExtraError
 from automos.live.feed import Feed
-from automos.ros2.clouds import scan_of
+from automos.live.ros2.clouds import scan_of
 
 _log = logging.getLogger(__name__)
 

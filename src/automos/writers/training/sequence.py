@@ -16,9 +16,9 @@ from automos.core.geometry import inverse
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Points, Pose
 from automos.objects.verdict import Verdict
-from automos.training_sets.members import Member
-from automos.training_sets.range_images import WIDTH, residual_image
-from automos.training_sets.scans import TrainingScan, training_scan
+from automos.writers.training.members import Member
+from automos.writers.training.range_images import WIDTH, residual_image
+from automos.writers.training.scans import TrainingScan, training_scan
 
 _IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0"
 _INSMOS_CLASSES = (1, 8, 9)

@@ -8,9 +8,9 @@ from bags import cloud, columns_of
 from street_log import street_log
 
 from automos.core.geometry import make_transform
+from automos.live.ros2.clouds import new_field, scan_of, with_field, with_rows
+from automos.live.ros2.publishing import of_base
 from automos.readers.point_cloud2 import read_columns
-from automos.ros2.clouds import new_field, scan_of, with_field, with_rows
-from automos.ros2.publishing import of_base
 
 
 def message(**options):
@@ -71,7 +71,7 @@ def test_without_ros_the_command_says_how_to_get_it(monkeypatch):
     import sys
 
     from automos.core.errors import MissingExtraError
-    from automos.ros2.feed import RosFeed
+    from automos.live.ros2.feed import RosFeed
 
     monkeypatch.setitem(sys.modules, "rclpy", None)
     with pytest.raises(MissingExtraError, match="source ROS 2"):

@@ -13,9 +13,9 @@ from automos.core.geometry import inverse
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
+from automos.live.ros2.clouds import Body, new_field, with_field, with_rows
+from automos.live.ros2.feed import RosFeed
 from automos.readers.stamped_poses import from_quaternions
-from automos.ros2.clouds import Body, new_field, with_field, with_rows
-from automos.ros2.feed import RosFeed
 
 _DEPTH = 5
 """Messages of a topic that wait for who reads them: what is sent again after a loss is still there."""

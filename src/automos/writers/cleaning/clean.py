@@ -10,20 +10,20 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from automos.cleaning import kitti_bin
-from automos.cleaning.bags import rewrite_bag
-from automos.cleaning.choice import Choice
-from automos.cleaning.point_files import rewrite_of
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
+from automos.core.own_folder import own_folder
 from automos.core.workspace import Workspace
-from automos.own_folder import own_folder
 from automos.readers.folder import FolderSequence
 from automos.readers.message_rows import with_rows
 from automos.readers.rosbag_topic import RosbagSequence
 from automos.results.claiming import refuse_folders_of, refuse_results
 from automos.results.run_files import RunFiles
 from automos.writers import load_export
+from automos.writers.cleaning import kitti_bin
+from automos.writers.cleaning.bags import rewrite_bag
+from automos.writers.cleaning.choice import Choice
+from automos.writers.cleaning.point_files import rewrite_of
 from automos.writers.formats import Export
 
 KINDS = {"bin": kitti_bin.EXPORT, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}

@@ -13,8 +13,8 @@ from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Scan
 from automos.results.run_files import RunFiles
-from automos.training_sets.make import make_training_set
-from automos.training_sets.sequence import Extras
+from automos.writers.training.make import make_training_set
+from automos.writers.training.sequence import Extras
 
 KEPT = [0, 2]
 """The scans of the made run that have points."""
@@ -190,8 +190,8 @@ def test_recordings_of_one_name_are_kept_apart(run, tmp_path):
 
 
 def test_like_sensors_share_an_image_that_holds_the_rays_of_both(run):
-    from automos.training_sets.members import _with_joined_sensors, members_of
-    from automos.training_sets.range_images import ImageSensor
+    from automos.writers.training.members import _with_joined_sensors, members_of
+    from automos.writers.training.range_images import ImageSensor
 
     (member,) = members_of([run], {})
     sensors = [ImageSensor(64, 3, -25), ImageSensor(64, 2, -26), ImageSensor(32, 10, -30)]

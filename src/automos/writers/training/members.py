@@ -12,10 +12,10 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
-from automos.training_sets.range_images import ImageSensor, measure_sensor
-from automos.training_sets.scans import full_scale_of, spread
-from automos.training_sets.trainer_files import SPLITS
 from automos.writers.kinds import Kinds, kinds_of_tracks
+from automos.writers.training.range_images import ImageSensor, measure_sensor
+from automos.writers.training.scans import full_scale_of, spread
+from automos.writers.training.trainer_files import SPLITS
 
 FIRST_NUMBER = 50
 """Of the sequences: trainers come with lists of the scans to leave out of KITTI's, which have the numbers below."""
