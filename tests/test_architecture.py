@@ -24,6 +24,7 @@ BASE = {
     "errors",
     "extras",
     "atomic",
+    "claims",
     "detections",
     "working_folder",
     "reading",

@@ -10,7 +10,7 @@ import numpy as np
 
 from automos.array_sequence import ArraySequence
 from automos.atomic import write_text
-from automos.errors import InputError
+from automos.claims import DEMO, claim
 from automos.evaluation.moving import Counts, Scores, count
 from automos.labels import to_mos
 from automos.pipeline import label
@@ -43,10 +43,7 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     ------
     InputError : the folder cannot be made.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made ({error.strerror}); choose another folder.") from None
+    claim(folder, DEMO)
     world = simulate(SCENARIO, SENSOR, SCANS, SEED)
     scans, truth = _record(world, progress)
     recording = ArraySequence(scans, world.stamps, name="street", is_compensated=world.is_compensated)

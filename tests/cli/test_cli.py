@@ -300,7 +300,7 @@ def test_labels_of_another_program_are_refused_and_left_alone(automos, log, tmp_
     (tmp_path / "out" / "predictions" / "000000.label").write_text("by hand")
     ended = automos("label", log, "--out", tmp_path / "out")
     assert (ended.code, is_one_sentence(ended.err)) == (2, True)
-    assert "labels that another program wrote: choose another --out" in ended.err
+    assert "automos did not make that folder: choose another --out" in ended.err
     assert [path.read_text() for path in files_in(tmp_path / "out")] == ["by hand"]
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from automos import __version__
 from automos.arguments import given_path, require_kind
 from automos.atomic import write_text
-from automos.results.claiming import refuse_file_of
+from automos.claims import claim_file
 from automos.results.run_files import RunFiles
 from automos.visualization.page_files import inline, page_text, script_json
 from automos.visualization.survey import survey
@@ -41,7 +41,7 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     """
     require_kind(run, RunFiles, "run", "what automos.open_run returns")
     target = given_path(path, "the file of a report")
-    refuse_file_of(run.sequence, target)
+    claim_file(target, b"AutoMOS report</title>")
     data = survey(run)
     data["made"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     data["version"] = __version__
