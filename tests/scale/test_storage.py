@@ -4,6 +4,7 @@ import errno
 
 import pytest
 
+from automos.claims import MARK
 from automos.errors import InputError, MissingExtraError
 from automos.scale import storage
 from automos.scale.publishing import MARKER, Marker, publish, read_marker, require_ours, withdraw
@@ -118,7 +119,7 @@ def target():
 
 def test_results_arrive_with_a_marker_that_names_them_all_but_not_the_stages(results, target):
     publish(results, target, MADE, "s3://bucket/a?sig=x")
-    assert [entry.path for entry in Store(target).entries()] == [MARKER, "predictions/0.label", "run.json"]
+    assert [entry.path for entry in Store(target).entries()] == [MARK, MARKER, "predictions/0.label", "run.json"]
     marker = read_marker(target)
     assert (marker.fingerprint, marker.counts, marker.warnings) == ("fingerprint", {"scans": 1}, ["thick walls"])
     assert marker.files["predictions/0.label"]["bytes"] == 5
@@ -136,7 +137,7 @@ def test_files_that_are_no_results_stay_whatever_lies_beside_results(results, ta
     for path in ("velodyne/0.bin", "labels/0.label", "log01/predictions/0.label"):
         Store(target).write(path, b"theirs")
     publish(results, target, MADE, "/logs/a")
-    assert len(Store(target).entries()) == 3 + 3
+    assert len(Store(target).entries()) == 3 + 4
 
 
 @pytest.mark.parametrize("path", ["predictions/9.label", "confidences/9.npy", "poses.txt"])
