@@ -182,6 +182,7 @@ def test_a_folder_is_ours_if_it_is_new_or_empty_or_bears_our_mark_for_the_same(t
     assert [held_by(tmp_path / name) for name in ("a/b", "a", "empty")] == [RESULTS, None, METHODS]
     with pytest.raises(InputError, match="b holds results that automos wrote: choose another --out"):
         claim(tmp_path / "a" / "b", EXPORT)
+    claim(tmp_path / "a", METHODS)  # only what is ours is in it
     (tmp_path / "killed").mkdir()
     (tmp_path / "killed" / MARK).touch()  # before its first byte
     claim(tmp_path / "killed", RESULTS)

@@ -1,8 +1,8 @@
 """What is ours: nothing is replaced or deleted that this program did not write.
 
-A folder that a command fills is new, empty, or bears our mark, a file `.automos` that says what the folder holds. A
-file that the user names is new, empty, or has a sign in it that only we write there. Through links, too: what a folder
-of ours leads to through a link within it is ours only if it bears a mark of its own.
+A folder that a command fills is new, empty but for folders of ours, or bears our mark, a file `.automos` that says what
+it holds. A file that the user names is new, empty, or has a sign in it that only we write there. Through links, too:
+what a folder of ours leads to through a link within it is ours only if it bears a mark of its own.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def claim(folder: Path, holds: str) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = held_by(folder)
-        theirs = next((name for name in sorted(os.listdir(folder)) if name != MARK), None)
+        names = sorted(set(os.listdir(folder)) - {MARK})
+        theirs = next((name for name in names if held_by(folder / name) is None), None)
         if found is None and theirs is not None and not _is_in_old_export(folder):
             raise InputError(f"{folder} holds {theirs}, and automos did not make that folder: choose another --out")
         if found not in (None, holds):

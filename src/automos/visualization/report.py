@@ -15,7 +15,7 @@ from automos.arguments import given_path, require_kind
 from automos.atomic import write_text
 from automos.claims import claim_file
 from automos.results.run_files import RunFiles
-from automos.visualization.page_files import inline, page_text, script_json
+from automos.visualization.page_files import filled, inline, page_text, script_json
 from automos.visualization.survey import survey
 
 
@@ -45,5 +45,5 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     data = survey(run)
     data["made"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     data["version"] = __version__
-    page = inline(page_text("report.html")).replace("{{title}}", html.escape(str(data["name"])))
-    write_text(target, page.replace("{{data}}", script_json(data)))
+    title, content = html.escape(str(data["name"])), script_json(data)
+    write_text(target, filled(inline(page_text("report.html")), title=title, data=content))
