@@ -11,7 +11,7 @@ import pytest
 
 from automos import compiling
 from automos.compiling import ANEW, LINE, SHARES, compiling_beside
-from automos.tracking import object_points
+from automos.objects import object_points
 
 AFTER = """
 from automos import compiling
@@ -96,7 +96,8 @@ from numba.core.caching import CacheImpl
 
 CacheImpl._locator_classes = []  # as where neither the source's folder nor the user's home can be written
 import numpy as np
-from automos import compiling, geometry
+from automos import compiling
+from automos.core import geometry
 
 with compiling.compiling_beside(print, ("candidates",)):
     print(geometry.transform(np.eye(4), np.ones((1, 3))).tolist())

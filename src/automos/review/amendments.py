@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, transform
-from automos.reading import read_bytes
+from automos.core.geometry import inverse, transform
+from automos.core.reading import read_bytes
+from automos.core.scan import MAX_RANGE, Pose
 from automos.review.log import LOG_FILE, append_lines, read_lines
-from automos.scan import MAX_RANGE, Pose
 
 MOST_BYTES = 1 << 28
 """Of the rows of a part, unpacked; no scan has as many points."""

@@ -21,8 +21,8 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter
 
-from automos.errors import InputError
-from automos.reading import DAMAGE, MAX_TEXT, checked, damage_reported, parse_json, read_bytes, require_regular
+from automos.core.errors import InputError
+from automos.core.reading import DAMAGE, MAX_TEXT, checked, damage_reported, parse_json, read_bytes, require_regular
 
 LOG_FILE = "review.jsonl"
 CHANGE_NOTHING = ("answer", "dismissed")
