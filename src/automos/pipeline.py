@@ -34,8 +34,8 @@ from automos.evidence.stage import add_network_cue, find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
-from automos.odometry import estimate_trajectory
-from automos.odometry.loops import close_loops
+from automos.odometry.estimate import estimate_trajectory
+from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.result import Result
 from automos.settings import Settings, given_settings
