@@ -18,7 +18,7 @@ from automos.core.errors import InputError
 from automos.core.pose_writers import write_kitti
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.labeling import label_recording, summary
-from automos.online.segment import segment_recording
+from automos.live.segment import segment_recording
 from automos.pipeline import label
 from automos.readers import open_sequence
 from automos.settings import load_settings

@@ -25,7 +25,7 @@ from automos.network.rivals import FlowThreshold, movable_labels
 from automos.network.segment import open_network, segment_recording
 from automos.network.tables import Curves, Row
 from automos.network.train import TrainingData, require_training, train
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.readers import open_recordings
 from automos.settings import Settings
 
