@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from worlds import World, lane, write_bins
 
-from automos.core.claims import MARK
 from automos.core.array_sequence import ArraySequence
+from automos.core.claims import MARK
 from automos.core.errors import InputError
 from automos.core.pose_writers import write_kitti
 from automos.core.workspace import RUN_FILE, Workspace

@@ -16,9 +16,9 @@ import yaml
 from worlds import World, iou_of_moving, lane, write_bins
 
 from automos import __version__, cli, labeling
-from automos.core.claims import MARK
 from automos.cli import main
 from automos.cli.consoles import output
+from automos.core.claims import MARK
 from automos.core.labels import Label, to_mos
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings

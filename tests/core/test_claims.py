@@ -8,10 +8,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from automos.core import claims
-from automos.core.claims import EXPORT, MARK, METHODS, RESULTS, claim, claim_file, held_by, remove
+import automos
 from automos.cli import app
 from automos.core.atomic import write_text
+from automos.core.claims import EXPORT, MARK, METHODS, RESULTS, claim, claim_file, held_by, remove
 from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 
@@ -91,7 +91,7 @@ def started(lane_run, tmp_path):
     def start(command, words, place):
         pytest.importorskip(NEEDS.get(command, "numpy"))
         network = tmp_path / "lmnet.pt"
-        shutil.copyfile(os.path.join(os.path.dirname(claims.__file__), "network", "lmnet.pt"), network)
+        shutil.copyfile(os.path.join(os.path.dirname(automos.__file__), "network", "lmnet.pt"), network)
         given = {**places, "OUT": place, "ABOVE": place.parent, "NETWORK": network}
         given |= {f"FILE{suffix}": place for suffix in (".json", ".zip", ".html", ".rrd", ".onnx")}
         return CliRunner().invoke(app, [str(given.get(word, word)) for word in words.split()])

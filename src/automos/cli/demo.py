@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.core.claims import DEMO, claim
 from automos.core.array_sequence import ArraySequence
 from automos.core.atomic import write_text
+from automos.core.claims import DEMO, claim
 from automos.core.labels import to_mos
 from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count

@@ -55,8 +55,8 @@ def review(
     """
     import webbrowser
 
-    from automos.core.claims import RESULTS, claim
     from automos.core.atomic import held
+    from automos.core.claims import RESULTS, claim
     from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.private_page import private_page

@@ -22,8 +22,8 @@ def evaluate(
     json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
 ) -> None:
     """Score labels against the ground truth of a recording, as SemanticKITTI's moving-object benchmark does."""
-    from automos.core.claims import SIGN, claim_file
     from automos.core.atomic import write_text
+    from automos.core.claims import SIGN, claim_file
     from automos.evaluation.report import evaluate_recordings
     from automos.readers import open_recordings
     from automos.writers.flow import score_flow

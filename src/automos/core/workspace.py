@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.claims import RESULTS, claim, remove
 from automos.core.arguments import given_path
 from automos.core.atomic import atomic_path, remove_parts
+from automos.core.claims import RESULTS, claim, remove
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
 from automos.core.run_record import RunRecord

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automos.core.claims import RESULTS, held_by
 from automos.core.arguments import require_own_names
+from automos.core.claims import RESULTS, held_by
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.scan import Sequence

@@ -17,8 +17,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from automos.core.claims import MARK, RESULTS, claim, is_run_record, mark_of, remove
 from automos.core.atomic import write_text
+from automos.core.claims import MARK, RESULTS, claim, is_run_record, mark_of, remove
 from automos.core.errors import InputError
 from automos.core.reading import parse_json, read_bytes
 from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from automos.core.claims import claim_file, remove
 from automos.core.atomic import atomic_path
+from automos.core.claims import claim_file, remove
 from automos.core.errors import AutomosError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.network.checkpoint import Checkpoint

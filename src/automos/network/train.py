@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automos.core.claims import TRAINING, claim
 from automos.core.atomic import write_text
+from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.run import Progress

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from automos.core.claims import RESULTS, claim, remove
 from automos.core.arguments import require_own_names
 from automos.core.atomic import faults_reported, held, remove_parts
+from automos.core.claims import RESULTS, claim, remove
 from automos.core.errors import InputError
 from automos.core.scan import Sequence
 from automos.core.workspace import RESULT_FILES, RUN_FILE, Workspace

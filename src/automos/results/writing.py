@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from automos import __version__
-from automos.core.claims import remove
 from automos.core.atomic import remove_parts, write_text
+from automos.core.claims import remove
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings
 from automos.core.scan import Sequence

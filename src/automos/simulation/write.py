@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.core.claims import SIMULATION, claim
 from automos.core.atomic import write_raw, write_text
+from automos.core.claims import SIMULATION, claim
 from automos.core.errors import InputError
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti

@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from automos import __version__
-from automos.core.claims import claim_file
 from automos.core.arguments import given_path, require_kind
 from automos.core.atomic import write_text
+from automos.core.claims import claim_file
 from automos.results.run_files import RunFiles
 from automos.views.page_files import filled, inline, page_text, script_json
 from automos.views.survey import survey

@@ -14,8 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automos.core.claims import claim_file
 from automos.core.atomic import atomic_path
+from automos.core.claims import claim_file
 from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.views.rerun_layout import load_rerun

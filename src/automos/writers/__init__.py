@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.arguments import given_path, require_kind
 from automos.core.array_sequence import as_sequence
 from automos.core.atomic import faults_reported
+from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 
 if TYPE_CHECKING:

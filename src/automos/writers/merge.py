@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.claims import remove
 from automos.core.atomic import atomic_path, held, write_raw, write_text
+from automos.core.claims import remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, pack, to_mos

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.core.claims import SIGN
 from automos.core.atomic import write_text
+from automos.core.claims import SIGN
 from automos.core.geometry import inverse, transform
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS

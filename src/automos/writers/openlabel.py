@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from automos.core.claims import SIGN
 from automos.core.atomic import write_text
+from automos.core.claims import SIGN
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.core.claims import SIGN
 from automos.core.atomic import atomic_path
+from automos.core.claims import SIGN
 from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export

@@ -10,8 +10,8 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
-from automos.core.claims import SIGN
 from automos.core.atomic import atomic_path
+from automos.core.claims import SIGN
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE
 from automos.results.run_files import RunFiles

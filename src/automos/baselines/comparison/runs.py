@@ -23,8 +23,8 @@ from automos.baselines.comparison.cost import Cost, read_cost
 from automos.baselines.comparison.effort import Effort
 from automos.baselines.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.baselines.methods import published
-from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.atomic import write_raw, write_text
+from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, to_mos

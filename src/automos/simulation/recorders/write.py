@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.claims import RECORDED, claim, remove
 from automos.core.atomic import write_npy, write_raw, write_text
+from automos.core.claims import RECORDED, claim, remove
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Scan
 from automos.simulation.recorders.recorded import Recorded
