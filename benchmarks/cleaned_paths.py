@@ -42,7 +42,7 @@ def path_of(folder: Path) -> np.ndarray:
 
 
 def errors(poses: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """Return the drift in per cent over parts of 5 m to the whole, and the RMSE in metres from the common first pose."""
+    """Return the drift in per cent over parts of 5 to 100 m, and the RMSE in metres from the common first pose."""
     steps = np.linalg.norm(np.diff(reference[:, :3, 3], axis=0), axis=1)
     driven = np.concatenate([[0.0], np.cumsum(steps)])
     shares = []

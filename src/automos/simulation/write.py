@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import write_raw, write_text
+from automos.core.claims import SIMULATION
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
@@ -46,7 +47,7 @@ def write(
     """
     out = Path(out)
     description = _description(sequence)
-    with own_folder(out, MARKER, description):
+    with own_folder(out, SIMULATION, MARKER, description):
         for name in _FOLDERS:
             (out / name).mkdir(exist_ok=True)
         _write_all(sequence, out, workers, progress)

@@ -39,7 +39,7 @@ def test_files_of_the_same_names_hold_the_rows_that_are_kept(kitti, tmp_path):
     run = labelled(tmp_path / "run", kitti)
     written, _, left_out = clean(run, tmp_path / "out")
     assert written == tmp_path / "out"
-    assert sorted(p.name for p in written.iterdir()) == ["clean.json", "poses.txt", "times.txt", "velodyne"]
+    assert sorted(p.name for p in written.iterdir()) == [".automos", "clean.json", "poses.txt", "times.txt", "velodyne"]
     n_left = 0
     for index in range(3):
         before = rows_of(kitti / "velodyne" / f"{index:06d}.bin")

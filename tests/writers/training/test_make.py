@@ -142,13 +142,13 @@ def test_an_interrupted_data_set_is_known_as_such_and_goes_on(run, tmp_path, mon
 def test_folders_that_hold_other_things_or_another_set_are_refused(run, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.txt").write_text("all of it")
-    with pytest.raises(InputError, match="holds other things"):
+    with pytest.raises(InputError, match="automos did not make"):
         make_training_set([run], tmp_path / "full", "semantickitti")
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["thesis.txt"]
     make_training_set([run], tmp_path / "set", "semantickitti")
     with pytest.raises(InputError, match="written of something else"):
         make_training_set([run], tmp_path / "set", "semantickitti", "mos")
-    with pytest.raises(InputError, match="holds the results of a run"):
+    with pytest.raises(InputError, match="automos did not make"):
         make_training_set([run], run.folder / "predictions", "semantickitti")
 
 

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from automos.core.atomic import atomic_path
+from automos.core.claims import CLEANED
 from automos.core.errors import InputError
 from automos.core.own_folder import own_folder
 from automos.core.workspace import Workspace
 from automos.readers.folder import FolderSequence
 from automos.readers.message_rows import with_rows
 from automos.readers.rosbag_topic import RosbagSequence
-from automos.results.claiming import refuse_folders_of, refuse_results
+from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers import load_export
 from automos.writers.cleaning import kitti_bin
@@ -54,8 +55,7 @@ def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Ch
     export = None if is_own else _export_of(str(kind))
     if is_own and not isinstance(sequence, RosbagSequence | FolderSequence):
         raise InputError(f"{sequence.name} is of a kind that is not written again as such: give --as bin, pcd or laz")
-    refuse_folders_of(sequence, out)
-    refuse_results(out)
+    refuse_folder_of(sequence, out)
     about = {
         "format": "automos clean",
         "run": str(run.folder.absolute()),
@@ -64,7 +64,7 @@ def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Ch
         "kept": choice.value,
     }
     counted = _Counted(run, choice)
-    with own_folder(out, MARKER, about) as found:
+    with own_folder(out, CLEANED, MARKER, about) as found:
         if export is not None:
             run.rows_of = counted.rows
             written = out / f"{sequence.name}{export.suffix}" if export.suffix else out

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from automos.core.atomic import write_text
+from automos.core.claims import DATASET
 from automos.core.errors import InputError
 from automos.core.own_folder import own_folder
-from automos.results.claiming import refuse_folders_of, refuse_results
+from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers.training import trainer_files
 from automos.writers.training.members import Member, members_of
@@ -92,9 +93,8 @@ def make_training_set(
             raise InputError(f"--{what} {value}: there is no such; there are {', '.join(known)}")
     if "velodyne" in str(out.absolute()):
         raise InputError(f"{out}: trainers replace the word 'velodyne' in paths; choose an --out without it")
-    refuse_results(out)
     for run in runs:
-        refuse_folders_of(run.sequence, out)
+        refuse_folder_of(run.sequence, out)
     members = members_of(runs, splits or {})
     about = {
         "format": "automos dataset",
@@ -104,7 +104,7 @@ def make_training_set(
         "boxes": extras.boxes,
         "recordings": [member.about() for member in members],
     }
-    with own_folder(out, MANIFEST, about) as found:
+    with own_folder(out, DATASET, MANIFEST, about) as found:
         written = [write_sequence(member, _place(out, layout, member), ids, extras) for member in members]
         made = Made(out, members, written)
         _write_beside(made, layout)
