@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,7 +31,7 @@ def live(
     send: Annotated[str | None, typer.Option(help="udp://HOST:PORT to send a message per scan to")] = None,
     view: Annotated[bool, typer.Option("--view", help="show it in the viewer, in a window")] = False,
     web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
-    foxglove: Annotated[bool, typer.Option("--foxglove", help="serve it to Foxglove or Lichtblick")] = False,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="instead, serve it to Foxglove or Lichtblick")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web or --foxglove; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
     points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 20_000,
@@ -60,8 +61,6 @@ def live(
 
     if not 0.0 <= lag < float("inf"):
         raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
-    if web and foxglove:
-        raise InputError("--web and --foxglove take one --port: give one of them")
     chosen = load_settings("default", settings, read_overrides(set_))
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
@@ -69,10 +68,9 @@ def live(
         stack.callback(feed.stop)
         sender = None if send is None else _sender(send, stack)
         sinks: list[Sink] = [] if sender is None else [_sending(sender)]
-        if view or web:
-            sinks.append(_showing(feed.name, web, port, browser, points, stack))
-        if foxglove:
-            sinks.append(_serving(feed.name, port, stack))
+        if view or web or foxglove:
+            show = _serving if foxglove else partial(_showing, web, browser, points)
+            sinks.append(show(feed.name, port, stack))
         if out is not None:  # it is emptied, so whatever may be wrong with the command was looked at before
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))
@@ -104,7 +102,7 @@ def _sending(sender: Sender) -> Sink:
     return lambda scan, given: sender.send(given)
 
 
-def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack: ExitStack) -> Sink:
+def _showing(web: bool, browser: bool, points: int, name: str, port: int, stack: ExitStack) -> Sink:
     from automos.views.live import LiveView
     from automos.views.viewer import Viewer
 

@@ -125,8 +125,8 @@ def test_the_recordings_folder_and_full_ones_are_refused_and_another_choice_does
     run = labelled(tmp_path / "run", kitti)
     for out, match in (
         (kitti, "folder of the recording"),
-        (tmp_path, "holds other things"),
-        (run.folder, "other things"),
+        (tmp_path, "did not make"),
+        (run.folder, "did not make"),
     ):
         with pytest.raises(InputError, match=match):
             clean(run, out)
