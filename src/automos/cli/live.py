@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Format, Overrides, SettingsFile
+from automos.cli.options import Format, Lag, Overrides, SettingsFile
 
 if TYPE_CHECKING:
     from automos.live.feed import Feed
@@ -24,9 +24,9 @@ live_app = typer.Typer()
 @live_app.command()
 def live(
     source: Annotated[str, typer.Argument(help="udp://HOST:PORT of a sensor's packets, or a recording to replay")],
-    sensor: Annotated[str | None, typer.Option(help="the sensor's manufacturer: velodyne or ouster")] = None,
+    sensor: Annotated[str | None, typer.Option(help="its manufacturer: velodyne or ouster")] = None,
     metadata: Annotated[Path | None, typer.Option(help="ouster: the sensor's metadata, a JSON file")] = None,
-    lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their scan")] = 0.0,
+    lag: Lag = 0.0,
     out: Annotated[Path | None, typer.Option(help="results folder to write labels, poses and tracks to")] = None,
     send: Annotated[str | None, typer.Option(help="udp://HOST:PORT to send a message per scan to")] = None,
     view: Annotated[bool, typer.Option("--view", help="show it in the viewer, in a window")] = False,
@@ -53,14 +53,11 @@ def live(
     """
     import automos
     from automos.compiling import LINE, is_cold
-    from automos.core.errors import InputError
     from automos.live.opening import open_feed
     from automos.live.run import get_ready, run_live
     from automos.live.segment import results_writer
     from automos.settings import load_settings, read_overrides
 
-    if not 0.0 <= lag < float("inf"):
-        raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
     chosen = load_settings("default", settings, read_overrides(set_))
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
@@ -70,7 +67,7 @@ def live(
         sinks: list[Sink] = [] if sender is None else [_sending(sender)]
         if view or web or foxglove:
             show = _serving if foxglove else partial(_showing, web, browser, points)
-            sinks.append(show(feed.name, port, stack))
+            sinks += [show(feed.name, port, stack)]
         if out is not None:  # it is emptied, so whatever may be wrong with the command was looked at before
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))

@@ -24,6 +24,17 @@ Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the pos
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
 
 
+def _require_finite(lag: float) -> float:
+    if not 0.0 <= lag < float("inf"):
+        raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
+    return lag
+
+
+Lag = Annotated[
+    float, typer.Option(callback=_require_finite, help="seconds by which labels may come later than their scan")
+]
+
+
 def on_this_machine(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return `command`, wrapped so that it refuses a URL where a local path is needed.
 

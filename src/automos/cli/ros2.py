@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Overrides, SettingsFile
+from automos.cli.options import Lag, Overrides, SettingsFile
 
 ros2_app = typer.Typer()
 
@@ -15,7 +13,7 @@ ros2_app = typer.Typer()
 @ros2_app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 def ros2(
     ctx: typer.Context,
-    lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their cloud")] = 0.0,
+    lag: Lag = 0.0,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -31,14 +29,11 @@ def ros2(
     """
     import automos
     from automos.compiling import LINE, is_cold
-    from automos.core.errors import InputError
     from automos.live.ros2.feed import RosFeed
     from automos.live.ros2.publishing import Publisher
     from automos.live.run import get_ready, run_live
     from automos.settings import load_settings, read_overrides
 
-    if not 0.0 <= lag < float("inf"):
-        raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
     chosen = load_settings("default", settings, read_overrides(set_))
     feed = RosFeed(ctx.args)
     try:
