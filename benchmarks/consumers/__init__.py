@@ -1,0 +1,1 @@
+"""Proofs that programs of others read what is exported."""
