@@ -27,6 +27,7 @@ PROGRAMS = {
     "segments-ai": "segments.",
     "av2": "av2.",
     "h5py": "h5py.",
+    "dufomap": "pcdpy3.",
 }
 """What a test that uses a program says, by what the docs call it."""
 
