@@ -103,9 +103,9 @@ def by_loaders(python: str | None, repositories: Path | None, runs: list[Path]) 
         sets = {"helimos": [], "semantickitti": ["--residuals", "1-8", "--boxes"]}
         for layout, extras in sets.items():
             out = ["--out", f"{scratch}/{layout}", "--layout", layout]
-            subprocess.run([*automos, "dataset", *map(str, runs), *out, *split, *extras], check=True)
+            subprocess.run([*automos, "dataset", *map(str, runs), *out, *split, *extras], stdout=sys.stderr, check=True)
         flow = ["export", str(runs[0]), "--to", "opensceneflow", "--out", f"{scratch}/opensceneflow"]
-        subprocess.run([*automos, *flow], check=True)
+        subprocess.run([*automos, *flow], stdout=sys.stderr, check=True)
         found = []
         for name, export in LOADERS.items():
             command = [python, str(ROOT / "benchmarks" / "consumers" / "loaders.py"), name, str(repositories), scratch]

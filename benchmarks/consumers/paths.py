@@ -1,6 +1,6 @@
 """Paths that KISS-ICP finds in recordings as they are and without movers, against reference poses.
 
-    python benchmarks/cleaned_paths.py RUN [RUN ...]
+    python benchmarks/consumers/paths.py RUN [RUN ...]
 
 Each RUN is a results folder of `automos label`, of a recording in KITTI's layout with poses. `automos clean` writes it
 into a temporary folder, and KISS-ICP's own loader reads both as folders of .bin files. Drift is KITTI's: the mean
