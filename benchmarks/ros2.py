@@ -1,0 +1,95 @@
+"""The node of `automos ros2` beside a robot that plays a recording at its rate: what arrives, when, at what cost.
+
+    ENV/bin/python benchmarks/ros2.py RECORDING [--points 30000] [--scans 300] [--best-effort]
+
+ENV has rclpy (`pip install -e ".[dev-ros2]"`, or a ROS 2). Each scan is thinned to so many points. Prints how many
+clouds were sent, labelled and left out, how long after a cloud its labels arrive, and the node's processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import array
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import psutil
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2, PointField
+
+import automos
+
+FIELDS = ("x", "y", "z", "intensity")
+
+
+def cloud_of(scan: automos.Scan, n_points: int) -> PointCloud2:
+    """Return a scan as a driver sends it, thinned to `n_points`."""
+    rows = np.linspace(0, len(scan) - 1, min(n_points, len(scan))).astype(int)
+    intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
+    table = np.column_stack([scan.points, intensity])[rows].astype("<f4")
+    message = PointCloud2(height=1, width=len(table), point_step=16, row_step=16 * len(table), is_dense=True)
+    message.fields = [PointField(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(FIELDS)]
+    message.data = array.array("B", table.tobytes())
+    message.header.frame_id = "lidar"
+    return message
+
+
+def main() -> None:
+    """Play, count, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recording")
+    parser.add_argument("--points", type=int, default=30_000)
+    parser.add_argument("--scans", type=int, default=300)
+    parser.add_argument("--best-effort", action="store_true")
+    given = parser.parse_args()
+    os.environ |= {"ROS_DOMAIN_ID": str(100 + os.getpid() % 100), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    sequence = automos.open_sequence(given.recording)
+    there = [cloud_of(sequence[k], given.points) for k in range(min(len(sequence), given.scans))]
+    command = [sys.executable, "-m", "automos", "ros2", "--ros-args", "-r", "points:=/robot/points"]
+    node_process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    rclpy.init()
+    robot = rclpy.create_node("robot")
+    policy = ReliabilityPolicy.BEST_EFFORT if given.best_effort else ReliabilityPolicy.RELIABLE
+    publisher = robot.create_publisher(PointCloud2, "/robot/points", QoSProfile(depth=1, reliability=policy))
+    sent: dict[int, float] = {}
+    waited: list[float] = []
+
+    def arrived(message: PointCloud2) -> None:
+        waited.append(time.monotonic() - sent[message.header.stamp.sec * 10 + message.header.stamp.nanosec // 10**8])
+
+    robot.create_subscription(PointCloud2, "/automos/points_labelled", arrived, 10)
+    spinning = threading.Thread(target=rclpy.spin, args=(robot,), daemon=True)
+    spinning.start()
+    while publisher.get_subscription_count() == 0:
+        time.sleep(0.1)
+    time.sleep(2.0)
+    process = psutil.Process(node_process.pid)
+    before, begin = sum(process.cpu_times()[:2]), time.monotonic()
+    for k in range(given.scans):
+        back = k // len(there) % 2  # to and fro, so that the world does not jump
+        message = there[len(there) - 1 - k % len(there) if back else k % len(there)]
+        message.header.stamp.sec, message.header.stamp.nanosec = 1000 + k // 10, 10**8 * (k % 10)
+        time.sleep(max(begin + 0.1 * k - time.monotonic(), 0.0))
+        sent[10 * (1000 + k // 10) + k % 10] = time.monotonic()
+        publisher.publish(message)
+    time.sleep(3.0)
+    spent = sum(process.cpu_times()[:2]) - before
+    node_process.send_signal(signal.SIGINT)
+    printed, _ = node_process.communicate(timeout=60)
+    median, late = 1e3 * np.percentile(waited, [50, 95]) if waited else (np.nan, np.nan)
+    print(
+        f"{given.scans} clouds of {given.points:,} points sent, {len(waited)} came back labelled after {median:.0f} ms "
+        f"(95 %: {late:.0f}), {1e3 * spent / max(len(waited), 1):.0f} ms of processor time each, the machine's load "
+        f"{os.getloadavg()[0]:.1f}\n{printed.strip().splitlines()[-2]}"
+    )
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()
