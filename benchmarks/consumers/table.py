@@ -38,7 +38,7 @@ BY_TESTS = {
     ),
     "readers": (
         ("nuscenes-tables", "nuscenes-devkit", f"{WRITERS}test_detector_sets.py", "tables_of_nuscenes"),
-        ("dynamicmap", "dufomap", f"{WRITERS}test_detector_sets.py", "dufomap"),
+        ("dynamicmap", "dufomap, and dufomap run on it", f"{WRITERS}test_detector_sets.py", "dufomap"),
         ("flow-av2", "av2", f"{WRITERS}test_flow_files.py", "argoverses_own"),
         ("opensceneflow", "h5py, its loader's contract", f"{WRITERS}test_flow_files.py", "opensceneflow_finds_all"),
         ("nuscenes", "nuscenes-devkit", f"{WRITERS}test_independent_readers.py", "devkit_reads_nuscenes"),

@@ -110,7 +110,8 @@ def test_the_devkit_reads_the_tables_of_nuscenes(run, tmp_path):
 
 
 def test_dufomap_reads_clouds_in_the_world_with_the_sensors_pose(run, tmp_path, monkeypatch):
-    pcdpy3 = pytest.importorskip("dufomap.utils.pcdpy3", reason="pip install -e '.[dufomap]'")
+    dufomap = pytest.importorskip("dufomap", reason="pip install -e '.[dufomap]'")
+    pcdpy3 = pytest.importorskip("dufomap.utils.pcdpy3")
     monkeypatch.setattr(np, "fromstring", np.frombuffer)  # its reader calls what NumPy 2.3 no longer has
     out = export(run, "dynamicmap", tmp_path / "set")
     together = []
@@ -121,7 +122,9 @@ def test_dufomap_reads_clouds_in_the_world_with_the_sensors_pose(run, tmp_path, 
         got = np.asarray(cloud.np_data)
         np.testing.assert_allclose(got[:, :3], transform(T, scan.points[scan.is_valid]), atol=1e-4)
         assert got[:, 3].tolist() == [float(label == 251) for label in np.array(LABELS[index])[scan.is_valid]]
-        np.testing.assert_allclose(cloud.viewpoint[:3], T[:3, 3], atol=1e-6)
+        viewpoint = [float(value) for value in cloud.viewpoint]
+        np.testing.assert_allclose(viewpoint[:3], T[:3, 3], atol=1e-6)
+        dufomap.dufomap(resolution=0.1, d_s=0.2, d_p=1, num_threads=1).run(got[:, :3], viewpoint, cloud_transform=False)
         together.append(got)
     whole = pcdpy3.PointCloud.from_path(str(out / "gt_cloud.pcd"))
     np.testing.assert_array_equal(np.asarray(whole.np_data), np.concatenate(together))
