@@ -110,7 +110,7 @@ def _lines(folder: Path) -> Iterator[tuple[int, bytes, dict[str, Any]]]:
         if not line.strip():
             continue
         try:
-            yield number, line, dict(checked(_FIELDS, parse_json(line)))
+            yield number, line, checked(_FIELDS, parse_json(line))
         except DAMAGE as error:
             _warn(folder, number, "a line of a review", error)
 
