@@ -110,9 +110,11 @@ def _lines(folder: Path) -> Iterator[tuple[int, bytes, dict[str, Any]]]:
         if not line.strip():
             continue
         try:
-            yield number, line, checked(_FIELDS, parse_json(line))
+            fields = checked(_FIELDS, parse_json(line))
         except DAMAGE as error:
             _warn(folder, number, "a line of a review", error)
+        else:
+            yield number, line, fields
 
 
 def _warn(folder: Path, number: int, what: str, error: Exception) -> None:
