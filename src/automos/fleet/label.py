@@ -99,10 +99,9 @@ def label_fleet(
     books = join(ledger_folder(target), name)
     path = resources.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
     is_needed = is_url(target) or any(is_url(recording.source) for recording in recordings)
-    files = [None if file is None else file.absolute() for file in poses[:2]]
-    job = Job(
-        settings, target, resources.work.absolute(), int(resources.cache_gb * _GB), resources.chunk, *files, poses[2]
-    )
+    pose_file, calib_file = (None if file is None else file.absolute() for file in poses[:2])
+    work, cache_bytes = resources.work.absolute(), int(resources.cache_gb * _GB)
+    job = Job(settings, target, work, cache_bytes, resources.chunk, pose_file, calib_file, poses[2])
     with (
         work_folder(resources.work, is_needed),
         closing(Ledger(path, books if is_url(target) else None)) as ledger,
