@@ -110,7 +110,7 @@ _RULES = ("", *(name for name in CHOICES if name not in (*OTHER_METHODS, "everyt
 
 BENCHMARKS = {
     "gate": Benchmark(
-        "labels of twelve scenarios by three sensors, simulated, poses estimated; seeds 101 to 103 with `--seeds`",
+        "labels in twelve scenarios by three sensors, simulated",
         "20 min a seed",
         "labels:score",
         worlds(SCENARIOS, SENSORS, 60, (100,)),
@@ -118,7 +118,7 @@ BENCHMARKS = {
         quick=worlds(FEW, SENSORS, 60, (100,)),
     ),
     "recordings": Benchmark(
-        "labels of real recordings, of the tutorial's, and of drive 0005 as other recorders would have kept it",
+        "labels of real recordings, as they are and as others would have kept them",
         "20 min",
         "labels:score",
         ("city:HDL-64E:60:0", *REAL, *(f"{DRIVE}@{case}" for case in OF_DRIVE)),
@@ -126,7 +126,7 @@ BENCHMARKS = {
         quick=("city:HDL-64E:60:0", *REAL),
     ),
     "jitter": Benchmark(
-        "how far labels hang on chance: nine runs with stamps off by a tenth of a millisecond, median and worst",
+        "how far labels hang on chance: stamps off by a tenth of a millisecond",
         "6 min a recording",
         "labels:score",
         tuple(f"{DRIVE}~{seed}" for seed in range(9)),
@@ -134,7 +134,7 @@ BENCHMARKS = {
         quick=tuple(f"{DRIVE}~{seed}" for seed in range(3)),
     ),
     "conventions": Benchmark(
-        "what recorders' conventions, carriers and weather cost: order, cuts, times, lost scans, rigs, rain",
+        "what recorders' conventions, carriers and weather cost",
         "3 h",
         "labels:score",
         tuple(
@@ -146,7 +146,7 @@ BENCHMARKS = {
         quick=tuple(f"city:VLP-16:40:17@{case}" for case in CASES),
     ),
     "other-sensors": Benchmark(
-        "labels with sensors that the gate does not have, also one that does not turn",
+        "labels with sensors that the gate does not have",
         "30 min",
         "labels:score",
         (
@@ -157,14 +157,14 @@ BENCHMARKS = {
         quick=("city:Avia:40:104@plain",),
     ),
     "robustness": Benchmark(
-        "labels of drive 0005 with half the points, every second scan, turned, reversed, with noisy poses",
+        "labels of drive 0005 made worse",
         "5 min",
         "labels:score",
         tuple(f"{DRIVE}@{case}" for case in ALTERED),
         ("default",),
     ),
     "methods-drive": Benchmark(
-        "presets and rivals on drive 0005: labels, seconds and memory, three runs each",
+        "presets and rivals on drive 0005, with seconds and memory",
         "2 h",
         "labels:compared",
         (DRIVE,),
@@ -183,7 +183,7 @@ BENCHMARKS = {
         quick=worlds(FEW, ("HDL-64E",), 60, (100,)),
     ),
     "semantickitti": Benchmark(
-        "Table I of the paper: SemanticKITTI's sequences, AUTOMOS_RECORDINGS naming the data set's folder",
+        "Table I of the paper, on SemanticKITTI",
         "days",
         "labels:compared",
         ("00", "01", "02", "03", "04", "05", "06", "07", "09", "10"),
@@ -191,7 +191,7 @@ BENCHMARKS = {
         quick=("04",),
     ),
     "ablation": Benchmark(
-        "what each rule, setting or constant is worth, with 16 beams; several at once with `--cumulative`",
+        "what each rule, setting or constant is worth, with 16 beams",
         "90 min",
         "labels:score",
         worlds(SCENARIOS, ("VLP-16",), 60, (100,)),
@@ -200,7 +200,7 @@ BENCHMARKS = {
         quick=("city:VLP-16:60:100",),
     ),
     "odometry": Benchmark(
-        "drift of the odometry, registered and refined, in % of the way; thickness of walls",
+        "drift of the odometry, thickness of walls",
         "15 min",
         "poses:drift",
         ("kitti_0005", "kitti_0027", *worlds(("canyon", "motorway"), SENSORS, 100, (0,))),
@@ -209,7 +209,7 @@ BENCHMARKS = {
         leaves_out="nothing",
     ),
     "trust": Benchmark(
-        "forty drives with good and bad poses: which are off by over 3 %, and of which a warning says so",
+        "forty drives, good and bad: does a warning say so?",
         "20 min",
         "poses:speed",
         _TRUST,
@@ -217,7 +217,7 @@ BENCHMARKS = {
         quick=_TRUST[:3],
     ),
     "ablation-odometry": Benchmark(
-        "drives whose poses are off where a part of the odometry is left out, with and without scans missing",
+        "what each part of the odometry is worth",
         "60 min",
         "poses:speed",
         worlds(_DANGERS, ("VLP-16", "HDL-64E"), 40, (110, 111)),
@@ -227,7 +227,7 @@ BENCHMARKS = {
         quick=worlds(("canyon",), ("VLP-16",), 40, (110,)),
     ),
     "stages": Benchmark(
-        "seconds a scan of every stage, and peak memory, on drive 0005 and on the same made three times as long",
+        "seconds a scan of every stage, peak memory",
         "5 min",
         "cost:stages",
         (DRIVE,),
@@ -237,7 +237,7 @@ BENCHMARKS = {
         is_timed=True,
     ),
     "odometry-speed": Benchmark(
-        "milliseconds a scan of our odometry, beside KISS-ICP as its authors publish it",
+        "our odometry beside KISS-ICP's package",
         "1 min",
         "cost:odometry",
         (DRIVE,),
@@ -245,7 +245,7 @@ BENCHMARKS = {
         is_timed=True,
     ),
     "online": Benchmark(
-        "labels and milliseconds a scan of drive 0005 as scans come, by lag",
+        "drive 0005 as scans come, by lag",
         "10 min",
         "online.py",
         options={"arguments": (DRIVE, "--rivals", "--lags", "0", "0.5"), "quick": ("--scans", "60")},
@@ -271,7 +271,7 @@ BENCHMARKS = {
         is_of_everything=True,
     ),
     "table-3": Benchmark(
-        "Table III: to another sensor and place, and the curve of fine-tuning",
+        "Table III: another sensor and place, fine-tuning",
         "4 h; minutes on a GPU",
         "networks:table",
         sweep=({"which": 3},),
@@ -279,14 +279,14 @@ BENCHMARKS = {
         is_of_everything=True,
     ),
     "self-training": Benchmark(
-        "labels with a network that learnt from such labels as a further cue",
+        "a network that learnt from labels as a cue for them",
         "table-2, and 10 min",
         "networks:self_training",
         quick_sweep=(_SMALL,),
         is_of_everything=True,
     ),
     "shipped-network": Benchmark(
-        "the network that comes along, online, on drive 0005",
+        "the network that comes along",
         "1 min",
         "labels:by_network",
         (DRIVE,),
@@ -302,7 +302,7 @@ BENCHMARKS = {
         is_of_everything=True,
     ),
     "fleet": Benchmark(
-        "many short recordings on one and two processes, and on a Ray cluster of two machines in one",
+        "many recordings on processes and on Ray",
         "10 min",
         "cost:fleet",
         sweep=(
@@ -316,7 +316,7 @@ BENCHMARKS = {
         is_of_everything=True,
     ),
     "libraries": Benchmark(
-        "code of ours beside a library for the same job: milliseconds, damaged files, sizes, licences",
+        "code of ours beside libraries",
         "5 min",
         "libraries:part",
         sweep=tuple(

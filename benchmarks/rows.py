@@ -24,8 +24,8 @@ OFF = 0.03
 """Share of the way by which the poses of a bad drive are off."""
 REFERENCES = {case.against for case in CASES.values()}
 """What other cases are measured against."""
-NOTABLE, WORTH = 0.5, 0.3
-"""Points of IoU that a case costs, and a change, where it has a row of its own."""
+NOTABLE = 0.5
+"""Points of IoU that a case or a change costs where it has a row of its own."""
 
 
 def percent(value: float | None) -> str:
@@ -171,12 +171,12 @@ def robustness(rows: list[Row]) -> Lines:
 
 
 def conventions(rows: list[Row]) -> Lines:
-    """Return one row a case that costs something: points of IoU lost, by sensor, on the mean, and in the worst world.
+    """Return one row a case that costs something: points of IoU lost on the mean, and in the worst world.
 
     A case is measured against the one that its `against` names.
     """
     found = {(case_of(row), *(part_of(row, k) for k in (0, 1))): row for row in rows}
-    sensors, lines, others = _names(rows, sensor_of), [], []
+    lines, others = [], []
     for case in _names(rows, case_of):
         against = CASES[case].against
         if case in REFERENCES or against not in _names(rows, case_of):
@@ -184,11 +184,9 @@ def conventions(rows: list[Row]) -> Lines:
         lost = {key[1:]: found[against, *key[1:]]["iou"] - found[key]["iou"] for key in found if key[0] == case}
         mean = 100 * float(np.mean(list(lost.values())))
         worst = max(lost, key=lambda key: lost[key])
-        by_sensor = [np.mean([value for key, value in lost.items() if key[1] == sensor]) for sensor in sensors]
-        cells = [f"{100 * value:.1f}" for value in by_sensor]
-        line = [case, *cells, f"{mean:.1f}", f"{100 * lost[worst]:+.1f} {' '.join(worst)}"]
+        line = [case, f"{mean:.1f}", f"{100 * lost[worst]:+.1f} {' '.join(worst)}"]
         (lines if mean >= NOTABLE else others).append(line)
-    return notable_conventions([["", *sensors, "mean", "worst world"], *lines, *others])
+    return notable_conventions([["", "mean", "worst world"], *lines, *others])
 
 
 def notable_conventions(lines: Lines) -> Lines:
@@ -196,10 +194,10 @@ def notable_conventions(lines: Lines) -> Lines:
     n = lines[0].index("mean")
     cases = [line for line in lines[1:] if line[0] not in REFERENCES]
     rest = [line for line in cases if _number(line[n]) < NOTABLE]
-    kept = [line[: n + 2] for line in cases if _number(line[n]) >= NOTABLE]
+    kept = [[line[0], *line[n : n + 2]] for line in cases if _number(line[n]) >= NOTABLE]
     worst = max((_number(line[n]) for line in rest), default=0.0)
-    said = [f"the other {len(rest)}", *[""] * (n - 1), f"{worst:.1f} at most", ""]
-    return [lines[0][: n + 2], *kept, *([said] if rest else [])]
+    said = [f"the other {len(rest)}", f"{worst:.1f} at most", ""]
+    return [["", *lines[0][n : n + 2]], *kept, *([said] if rest else [])]
 
 
 def _number(text: str) -> float:
@@ -238,13 +236,13 @@ def ablation(rows: list[Row]) -> Lines:
 
 
 def notable_changes(lines: Lines) -> Lines:
-    """Return the rows that cost or gain WORTH points on the mean of a sensor; in one row, how many others there are."""
+    """Return the rows that cost or gain NOTABLE points on the mean of a sensor; in one row, how many others there are."""
     n = lines[0].index("most lost")
     kept, rest = [], []
     for line in lines[1:]:
-        is_notable = line[0] == "everything" or any(abs(float(cell)) >= WORTH for cell in line[1:n])
+        is_notable = line[0] == "everything" or any(abs(float(cell)) >= NOTABLE for cell in line[1:n])
         (kept if is_notable else rest).append(line)
-    said = [[f"the other {len(rest)}: below {WORTH}", *[""] * (len(lines[0]) - 1)]]
+    said = [[f"the other {len(rest)}: below {NOTABLE}", *[""] * (len(lines[0]) - 1)]]
     return [lines[0], *kept, *(said if rest else [])]
 
 
@@ -314,15 +312,15 @@ def online(rows: list[Row]) -> Lines:
 
 
 def online_suite(rows: list[Row]) -> Lines:
-    """Return one row a world, one column a sensor and lag; in brackets false points where nothing moves."""
-    cells = {tuple(row["cell"][1:]): row for row in rows}
-    columns, worlds = list(dict.fromkeys(key[1:] for key in cells)), list(dict.fromkeys(key[0] for key in cells))
-    lines = [["world", *(f"{sensor}, {lag:g} s" for sensor, lag in columns)]]
-    for world in worlds:
-        shown = (_with_false(row).split(" (")[0] for row in (cells[(world, *column)] for column in columns))
-        lines.append([f"`{world}`", *shown])
-    means = (mean_iou(cells[(world, *column)] for world in worlds) for column in columns)
-    return [*lines, ["**mean**", *(f"**{percent(mean)}**" for mean in means)]]
+    """Return one row a sensor and lag: means over worlds in which something moves, the worst; false points elsewhere."""
+    lines = [["sensor, lag", "mean IoU", "worst world", "false points where nothing moves"]]
+    for sensor, lag in dict.fromkeys(tuple(row["cell"][2:]) for row in rows):
+        own = [row for row in rows if row["cell"][2:] == [sensor, lag]]
+        worst = min((row for row in own if has_movers(row)), key=lambda row: row["iou"])
+        false = sum(row["false_points"] for row in own if not has_movers(row))
+        of_worst = f"{percent(worst['iou'])} `{worst['cell'][1]}`"
+        lines.append([f"{sensor}, {lag:g} s", percent(mean_iou(own)), of_worst, f"{false:,}"])
+    return lines
 
 
 def networks(rows: list[Row]) -> Lines:

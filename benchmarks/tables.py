@@ -114,7 +114,8 @@ def shown(benchmark: str, result: Result) -> Iterator[tuple[str, Lines]]:
     for name, table in TABLES.items():
         if table.benchmark == benchmark and table.rows(result):
             try:
-                yield name, table.lines(result)
+                if len(lines := table.lines(result)) > 1:
+                    yield name, lines
             except (KeyError, StopIteration, ValueError):  # parts of it, or other recordings than it is about
                 if rows and "called_moving" in rows[0]:
                     yield f"{name}, other recordings", make.recordings(rows)
@@ -144,15 +145,15 @@ def markdown(name: str, results: dict[str, Result]) -> str:
         result = results[table.benchmark]
         (heading, *lines), numbers = table.lines(result), "---:"
         said = f"\n{command}, {states_of(table.rows(result) or result['rows'])}.\n"
-    text = [heading, ["---", *[numbers] * (len(heading) - 1)], *lines]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in text) + said
+    head, *body = (f"| {' | '.join(cells)} |\n" for cells in (heading, *lines))
+    return f"{head}|---{f'|{numbers}' * (len(heading) - 1)}|\n{''.join(body)}{said}"
 
 
 def _overview(results: dict[str, Result]) -> Lines:
-    lines = [["name", "what it measures", "takes about", "seconds leave out", "stored result"]]
+    lines = [["name", "what it measures", "takes about", "stored result"]]
     for name, benchmark in BENCHMARKS.items():
         stored = states_of([{"head": row["head"]} for row in results[name]["rows"]]) if name in results else "none"
-        lines.append([f"`{name}`", benchmark.what, benchmark.takes, benchmark.leaves_out, stored])
+        lines.append([f"`{name}`", benchmark.what, benchmark.takes, stored])
     return lines
 
 
