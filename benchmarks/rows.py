@@ -236,7 +236,7 @@ def ablation(rows: list[Row]) -> Lines:
 
 
 def notable_changes(lines: Lines) -> Lines:
-    """Return the rows that cost or gain NOTABLE points on the mean of a sensor; in one row, how many others there are."""
+    """Return the rows that cost or gain NOTABLE points on a sensor's mean; in one row, how many others there are."""
     n = lines[0].index("most lost")
     kept, rest = [], []
     for line in lines[1:]:
@@ -312,7 +312,7 @@ def online(rows: list[Row]) -> Lines:
 
 
 def online_suite(rows: list[Row]) -> Lines:
-    """Return one row a sensor and lag: means over worlds in which something moves, the worst; false points elsewhere."""
+    """Return one row a sensor and lag: mean and worst of worlds in which something moves, false points elsewhere."""
     lines = [["sensor, lag", "mean IoU", "worst world", "false points where nothing moves"]]
     for sensor, lag in dict.fromkeys(tuple(row["cell"][2:]) for row in rows):
         own = [row for row in rows if row["cell"][2:] == [sensor, lag]]

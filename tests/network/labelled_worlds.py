@@ -29,7 +29,7 @@ def settings(**changed: object) -> Settings:
     return load_settings("default", overrides={**SMALL, **{f"network.training.{k}": v for k, v in changed.items()}})
 
 
-def write_labeled(world: World, folder: Path, labels: Sequence[np.ndarray] | None = None) -> Path:
+def write_labelled(world: World, folder: Path, labels: Sequence[np.ndarray] | None = None) -> Path:
     """Write `world` as a KITTI sequence with its truth, or `labels`, into `folder`; return the folder."""
     write_bins(world.sequence, folder / "velodyne")
     write_kitti(folder / "poses.txt", world.poses)
