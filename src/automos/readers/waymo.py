@@ -170,7 +170,7 @@ class WaymoSequence(Sequence):
         return readers[component]
 
     def _range_images(self, index: int) -> list[npt.NDArray[np.float32]]:
-        """Return the (H, W, 4) images of both returns: metres, intensity, elongation, whether in a zone not labelled."""
+        """Return the (H, W, 4) images of both returns: metres, intensity, elongation, in a zone not labelled."""
         row = self._reader("lidar", _RETURNS)[int(self._rows[index])]
         with damage_reported(_table(self.source, "lidar")):
             images = [_image(row, name, 4) for name in _RETURNS]
