@@ -19,9 +19,6 @@ ROOMS = (
 """From the base up: what is in one set may import what is in the sets before it, and nothing else."""
 
 METHOD = {"core", "settings", "odometry", "evidence", "objects", "result", "pipeline", "online", "labeler"}
-HANDED_IN = {"evidence/stage.py": {"baselines"}, "pipeline.py": {"baselines"}}
-"""Where a published method takes the place of our evidence (`candidates.method`)."""
-
 HEAVY = {"torch", "numba", "scipy", "matplotlib", "hdbscan", "sklearn", "kiss_icp", "small_gicp", "trimesh", "pandas"}
 OPTIONAL = (
     "torch",
@@ -89,7 +86,7 @@ def test_a_room_imports_only_rooms_before_it():
     for room in METHOD:
         allowed[room] &= METHOD
     strays = {name_of(path): rooms_imported(path) - allowed[room_of(path)] for path in FILES}
-    assert {name: found for name, found in strays.items() if found - HANDED_IN.get(name, set())} == {}
+    assert {name: found for name, found in strays.items() if found} == {}
 
 
 def test_the_rule_sees_imports_inside_functions():

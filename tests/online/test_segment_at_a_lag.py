@@ -55,7 +55,7 @@ def test_what_is_written_is_what_the_labeler_gives_back(recording, tmp_path):
 def test_labels_of_another_program_are_not_overwritten(recording, tmp_path):
     (tmp_path / "predictions").mkdir()
     (tmp_path / "predictions" / "000000.label").write_bytes(b"1234")
-    with pytest.raises(InputError, match="holds labels that another program wrote"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         segment_recording(recording, tmp_path, load_settings("default"))
     assert (tmp_path / "predictions" / "000000.label").read_bytes() == b"1234"
 
@@ -111,7 +111,7 @@ def test_what_label_or_merge_wrote_and_the_recording_itself_are_not_written_over
         with pytest.raises(InputError, match=f"holds labels {said}"):
             segment_recording(recording, tmp_path / name, load_settings("default"))
     before = sorted(recording.source.iterdir())
-    with pytest.raises(InputError, match="is a folder of the recording"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         segment_recording(recording, recording.source, load_settings("default"))
     assert sorted(recording.source.iterdir()) == before
 
