@@ -100,7 +100,7 @@ def methods_of_worlds(rows: list[Row]) -> Lines:
 
 def methods_of_drive(rows: list[Row]) -> Lines:
     """Return one row a method: scores, what its authors' code reaches, cost."""
-    lines = [["method", "IoU", "precision", "recall", "reported", "s/scan", "CPU s/scan", "peak MB", "future"]]
+    lines = [["method", "IoU", "precision", "recall", "reported", "s/scan", "CPU s/scan", "peak MB"]]
     for row in rows:
         is_alone = (row.get("cores_of_others") or 0.0) <= 0.1
         cost = [
@@ -108,8 +108,7 @@ def methods_of_drive(rows: list[Row]) -> Lines:
             "" if row["cpu_seconds_per_scan"] is None else f"{row['cpu_seconds_per_scan']:.2f}",
             "" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
         ]
-        future = "yes" if row["needs_future"] else "no"
-        lines.append([row["title"], *ratios(row), REPORTED.get(row["method"], ""), *cost, future])
+        lines.append([row["title"], *ratios(row), REPORTED.get(row["method"], ""), *cost])
     return lines
 
 
@@ -200,19 +199,23 @@ def notable_conventions(lines: Lines) -> Lines:
     return [["", *lines[0][n : n + 2]], *kept, *([said] if rest else [])]
 
 
+def scores_of_sensors(lines: Lines) -> Lines:
+    """Return sensor, times, IoU and false points of what `other_sensors` made when it told more."""
+    return [line[:5] for line in lines]
+
+
 def _number(text: str) -> float:
     return float(text.rstrip(" !") or "nan")
 
 
 def other_sensors(rows: list[Row]) -> Lines:
-    """Return one row a sensor and kind of times: mean and worst IoU, false points, how often times are looked for."""
-    lines = [["sensor", "times in the files", "mean IoU", "worst", "false points", "sweeps taken for raw"]]
+    """Return one row a sensor and kind of times: mean and worst IoU, false points."""
+    lines = [["sensor", "times in the files", "mean IoU", "worst", "false points"]]
     for key in dict.fromkeys((sensor_of(row), case_of(row)) for row in rows):
         own = [row for row in rows if (sensor_of(row), case_of(row)) == key]
         worst = min(row["iou"] for row in own if has_movers(row))
         cells = [percent(mean_iou(own)), percent(worst), f"{sum(row['false_points'] for row in own):,}"]
-        raw = f"{sum(row['is_timed'] for row in own)} of {len(own)}"
-        lines.append([key[0], "yes" if "times" in key[1] else "no", *cells, raw])
+        lines.append([key[0], "yes" if "times" in key[1] else "no", *cells])
     return lines
 
 

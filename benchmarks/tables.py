@@ -64,7 +64,7 @@ TABLES = {
     "recordings": Table("recordings", make.recordings),
     "jitter": Table("jitter", make.jitter),
     "conventions": Table("conventions", make.conventions, select=make.notable_conventions),
-    "other-sensors": Table("other-sensors", make.other_sensors),
+    "other-sensors": Table("other-sensors", make.other_sensors, select=make.scores_of_sensors),
     "robustness": Table("robustness", make.robustness),
     "ablation": Table("ablation", make.ablation, select=make.notable_changes),
     "ablation-odometry": Table("ablation-odometry", make.ablation_odometry),
