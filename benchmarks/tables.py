@@ -128,9 +128,8 @@ def states_of(rows: list[Row]) -> str:
         of = states.setdefault(f"{row['head']['commit']}, {row['head']['date']}", [])
         if row.get("method") and f"`{row['method']}`" not in of:
             of.append(f"`{row['method']}`")
-    if len(states) == 1:
-        return next(iter(states))
-    return "; ".join(f"{state}: {', '.join(methods)}" for state, methods in states.items())
+    has_methods = len(states) > 1 and all(states.values())
+    return "; ".join(f"{state}: {', '.join(of)}" if has_methods else state for state, of in states.items())
 
 
 def markdown(name: str, results: dict[str, Result]) -> str:
