@@ -148,8 +148,9 @@ def _objects(run: RunFiles, name: _Tokens, kinds: Kinds) -> dict[str, Table]:
     kind_of: dict[int, int] = {}
     for index in range(len(run)):
         found = only_moving(run.boxes_level(index))
-        n_points = len(run.scan(index)) if len(found) else 0
-        counts = np.bincount(run.instances(index, n_points), minlength=int(found.ids.max(initial=0)) + 1)
+        if not len(found):
+            continue
+        counts = np.bincount(run.instances(index, len(run.scan(index))), minlength=int(found.ids.max()) + 1)
         kind = kinds(found.ids)
         for k, track in enumerate(found.ids.tolist()):
             kind_of[track] = int(kind[k])
