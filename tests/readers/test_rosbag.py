@@ -62,8 +62,8 @@ def test_an_mcap_file_of_another_kind_than_ros_is_told(tmp_path):
     channel = writer.register_channel("/points", "protobuf", schema)
     writer.add_message(channel, 0, b"123", 0)
     writer.finish()
-    with pytest.raises(InputError, match=r"log.mcap (has no topic|cannot be read)"):
-        open_sequence(tmp_path / "log.mcap")
+    with pytest.raises(InputError, match=r"log.mcap cannot be read as a ROS bag \(it ends within a field\)"):
+        _ = open_sequence(tmp_path / "log.mcap")[0]
 
 
 def test_a_bag_that_is_compressed_as_a_whole_is_to_be_unpacked(tmp_path):
@@ -249,7 +249,7 @@ def test_a_pipe_in_a_bags_folder_is_refused_not_waited_for(tmp_path):
 
 def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log.mcap", {"/p": number(1)})
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[ros\]'"):
         open_sequence(path)
 

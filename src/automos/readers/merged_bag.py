@@ -122,8 +122,8 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
     faults = []  # of transforms that may be needed by no LiDAR here
-    latest = {joint[1]: joint for joint in parts[0].static_transforms()}  # sent again, it takes the place of the first
-    for parent, child, translation, xyzw in latest.values():
+    latest = {joint.child: joint for joint in parts[0].mounts()}  # sent again, it takes the place of the first
+    for parent, child, _, translation, xyzw in latest.values():
         try:
             T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
         except InputError as fault:
