@@ -8,7 +8,7 @@ from bags import cloud, columns_of, write_bag
 from street_log import assert_same_points, street_log
 
 from automos.core.errors import InputError, MissingExtraError
-from automos.readers import open_recordings, open_sequence
+from automos.readers import bag_messages, open_recordings, open_sequence
 
 
 def messages_of(log, **options):
@@ -216,11 +216,37 @@ def test_two_names_of_one_colour_may_share_its_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["log.bag", "log.db3", "log.mcap"])
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
-def test_bags_that_were_cut_short_are_told(tmp_path, name, share):
-    path = write_bag(tmp_path / name, {"/points": messages_of(street_log())})
+def test_an_empty_bag_and_what_is_none_are_told(tmp_path, name):
+    path = tmp_path / name
+    path.touch()
+    with pytest.raises(InputError, match=rf"{name} is empty: nothing was recorded, or copied"):
+        open_sequence(path)
+    path.write_bytes(b"<html>not found</html>")
+    with pytest.raises(
+        InputError, match=rf"{name} is not a bag: it begins with '<html>not found<', bags with '#ROSBAG"
+    ):
+        open_sequence(path)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize("name", ["log.bag", "log.mcap"])
+def test_of_bags_that_were_cut_what_is_whole_is_read(tmp_path, name, compress, share):
+    log = street_log()
+    path = write_bag(tmp_path / name, {"/points": messages_of(log)}, compress=compress)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(InputError, match=rf"{name} cannot be read as a ROS bag"):
+    sequence = open_sequence(path)
+    assert len(log.scans) * share - 2 <= len(sequence) <= len(log.scans)
+    for got, true in zip(sequence, log.scans, strict=False):
+        assert_same_points(got, true, atol=0)
+    assert any(f"{name} ends within a record" in warning for warning in sequence.warnings)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_a_database_that_was_cut_is_told(tmp_path, share):
+    path = write_bag(tmp_path / "log.db3", {"/points": messages_of(street_log())})
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match=r"log.db3 (cannot be read as a ROS bag|is damaged)"):
         [*open_sequence(path)]
 
 
@@ -232,7 +258,8 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
     with Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=types)
     with pytest.raises(
-        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2 .*; .*/imu \(sensor_msgs/msg/Imu\)"
+        InputError,
+        match=r"no topic of type sensor_msgs/msg/PointCloud2, .*; its topics are: /imu \(sensor_msgs/msg/Imu\)",
     ):
         open_sequence(tmp_path / "log")
 
@@ -249,6 +276,7 @@ def test_a_pipe_in_a_bags_folder_is_refused_not_waited_for(tmp_path):
 
 def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log.mcap", {"/p": number(1)})
+    bag_messages._types.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[ros\]'"):
         open_sequence(path)

@@ -13,38 +13,39 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
-from automos.core.reading import damage_reported, is_there, parse_yaml, read_text
+from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_file import LARGEST, ZSTD, BagFile, Topic, unpack
 from automos.readers.bag_messages import is_of_points
 
+_SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")
 _KINDS = {
-    ".bag": "bag_ros1:Ros1File",
-    ".bag.active": "bag_ros1:Ros1File",
-    ".mcap": "bag_mcap:McapFile",
-    ".db3": "bag_sqlite:SqliteFile",
+    b"#ROSBAG V": "bag_ros1:Ros1File",
+    b"\x89MCAP0\r\n": "bag_mcap:McapFile",
+    b"SQLite format 3\0": "bag_sqlite:SqliteFile",
 }
+"""What files of each kind begin with, whatever their names, and what reads them."""
 _PAUSE = 1.0
 """Seconds from the last cloud of a part to the first of the next: a recorder that was started anew takes longer."""
 
 
-def kind_of(path: Path) -> str | None:
-    """Return which of the kinds of bags the name of a file says it is, None where it says nothing of bags."""
-    return next((kind for suffix, kind in _KINDS.items() if path.name.lower().endswith(suffix)), None)
+def is_named_so(path: Path) -> bool:
+    """Return whether a file has the name of a bag."""
+    return path.name.lower().endswith(_SUFFIXES)
 
 
 def is_bag(path: Path) -> bool:
     """Return whether `path` is a bag: a file of one of its kinds, such a file and what goes on from it, or a folder."""
     if path.name.endswith("+"):
         path = path.with_name(path.name[:-1])
-        return path.is_file() and kind_of(path) is not None
+        return path.is_file() and is_named_so(path)
     if path.is_dir():
-        return (path / "metadata.yaml").exists() and any(kind_of(p) or is_packed(p) for p in path.iterdir())
-    return kind_of(path) is not None and path.is_file()
+        return (path / "metadata.yaml").exists() and any(is_named_so(p) or is_packed(p) for p in path.iterdir())
+    return is_named_so(path) and path.is_file()
 
 
 def is_packed(file: Path) -> bool:
     """Return whether `file` is one of a bag, compressed as a whole."""
-    return file.suffix == ".zstd" and kind_of(Path(file.stem)) is not None
+    return file.suffix == ".zstd" and is_named_so(Path(file.stem))
 
 
 def split_address(path: Path) -> tuple[Path, str | None]:
@@ -73,7 +74,7 @@ def files_of(bag: Path) -> list[Path]:
             f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "
             f"{packed.name}) and give the unpacked file"
         )
-    return [file for file in files if kind_of(file)]
+    return [file for file in files if is_named_so(file)]
 
 
 def drives_of(folder: Path) -> list[list[Path]]:
@@ -106,17 +107,31 @@ def _topics_and_times(file: Path) -> tuple:
     return (topics, int(recorded.min()), int(recorded.max())) if len(recorded) else ()
 
 
+def _open_file(path: Path) -> BagFile:
+    with damage_reported(path):
+        require_regular(path)
+        with open(path, "rb") as file:
+            start = file.read(16)
+        if not start:
+            raise InputError(f"{path} is empty: nothing was recorded, or copied; record or copy it again")
+        kind = next((kind for magic, kind in _KINDS.items() if start.startswith(magic)), None)
+        if kind is None:
+            known = ", ".join(str(magic)[1:] for magic in _KINDS)
+            raise InputError(
+                f"{path} is not a bag: it begins with {str(start)[1:]}, bags with {known}; check what it is"
+            )
+        module, _, name = kind.partition(":")
+        opened: BagFile = getattr(importlib.import_module(f"automos.readers.{module}"), name)(path)
+        return opened
+
+
 class Bag:
     """The messages of all files of a bag, in the order of time."""
 
     def __init__(self, path: Path):
         """Find them; errors are those of `files_of`, and InputError where a file is damaged or of another kind."""
         self.path, self.paths = path, files_of(path)
-        self._files: list[BagFile] = []
-        for file in self.paths:
-            module, _, name = str(kind_of(file)).partition(":")
-            with damage_reported(file):
-                self._files.append(getattr(importlib.import_module(f"automos.readers.{module}"), name)(file))
+        self._files = [_open_file(file) for file in self.paths]
 
     @property
     def topics(self) -> list[Topic]:

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.reading import require_regular
 
 LARGEST = 1 << 30
 """Bytes of a message, or of the chunk it is in, at most; the clouds of any sensor have a hundredth of that."""
@@ -42,9 +41,8 @@ class BagFile:
         Raises
         ------
         InputError
-            It is not of its kind; other exceptions where it is damaged.
+            It is of a version that is not read; other exceptions where it is damaged.
         """
-        require_regular(path)
         self.path, self.size = path, path.stat().st_size
         self.topics: dict[int, Topic] = {}
         self.fault = ""

@@ -9,14 +9,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from automos.core.errors import InputError
 from automos.readers.bag_file import IN_FILE, LARGEST, BagFile, Topic, exactly, type_name
 from automos.readers.formats import import_extra
 
-_MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX = range(2, 8)
-_RECORD, _MESSAGE_HEAD, _CHUNK_HEAD = 9, 22, 32
-"""Bytes before a record's content, before a message's, and before the name of a chunk's compression."""
+_MAGIC, _RECORD, _MESSAGE_HEAD, _CHUNK_HEAD = 8, 9, 22, 32
+"""Bytes before the first record, and before what a record, a message and a chunk hold."""
 
 
 class McapFile(BagFile):
@@ -30,8 +28,7 @@ class McapFile(BagFile):
         self._has_end = False
         first: dict[int, int] = {}
         with open(path, "rb") as file:
-            if (start := file.read(len(_MAGIC))) != _MAGIC:
-                raise InputError(f"{path} is not an MCAP file: it begins with {start!r}, not with {_MAGIC!r}")
+            file.seek(_MAGIC)
             try:
                 self._walk(file, self.size, IN_FILE, first)
                 if not self._has_end:
@@ -58,7 +55,7 @@ class McapFile(BagFile):
             if op == _FOOTER:
                 self._has_end = True
                 return
-            if after > end or op == 0:
+            if (after > end and op != _CHUNK) or op == 0:
                 raise EOFError
             if op == _SCHEMA:
                 schema = records.Schema.read(_stream(stream, n))
@@ -99,14 +96,19 @@ class McapFile(BagFile):
     def _walk_within(self, file: BinaryIO, chunk: int, first: dict[int, int] | None) -> None:
         kind, start, _, size = _chunk_head(file, chunk)
         if kind:
-            self._walk(BytesIO(self._unpack(chunk, size)), size, chunk, first)
+            unpacked = self._unpack(chunk, size)
+            self._walk(BytesIO(unpacked), len(unpacked), chunk, first)
+            is_whole = len(unpacked) == size
         else:
             file.seek(start)
-            self._walk(file, start + size, IN_FILE, first)
+            self._walk(file, min(start + size, self.size), IN_FILE, first)
+            is_whole = start + size <= self.size
+        if not is_whole:
+            raise EOFError
 
     def _packed(self, file: BinaryIO, chunk: int) -> tuple[str, bytes, int]:
         kind, _, n, size = _chunk_head(file, chunk)
-        return kind, exactly(file, n), size
+        return kind, file.read(min(n, LARGEST)), size
 
     def read(self, chunk: int, place: int, most: int = LARGEST) -> bytes:
         """Return the first `most` bytes, or all, of the message whose record begins at a place."""

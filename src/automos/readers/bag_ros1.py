@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.readers.bag_file import IN_FILE, LARGEST, BagFile, Topic, exactly, type_name
 
+_VERSION = b"#ROSBAG V2.0\n"
 _MESSAGE, _INDEX, _CHUNK, _CONNECTION = b"\x02", b"\x04", b"\x05", b"\x07"
 
 
@@ -24,11 +24,8 @@ class Ros1File(BagFile):
         """Walk the file; errors are those of `BagFile`."""
         super().__init__(path)
         with open(path, "rb") as file:
-            found = re.match(rb"#ROSBAG V(\d+\.\d+)\n", start := file.readline(64))
-            if not found:
-                raise InputError(f"{path} is not a bag of ROS 1: it begins with {start[:13]!r}, not with #ROSBAG V2.0")
-            if found[1] != b"2.0":
-                raise InputError(f"{path} is a bag of version {found[1].decode()}; convert it: rosbag fix")
+            if (start := file.readline(64)) != _VERSION:
+                raise InputError(f"{path} begins with {start!r}, but only {_VERSION!r} is read; convert it: rosbag fix")
             first: dict[int, tuple[int, int, int]] = {}
             try:
                 self._walk(file, self.size, IN_FILE, first)
@@ -50,12 +47,12 @@ class Ros1File(BagFile):
             if op == _CONNECTION:
                 kind = type_name(_fields(exactly(stream, n))[b"type"].decode())
                 self.topics[_u32(head[b"conn"])] = Topic(head[b"topic"].decode(), kind, "ros1")
-            elif after > end:
+            elif op == _CHUNK and n:  # the size of one that its recorder did not finish is 0, and its records follow
+                after = self._walk_chunk(stream, at, n, {} if first is None else first)
+            elif after > end or op is None:
                 raise EOFError
             elif op == _MESSAGE and first is not None:
                 self._add(_u32(head[b"conn"]), _nanoseconds(*struct.unpack("<II", head[b"time"])), chunk, at)
-            elif op == _CHUNK and n:  # the size of one that its recorder did not finish is 0, and its records follow
-                after = self._walk_chunk(stream, at, n, {} if first is None else first)
             stream.seek(after)
 
     def _walk_chunk(self, file: BinaryIO, at: int, n: int, first: dict[int, tuple[int, int, int]]) -> int:
@@ -81,13 +78,18 @@ class Ros1File(BagFile):
         kind, size = _kind(file, at)
         if kind == "none":
             file.seek(start)
-            self._walk(file, start + n, IN_FILE, first)
+            self._walk(file, min(start + n, self.size), IN_FILE, first)
+            is_whole = start + n <= self.size
         else:
-            self._walk(BytesIO(self._unpack(at, size)), size, at, first)
+            unpacked = self._unpack(at, size)
+            self._walk(BytesIO(unpacked), len(unpacked), at, first)
+            is_whole = len(unpacked) == size
+        if not is_whole:
+            raise EOFError
 
     def _packed(self, file: BinaryIO, chunk: int) -> tuple[str, bytes, int]:
         kind, size = _kind(file, chunk)
-        return kind, exactly(file, _u32(exactly(file, 4))), size
+        return kind, file.read(_u32(exactly(file, 4))), size
 
     def read(self, chunk: int, place: int, most: int = LARGEST) -> bytes:
         """Return the first `most` bytes, or all, of the message whose record begins at a place."""

@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import InputError
 from automos.readers.bag_file import LARGEST, BagFile, Topic, type_name
-
-_MAGIC = b"SQLite format 3\0"
 
 
 class SqliteFile(BagFile):
@@ -21,9 +18,6 @@ class SqliteFile(BagFile):
     def __init__(self, path: Path):
         """List the topics; errors are those of `BagFile`."""
         super().__init__(path)
-        with open(path, "rb") as file:
-            if (start := file.read(len(_MAGIC))) != _MAGIC:
-                raise InputError(f"{path} is not a database of SQLite: it begins with {start!r}, not with {_MAGIC!r}")
         for number, name, kind, encoding in self._rows("SELECT id, name, type, serialization_format FROM topics"):
             self.topics[number] = Topic(name, type_name(kind), encoding)
 

@@ -26,7 +26,7 @@ from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
 from automos.readers.point_cloud2 import EMPTY
-from automos.readers.point_times import PointTimes, judge_times
+from automos.readers.point_times import judge_times
 from automos.readers.time_order import count_unset, put_in_order
 from automos.readers.velodyne_decoder import SweepDecoder
 from automos.readers.velodyne_message import read_packets
@@ -73,6 +73,9 @@ class RosbagSequence(Sequence):
                     "damaged"
                 )
             self._bag.keep(self._topic)
+        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
+        # of all scans alike: one of few points may not show it
+        self._point_times = judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
 
     @property
     def address(self) -> Path:
@@ -184,12 +187,6 @@ class RosbagSequence(Sequence):
             return find_sensor(points, self.frame_id, poses, len(self), self._where())
         except InputError as error:
             raise InputError(" ".join([f"{error}", *(f"({fault})" for fault in faults)])) from None
-
-    @cached_property
-    def _point_times(self) -> PointTimes:
-        """How the points' times are read, determined once: a scan of few points may not show it."""
-        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
-        return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
 
     def _where(self, index: int | None = None) -> Path:
         return self.source / self._topic.name.strip("/") / ("" if index is None else f"{index:06d}")
