@@ -202,7 +202,11 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
 
 
 def _nothing_found(path: Path, format: str | None) -> str:
+    from automos.readers.other_files import first_known
+
     if path.is_file():
+        if known := first_known([path]):
+            return known
         if format in FORMATS:
             return f"{path} is not a recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
@@ -211,6 +215,8 @@ def _nothing_found(path: Path, format: str | None) -> str:
     entries = sorted(p for p in path.iterdir() if not p.name.startswith("."))
     if not entries:
         return f"{path} is empty; give a folder that holds scans"
+    if known := first_known(entries):
+        return known
     inner = [p for p in entries if p.is_dir() and holds_point_files(p)]
     if inner:
         return (

@@ -21,7 +21,7 @@ from automos.core.scan import Scan, Sequence
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
 from automos.readers.listed import digest_of_files, require_increasing
-from automos.readers.pcap import require_whole
+from automos.readers.pcap import CAPTURES, require_whole
 from automos.readers.sensor_choice import choose_sensor, split_sensor
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
@@ -37,7 +37,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _is_pcap(path: Path) -> bool:
-    return path.suffix == ".pcap" and path.is_file()
+    return path.suffix in CAPTURES and path.is_file()
 
 
 class OusterSequence(Sequence):
@@ -62,8 +62,8 @@ class OusterSequence(Sequence):
         if not self._metadata:
             raise InputError(
                 f"{self.source} has no metadata {stem}.json beside it, which Ouster's packets need, and no packets of "
-                "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
-                "makers' packets to a ROS bag, PCD or LAS"
+                "a Velodyne; put it there, or convert other makers' packets (Hesai, RoboSense, Livox) to a ROS bag or "
+                "PCD: their drivers and viewers do"
             )
         serials = [str(info.sn) for info in self._reader.sensor_info]
         self._serial = choose_sensor(self.source, wanted, serials, "sensor")
