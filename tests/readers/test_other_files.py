@@ -43,7 +43,6 @@ def test_what_is_compressed_is_to_be_unpacked_and_is_not_called_damaged(tmp_path
         ("a.lvx", b"livox_tech".ljust(16, b"\0") + b"\1\1", "Livox's viewer, .* lvx2rosbag"),
         ("a.lvx2", b"livox_tech".ljust(16, b"\0") + b"\2\0", "Livox's viewer, .* lvx2rosbag"),
         ("renamed.bin2", b"livox_tech".ljust(16, b"\0"), "Livox's viewer"),
-        ("a.osf", b"4\0\0\0\x14\0\0\0OSF$", "Ouster's tools, .*ouster-cli source a.osf save"),
         ("a.E57", b"ASTM-E57" + struct.pack("<2I", 1, 0), "E57 file, .* export its scans"),
     ],
 )

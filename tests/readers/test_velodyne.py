@@ -302,9 +302,7 @@ def test_a_capture_of_wiresharks_kind_that_is_cut_empty_or_damaged_is_told(tmp_p
     path = write_pcapng(tmp_path / "drive.pcapng", frames)
     whole = path.read_bytes()
     path.write_bytes(whole[:-40])
-    with pytest.raises(
-        InputError, match=r"drive.pcapng ends within a packet .* editcap -F pcap drive.pcapng whole"
-    ):
+    with pytest.raises(InputError, match=r"drive.pcapng ends within a packet .* editcap -F pcap drive.pcapng whole"):
         open_sequence(path)
     damaged = bytearray(whole)
     damaged[-4000:-3996] = bytes(4)

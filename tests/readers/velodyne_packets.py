@@ -86,7 +86,12 @@ def write_pcap(
 
 
 def write_pcapng(
-    path: Path, frames: list[tuple[float, bytes]], order: str = "<", resolution: int = 6, link: int = 1
+    path: Path,
+    frames: list[tuple[float, bytes]],
+    order: str = "<",
+    resolution: int = 6,
+    link: int = 1,
+    other: int = 113,
 ) -> Path:
     """Write (seconds, frame) as Wireshark does: comments and names between packets, times in 10^-resolution s or,
     with the highest bit set, in powers of two."""
@@ -98,7 +103,7 @@ def write_pcapng(
 
     with open(path, "wb") as file:
         file.write(block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1)))
-        for number in (113, link):  # the first has no packets
+        for number in (other, link):  # the first has no packets
             options = struct.pack(order + "HHB3xHH", 9, 1, resolution, 0, 0)
             file.write(block(1, struct.pack(order + "HHI", number, 0, 0) + options))
         for k, (seconds, frame) in enumerate(frames):

@@ -25,10 +25,6 @@ _OTHERS = {
     ),
 }
 _NAMED = {
-    ".osf": (
-        "a recording of Ouster's tools",
-        "convert it with ouster-cli (ouster-cli source {} save recording.bag) and give the result",
-    ),
     ".lvx": _OTHERS[b"livox_tech"],
     ".lvx2": _OTHERS[b"livox_tech"],
     ".lvx3": _OTHERS[b"livox_tech"],
