@@ -69,13 +69,20 @@ def odometry_frames(bag: Bag) -> set[str]:
 def _no_clouds(bag: Bag) -> str:
     packets = [topic for topic in bag.topics if is_of_packets(topic)]
     if packets:
-        names = ", ".join(f"{topic.name} ({topic.kind})" for topic in packets[:5])
+        names = _named(packets[:5])
         return (
             f"{bag.path} holds a sensor's packets ({names}), which are not decoded here; play it through the maker's "
             f"ROS driver and record the {CLOUD} that this publishes"
         )
-    others = ", ".join(f"{topic.name} ({topic.kind or topic.encoding})" for topic in bag.topics[:10]) or "none"
+    others = _named(bag.topics[:10]) or "none"
     return (
         f"{bag.path} has no topic of type {CLOUD}, of Livox's CustomMsg, of Velodyne's packets or foxglove.PointCloud; "
         f"its topics are: {others}"
     )
+
+
+def _named(topics: list[Topic]) -> str:
+    """Return topics with the types of their messages, and how these are packed where ROS does not do it so."""
+    of_ros = ("cdr", "ros1")
+    kinds = [", ".join(filter(None, [t.kind, "" if t.encoding in of_ros else t.encoding])) for t in topics]
+    return ", ".join(f"{topic.name} ({kind})" for topic, kind in zip(topics, kinds, strict=True))

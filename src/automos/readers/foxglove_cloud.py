@@ -71,7 +71,7 @@ def read_columns(raw: bytes, encoding: str, where: str) -> Columns:
 
 
 def _datatype(kind: int | str) -> int:
-    number = _KINDS.index(kind) + 1 if isinstance(kind, str) else kind
+    number = kind if isinstance(kind, int) else _KINDS.index(kind) + 1 if kind in _KINDS else 0
     return _DATATYPES[number] if 0 <= number < len(_DATATYPES) else 0
 
 
