@@ -16,17 +16,17 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.scan import Points, Pose
+from automos.core.scan import MIN_RANGE, Points, Pose
 
 _NAMES = r"(^|[_/])(map|odom|world|global|earth|init|local_origin|enu|utm|gravity)(\d*$|[_/])"
 _LOOKED_AT = 5
 """Scans that are compared."""
-_CELL, _BEHIND = 1.0, 1.2
-"""Degrees of a direction, and times the nearest range in it from which a point is hidden."""
+_CELL, _BEHIND = 1.0, 0.2
+"""Degrees of a direction, and times the nearest range in it that a point lies behind that one if it is hidden."""
 _NEAR, _FAR = 2.0, 6.0
 """Metres from the sensor, and from the middle of a cloud, of places from which more must be hidden."""
 _CLEARLY = 0.9
-"""Times the share hidden from where poses say that the sensor was, below which they are not believed."""
+"""Times the share hidden from elsewhere: where less is hidden, the sensor was there whatever it is called."""
 
 
 def is_named_world(frame: str) -> bool:
@@ -75,17 +75,25 @@ def moved_to_sensor(points: Points, T_frame_sensor: Pose) -> Points:
 
 
 def share_hidden(points: Points, origin: npt.ArrayLike) -> float:
-    """Return which share of points (N, 3) lies behind another one, seen from `origin` (3,); 0 of none."""
-    rays = np.asarray(points, np.float64) - np.asarray(origin, np.float64)
+    """Return which share of points (N, 3) lies behind another one, seen from `origin` (3,); 0 of none.
+
+    From far away, a cloud lies in few directions, and as near as its nearest point is no measure for its depth.
+    """
+    points = np.asarray(points, np.float64)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        return 0.0
+    size = np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))
+    rays = points - np.asarray(origin, np.float64)
     ranges = np.linalg.norm(rays, axis=1)
-    is_seen = np.isfinite(ranges) & (ranges > 1.0)
-    rays, ranges = rays[is_seen], ranges[is_seen]
+    rays, ranges = rays[ranges > MIN_RANGE], ranges[ranges > MIN_RANGE]
     azimuth = np.degrees(np.arctan2(rays[:, 1], rays[:, 0])) // _CELL
     elevation = np.degrees(np.arcsin(rays[:, 2] / ranges)) // _CELL
     _, cell = np.unique(azimuth * 360.0 + elevation, return_inverse=True)
     nearest = np.full(len(ranges), np.inf)
     np.minimum.at(nearest, cell, ranges)
-    return float((ranges > _BEHIND * nearest[cell]).mean()) if len(ranges) else 0.0
+    nearest = nearest[cell]
+    return float((ranges > nearest + _BEHIND * np.minimum(nearest, size)).mean()) if len(ranges) else 0.0
 
 
 def _is_measured_here(points: Points) -> bool:
@@ -97,4 +105,4 @@ def _is_measured_here(points: Points) -> bool:
     middle = np.append(np.median(points[:, :2], axis=0), 0.0)
     others = [*(_NEAR * around[around.any(axis=1)]), *(middle + _FAR * around)]
     others = [place for place in others if np.linalg.norm(place) > 0.5 * _NEAR]
-    return share_hidden(points, np.zeros(3)) <= min(share_hidden(points, place) for place in others)
+    return _CLEARLY * share_hidden(points, np.zeros(3)) <= min(share_hidden(points, place) for place in others)
