@@ -51,6 +51,39 @@ def test_parts_are_put_together_by_what_they_hold_not_by_their_names(tmp_path):
     assert which(open_sequence(folder / "2021-03-29-06-40-01_1.bag")) == list(range(4, 10))  # a file is a file
 
 
+def test_the_last_part_may_be_the_one_that_its_recorder_was_killed_at(tmp_path):
+    write_parts(tmp_path, ["log_0.bag", "log_1.bag"], [(0, 5), (5, 9)])
+    raw = (tmp_path / "log_1.bag").read_bytes()
+    at = raw.index(b"index_pos=") + 10
+    end = int.from_bytes(raw[at : at + 8], "little")
+    (tmp_path / "log_1.bag.active").write_bytes(raw[:at] + bytes(8) + raw[at + 8 : end])
+    (tmp_path / "log_1.bag").unlink()
+    assert which(open_sequence(tmp_path)) == list(range(1, 10))
+
+
+@pytest.mark.parametrize("compress", ["MESSAGE", "FILE"])
+def test_what_ros_2_compresses_by_message_is_read_and_by_file_is_told(tmp_path, compress):
+    from bags import _message
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    writer = Writer(tmp_path / "log", version=8, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_compression(CompressionMode[compress], CompressionFormat.ZSTD)
+    with writer:
+        link = writer.add_connection("/points", "sensor_msgs/msg/PointCloud2", typestore=types)
+        for at, stamp, parts in numbered(0, 5):
+            message = _message(types, stamp, parts, False)
+            writer.write(link, at, types.serialize_cdr(message, message.__msgtype__))
+    if compress == "MESSAGE":
+        assert which(open_sequence(tmp_path / "log")) == [1, 2, 3, 4, 5]
+        next((tmp_path / "log").glob("*.db3")).rename(tmp_path / "alone.db3")  # without what says that it is compressed
+        assert which(open_sequence(tmp_path / "alone.db3")) == [1, 2, 3, 4, 5]
+    else:
+        with pytest.raises(InputError, match=r"compressed as a whole.* unpack it \(zstd -d log.db3.zstd\)"):
+            open_sequence(tmp_path / "log")
+
+
 @pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap"])
 @pytest.mark.parametrize("pause", [5.0, 3600.0])
 def test_two_drives_in_one_folder_remain_two_each_of_all_its_parts(tmp_path, suffix, pause):

@@ -205,6 +205,24 @@ def test_foxgloves_types_may_be_names_and_unknown_ones_are_told(tmp_path):
                 open_sequence(path)
 
 
+def test_the_old_message_of_ros_with_named_channels_is_read(tmp_path):
+    kind, name = ROS1.types, "sensor_msgs/msg/PointCloud"
+    time = kind["builtin_interfaces/msg/Time"](1_700_000_000, 500_000_000)
+    points = [kind["geometry_msgs/msg/Point32"](x, 2.0, 3.0) for x in (1.0, 4.0)]
+    channels = [
+        kind["sensor_msgs/msg/ChannelFloat32"](channel, np.array(values, np.float32))
+        for channel, values in (("intensity", [7, 8]), ("ring", [0, 1]))
+    ]
+    message = kind[name](kind["std_msgs/msg/Header"](0, time, "laser"), points, channels)
+    raw = bytes(ROS1.serialize_ros1(message, name))
+    sequence = open_sequence(
+        write(tmp_path / "log.mcap", [(0, raw)], ("sensor_msgs/PointCloud", "ros1msg", b""), "ros1")
+    )
+    assert (sequence.stamps.tolist(), sequence.frame_id) == ([1_700_000_000.5], "laser")
+    assert sequence[0].points.tolist() == [[1, 2, 3], [4, 2, 3]]
+    assert (sequence[0].intensity.tolist(), sequence[0].ring.tolist()) == ([7, 8], [0, 1])
+
+
 # ------------------------------------------------------------------------------------------------- what is hostile
 def test_a_chunk_that_grows_beyond_all_clouds_is_told_before_it_is_unpacked(tmp_path):
     import zstandard
@@ -257,6 +275,7 @@ PACKETS = (
     "rslidar_msgs/rslidarScan",
     "ouster_ros/msg/PacketMsg",
     "ouster_sensor_msgs/msg/PacketMsg",
+    "point_cloud_interfaces/msg/CompressedPointCloud2",
 )
 
 
@@ -266,7 +285,9 @@ def test_other_encodings_and_packets_of_other_makers_are_named(tmp_path):
         open_sequence(path)
     for kind in PACKETS:
         path = write(tmp_path / "a.mcap", [(0, b"1234")], (kind, "ros2msg", b""), "cdr", topic="/packets")
-        with pytest.raises(InputError, match=r"holds a sensor's packets \(/packets .*driver and record"):
+        with pytest.raises(
+            InputError, match=r"holds a sensor's packets or compressed clouds \(/packets .*driver and record"
+        ):
             open_sequence(path)
 
 

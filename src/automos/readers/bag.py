@@ -87,7 +87,7 @@ def drives_of(folder: Path) -> list[list[Path]]:
     by_start = sorted((file for file in files if told[file]), key=lambda file: told[file][1:])
     for file in by_start:
         topics, start, _ = told[file]
-        going_on = (d for d in drives if told[d[-1]][0] == topics and 0 < start - told[d[-1]][2] <= 1e9 * _PAUSE)
+        going_on = (d for d in drives if told[d[-1]][0] == topics and 0 <= start - told[d[-1]][2] <= 1e9 * _PAUSE)
         drive = next(going_on, None)
         drives.append([file]) if drive is None else drive.append(file)
     return sorted([*drives, *([file] for file in files if not told[file])])

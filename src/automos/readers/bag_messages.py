@@ -11,6 +11,8 @@ import zlib
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from automos.readers import foxglove_cloud, livox_message, velodyne_message
 from automos.readers.bag_file import LARGEST, Topic
 from automos.readers.columns import Columns
@@ -20,20 +22,24 @@ from automos.readers.velodyne_decoder import SweepDecoder
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 PACKETS = velodyne_message.TYPE
-_TYPES = {CLOUD, PACKETS, *livox_message.TYPES, *foxglove_cloud.TYPES}
+_OLD_CLOUD = "sensor_msgs/msg/PointCloud"
+_OF_ROS = {CLOUD, _OLD_CLOUD, PACKETS, *livox_message.TYPES, foxglove_cloud.ROS}
 _HEAD = 4096
-"""Bytes of a message that hold its header and the name of its frame; recorders that compress messages do not split."""
-_DRIVERS = r"(hesai|pandar|rslidar|robosense|ouster|innovusion|seyond|lslidar|vanjee)\w*/.*(packet|scan|frame)"
+"""Bytes of a message that hold its header and the name of its frame."""
+_RAW = r"(hesai|pandar|rslidar|robosense|ouster|seyond|lslidar)\w*/.*(packet|scan|frame)|.*/Compressed\w*Cloud"
+"""Packets of drivers, and clouds that only their own library unpacks."""
 
 
 def is_of_points(topic: Topic) -> bool:
     """Return whether the messages of a topic hold points that are read here."""
-    return topic.kind in _TYPES and topic.encoding in ("cdr", "ros1", "protobuf", "json")
+    if topic.kind == foxglove_cloud.OWN:
+        return topic.encoding in ("protobuf", "json")
+    return topic.kind in _OF_ROS and topic.encoding in ("cdr", "ros1")
 
 
-def is_of_packets(topic: Topic) -> bool:
-    """Return whether a topic holds what a sensor sent, of a maker whose packets are not decoded here."""
-    return re.match(_DRIVERS, topic.kind, re.I) is not None
+def is_raw(topic: Topic) -> bool:
+    """Return whether a topic holds what points can be made of, by other programs: packets, or compressed clouds."""
+    return re.match(_RAW, topic.kind, re.I) is not None
 
 
 def head_size(topic: Topic) -> int:
@@ -43,7 +49,7 @@ def head_size(topic: Topic) -> int:
 
 def head(raw: bytes, topic: Topic) -> tuple[float, str]:
     """Return the stamp (s) and the frame in the header of a message, of which the beginning suffices."""
-    if topic.kind in foxglove_cloud.TYPES:
+    if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):
         return foxglove_cloud.head(raw, topic.encoding)
     is_ros2 = topic.encoding == "cdr"
     return header_stamp(raw, is_ros2), header_frame(raw, is_ros2)
@@ -69,9 +75,13 @@ def read_message(raw: bytes, topic: Topic, where: str, decoder: SweepDecoder | N
         return decoder.columns(velodyne_message.read_packets(raw, is_ros2, where))
     if topic.kind in livox_message.TYPES:
         return livox_message.read_columns(raw, is_ros2, where)
-    if topic.kind in foxglove_cloud.TYPES:
+    if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):
         return foxglove_cloud.read_columns(raw, topic.encoding, where)
-    return read_columns(decoded(raw, topic), where)
+    message = decoded(raw, topic)
+    if topic.kind == _OLD_CLOUD:
+        axes = {axis: np.array([getattr(point, axis) for point in message.points], np.float32) for axis in "xyz"}
+        return axes | {channel.name: channel.values for channel in message.channels}
+    return read_columns(message, where)
 
 
 def decoded(raw: bytes, topic: Topic) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from automos.core.errors import InputError
 from automos.readers.bag import Bag
 from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import CLOUD, PACKETS, head, head_size, is_of_packets, is_of_points
+from automos.readers.bag_messages import CLOUD, PACKETS, head, head_size, is_of_points, is_raw
 from automos.readers.world_frame import is_named_world
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
@@ -67,12 +67,12 @@ def odometry_frames(bag: Bag) -> set[str]:
 
 
 def _no_clouds(bag: Bag) -> str:
-    packets = [topic for topic in bag.topics if is_of_packets(topic)]
+    packets = [topic for topic in bag.topics if is_raw(topic)]
     if packets:
         names = _named(packets[:5])
         return (
-            f"{bag.path} holds a sensor's packets ({names}), which are not decoded here; play it through the maker's "
-            f"ROS driver and record the {CLOUD} that this publishes"
+            f"{bag.path} holds a sensor's packets or compressed clouds ({names}), which are not decoded here; play it "
+            f"through the maker's ROS driver and record the {CLOUD} that this publishes"
         )
     others = _named(bag.topics[:10]) or "none"
     return (

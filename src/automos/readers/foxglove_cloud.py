@@ -19,7 +19,7 @@ from automos.core.reading import parse_json
 from automos.readers import point_cloud2
 from automos.readers.columns import Columns
 
-TYPES = ("foxglove.PointCloud", "foxglove_msgs/msg/PointCloud")
+OWN, ROS = "foxglove.PointCloud", "foxglove_msgs/msg/PointCloud"
 _TIME, _FRAME, _STEP, _FIELD, _DATA = 1, 2, 4, 5, 6
 """Numbers of the fields of a cloud."""
 _KINDS = ("UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64")
