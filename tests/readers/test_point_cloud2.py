@@ -73,7 +73,9 @@ def test_a_recording_of_too_small_widths_has_all_its_points(tmp_path):
     parts = cloud(columns, gap=2)
     parts.width = 4
     path = write_bag(tmp_path / "log.mcap", {"/p": [(k, 1.0 + k, parts) for k in range(3)]})
-    assert [scan.points[:, 0].tolist() for scan in open_sequence(path)] == [list(range(1, 9))] * 3
+    sequence = open_sequence(path)
+    assert [scan.points[:, 0].tolist() for scan in sequence] == [list(range(1, 9))] * 3
+    assert sequence.warnings == [f"{path / 'p'}: headers count 4 of 8 points in the data; all are read."]
 
 
 @pytest.mark.parametrize(("is_ros2", "big"), [(False, False), (True, False), (True, True)])

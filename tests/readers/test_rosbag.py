@@ -40,6 +40,14 @@ def test_every_kind_of_bag_gives_the_clouds_of_its_only_such_topic(tmp_path, nam
     assert [s.name for s in open_recordings(tmp_path / "bags")] == ["log"]
 
 
+@pytest.mark.parametrize("name", ["run.v2.bag", "run.v2.mcap", "2021.04.01"])
+def test_a_recording_is_called_what_its_bag_is_but_for_the_kind(tmp_path, name):
+    path = write_bag(tmp_path / name, {"/p": number(2)}) if name[-1] != "1" else tmp_path / name
+    if name[-1] == "1":
+        write_bag(tmp_path / "log", {"/p": number(2)}).rename(path)
+    assert open_sequence(path).name == name.removesuffix(".bag").removesuffix(".mcap")
+
+
 def test_the_address_of_a_topic_opens_it_again(tmp_path):
     write_bag(tmp_path / "log.mcap", {"/front/points": number(3), "/rear/points": number(4)})
     rear = open_sequence(tmp_path / "log.mcap" / "rear" / "points")

@@ -48,6 +48,13 @@ def is_packed(file: Path) -> bool:
     return file.suffix == ".zstd" and is_named_so(Path(file.stem))
 
 
+def name_of(bag: Path) -> str:
+    """Return what a recording in a bag is called: its first file, or its folder, without what tells the kind."""
+    name = bag.resolve().name.removesuffix("+")
+    suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), "")
+    return name[: len(name) - len(suffix)]
+
+
 def split_address(path: Path) -> tuple[Path, str | None]:
     """Return the bag at or above `path`, and the topic that is named below it."""
     bag = next(parent for parent in (path, *path.parents) if is_bag(parent))

@@ -127,7 +127,11 @@ def unpack(packed: bytes, kind: str, n: int) -> bytes:
     if kind == "lz4":
         return bytes(importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress(packed, n))
     if kind == "zstd":
-        with importlib.import_module("zstandard").ZstdDecompressor().stream_reader(packed) as reader:
+        with (
+            importlib.import_module("zstandard")
+            .ZstdDecompressor()
+            .stream_reader(packed, read_across_frames=True) as reader
+        ):
             return bytes(reader.read(n))
     raise ValueError(f"compression {kind!r} is not known")
 

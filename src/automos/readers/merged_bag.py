@@ -16,6 +16,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.readers.bag import name_of
 from automos.readers.rosbag_topic import RosbagSequence
 from automos.readers.stamped_poses import from_quaternions
 
@@ -39,7 +40,7 @@ class MergedBagSequence(Sequence):
         if twice is not None:
             raise InputError(f"{self._address} names the topic /{twice} twice; name each topic once")
         self._parts = [RosbagSequence(bag / topic) for topic in topics]
-        self.name = f"{bag.resolve().stem}_{'+'.join(topics).replace('/', '_')}"
+        self.name = f"{name_of(bag)}_{'+'.join(topics).replace('/', '_')}"
         self._mounts = _find_mounts(self._parts, topics)
         self._rows = np.stack([self._rows_of(part) for part in self._parts])
 

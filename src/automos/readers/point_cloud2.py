@@ -44,14 +44,18 @@ def _order(raw: bytes, is_ros2: bool) -> Literal["big", "little"]:
     return "big" if is_ros2 and raw[1] == 0 else "little"
 
 
+def points_counted(raw: bytes, is_ros2: bool) -> int:
+    """Return how many points a cloud as it lies in a bag says that it has; its data may hold more."""
+    order, at = _order(raw, is_ros2), header_end(raw, is_ros2)
+    return int.from_bytes(raw[at : at + 4], order) * int.from_bytes(raw[at + 4 : at + 8], order)
+
+
 def cloud_digest(raw: bytes, is_ros2: bool) -> int:
     """Return a number that clouds as they lie in a bag share, if they hold the same whatever their time; EMPTY if none.
 
     All of it is digested: half of an organised cloud may be the same in every message, where the beams meet nothing.
     """
-    order, at = _order(raw, is_ros2), header_end(raw, is_ros2)
-    height, width = (int.from_bytes(raw[k : k + 4], order) for k in (at, at + 4))
-    return zlib.crc32(raw[12:]) if height * width else EMPTY
+    return zlib.crc32(raw[12:]) if points_counted(raw, is_ros2) else EMPTY
 
 
 def read_columns(message: Any, where: str) -> Columns:

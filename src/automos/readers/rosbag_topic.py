@@ -19,13 +19,13 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.geometry import inverse
 from automos.core.scan import Mask, Points, Pose, Scan, Sequence
 from automos.readers import bag_messages
-from automos.readers.bag import Bag, split_address
+from automos.readers.bag import Bag, name_of, split_address
 from automos.readers.bag_topics import choose_topic, odometry_frames
 from automos.readers.bag_transforms import Joint, joints_of, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
-from automos.readers.point_cloud2 import EMPTY
+from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
 from automos.readers.time_order import count_unset, put_in_order
 from automos.readers.velodyne_decoder import SweepDecoder
@@ -60,22 +60,25 @@ class RosbagSequence(Sequence):
             heads = [self._head(row) for row in self._rows]
             self._sizes = np.array([self._bag.size(row) for row in self._rows])
             self.frame_id = heads[0][1]
-            self.name = self.source.name.rstrip("+").partition(".")[0] + (
-                "" if wanted is None else "_" + wanted.replace("/", "_")
-            )
+            self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
             self._warnings = [*self._bag.faults, *said, *self._put_in_order(np.array([stamp for stamp, _ in heads]))]
             self._T_frame_sensor: Pose | None = None
             self._T_frame_sensor = self._find_sensor()
             counted = self._bag.counted(self._topic)
             if counted > len(self):
-                self._warnings.append(
-                    f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts; it was cut or "
-                    "damaged"
-                )
+                lost = f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts"
+                self._warnings.append(f"{lost}; it was cut or damaged")
             self._bag.keep(self._topic)
         gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
         # of all scans alike: one of few points may not show it
-        self._point_times = judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
+        fullest = int(np.argmax(self._sizes))
+        columns = self._columns(fullest)
+        self._point_times = judge_times([columns], self._where(), gap)
+        n_counted, n = self._points_counted(fullest), len(next(iter(columns.values()), ()))
+        if n_counted is not None and n_counted < n:
+            self._warnings.append(
+                f"{self._where()}: headers count {n_counted} of {n} points in the data; all are read."
+            )
 
     @property
     def address(self) -> Path:
@@ -137,6 +140,12 @@ class RosbagSequence(Sequence):
     # ---------------------------------------------------------------------------------------------------- messages
     def _head(self, row: npt.NDArray[np.int64]) -> tuple[float, str]:
         return bag_messages.head(self._bag.read(row, bag_messages.head_size(self._topic)), self._topic)
+
+    def _points_counted(self, index: int) -> int | None:
+        if self._topic.kind != bag_messages.CLOUD:
+            return None
+        with _reported(self.source):
+            return points_counted(self._bag.read(self._rows[index]), self._topic.encoding == "cdr")
 
     def _digest(self, index: int) -> int:
         with _reported(self.source):
