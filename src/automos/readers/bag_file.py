@@ -18,6 +18,8 @@ from automos.core.errors import InputError
 
 LARGEST = 1 << 30
 """Bytes of a message, or of the chunk it is in, at most; the clouds of any sensor have a hundredth of that."""
+_AHEAD = 1 << 13
+"""Bytes that are unpacked beyond what is asked for at first: a message's header is read in pieces."""
 IN_FILE = -1
 """The chunk of what is not compressed: its places count from the start of the file."""
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -107,7 +109,7 @@ class BagFile:
                 f"{self.path} holds a chunk that {len(packed)} bytes at byte {chunk} unpack to {size} bytes, more than "
                 f"is read at once ({LARGEST}); write it anew in smaller chunks: mcap filter, rosbag filter"
             )
-        known = unpack(packed, kind, size if at == chunk else n)
+        known = unpack(packed, kind, size if at == chunk else min(size, n + _AHEAD))
         self._unpacked = chunk, known
         return known
 
