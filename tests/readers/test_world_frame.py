@@ -169,14 +169,27 @@ def test_without_poses_they_are_refused_and_the_message_says_why(tmp_path):
     with Bag(tmp_path / "log.bag", log) as bag:
         bag.clouds("/cloud_registered", "camera_init", in_place(log, "near"))
     with pytest.raises(
-        InputError, match=r"log.bag/cloud_registered holds clouds in the world frame 'camera_init'.*recor"
+        InputError, match=r"log.bag/cloud_registered holds clouds in a world frame \('camera_init'\).*recor"
     ):
         open_sequence(tmp_path / "log.bag")
     with Bag(tmp_path / "short.bag", log) as bag:
         bag.clouds("/cloud_registered", "camera_init", in_place(log, "near"))
         bag.poses("/Odometry", "camera_init", in_place(log)[:3], stamps=log.stamps[:3])
-    with pytest.raises(InputError, match=r"world frame 'camera_init'.*\(.*Odometry has no pose for scan \d"):
+    with pytest.raises(InputError, match=r"world frame \('camera_init'\).*\(.*Odometry has no pose for scan \d"):
         open_sequence(tmp_path / "short.bag")
+
+
+@pytest.mark.parametrize("frame", ["", "velodyne", "my_frame"])
+def test_clouds_far_from_their_origin_are_a_worlds_whatever_it_is_called(tmp_path, frame):
+    log = street_log()
+    with Bag(tmp_path / "log.bag", log) as bag:
+        bag.clouds("/points", frame, in_place(log))
+    with pytest.raises(InputError, match=rf"holds clouds in a world frame \('{frame}'\), not in the sensor's"):
+        open_sequence(tmp_path / "log.bag")
+    with Bag(tmp_path / "tf.mcap", log) as bag:
+        bag.clouds("/points", "my_frame", in_place(log))
+        bag.transforms([("my_frame", "base", in_place(log))])
+    assert_sensors_own(open_sequence(tmp_path / "tf.mcap"), log)
 
 
 def test_the_sensors_own_topic_is_preferred_and_the_other_can_be_named(tmp_path):

@@ -30,7 +30,7 @@ from automos.readers.point_times import judge_times
 from automos.readers.time_order import count_unset, put_in_order
 from automos.readers.velodyne_decoder import SweepDecoder
 from automos.readers.velodyne_message import read_packets
-from automos.readers.world_frame import find_sensor, is_named_world, moved_to_sensor
+from automos.readers.world_frame import find_sensor, is_elsewhere, is_named_world, moved_to_sensor
 
 
 class RosbagSequence(Sequence):
@@ -184,14 +184,16 @@ class RosbagSequence(Sequence):
 
     def _find_sensor(self) -> Pose | None:
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
-        stamps = self._stamps
-        if not is_named_world(self.frame_id) and self.frame_id not in odometry_frames(self._bag):
-            return None
-        poses, faults = ({}, []) if stamps is None else poses_in(self._bag, self.frame_id, stamps)
 
         def points(index: int) -> Points:
             return coordinates(self._columns(index), self._where(index))
 
+        if not is_named_world(self.frame_id) and self.frame_id not in odometry_frames(self._bag):
+            middle = len(self) // 2
+            if not all(is_elsewhere(points(index)) for index in {0, middle, len(self) - 1}):
+                return None
+        stamps = self._stamps
+        poses, faults = ({}, []) if stamps is None else poses_in(self._bag, self.frame_id, stamps)
         try:
             return find_sensor(points, self.frame_id, poses, len(self), self._where())
         except InputError as error:
