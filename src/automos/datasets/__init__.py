@@ -19,6 +19,7 @@ from automos.datasets.codecs import CODECS
 from automos.datasets.files import is_text
 from automos.datasets.foreign import limited
 from automos.datasets.formats import Format
+from automos.datasets.layouts import LAYOUTS, is_columns, parse_columns
 from automos.errors import InputError
 from automos.reading import damage_reported
 from automos.scan import Sequence
@@ -53,7 +54,8 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     path : str or Path
         A recording, or the root of a data set that holds only one.
     format : str, optional
-        Layout (one of `FORMATS`) or codec of the point files (one of `CODECS`). Guessed if not given.
+        Layout (one of `FORMATS`), codec of the point files (one of `CODECS`), or their columns, as
+        `x,y,z,intensity`, where they do not name them. Guessed if not given.
 
     Returns
     -------
@@ -194,7 +196,9 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
         return FORMATS, None
     if format in FORMATS:
         return [format], None
-    if format in CODECS:
+    if is_columns(format):
+        parse_columns(format)
+    if is_columns(format) or format in CODECS or format in LAYOUTS:
         return FORMATS, format
     known = [*FORMATS, *CODECS]
     near = difflib.get_close_matches(format.lower(), known, n=1, cutoff=0.0)

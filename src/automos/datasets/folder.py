@@ -13,23 +13,26 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.datasets import files
-from automos.datasets.bin import WIDTHS, guess_codec
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
-from automos.datasets.columns import coordinates, sensor_column, time_column, to_scan
+from automos.datasets.columns import Columns, coordinates, sensor_column, time_column, to_scan
 from automos.datasets.formats import Format
+from automos.datasets.layouts import LAYOUTS, is_columns, parse_columns
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
+from automos.datasets.pcd import read_viewpoints, surplus_warnings
 from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
+from automos.datasets.record_layout import find_columns
 from automos.datasets.seen_order import put_in_seen_order
-from automos.datasets.time_order import put_in_order, usual_step, with_all_times
+from automos.datasets.sensor_place import find_frame
+from automos.datasets.time_order import put_in_order, read_times, usual_step, with_all_times
 from automos.datasets.units import unit_of
 from automos.errors import InputError
 from automos.geometry import inverse
 from automos.label_files import read_labels
-from automos.pose_files import lines_of_scans, read_calib, read_poses
-from automos.reading import damage_reported, is_there, read_text
-from automos.scan import LATEST, Mask, Pose, Scan, Sequence
+from automos.pose_files import read_calib, read_poses
+from automos.reading import damage_reported, is_there
+from automos.scan import Mask, Pose, Scan, Sequence
 
 logger = logging.getLogger(__name__)
 
@@ -60,10 +63,11 @@ class FolderSequence(Sequence):
         self.source = Path(source)
         self.name = self.source.resolve().name
         self._folder = self.source / scan_folder
-        self._files, found, stamps = files.list_scans(self._folder, codec)
-        if codec is None:
-            codec = guess_codec(self._paths) if found == "bin" else found
-        self._codec = codec
+        self._files, self._codec, stamps = files.list_scans(self._folder, codec)
+        is_guessed = codec is None and self._codec == "bin"
+        if is_guessed:
+            codec = find_columns(self._paths)
+        self._columns = LAYOUTS.get(codec or "", codec if codec and is_columns(codec) else "")
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
@@ -71,6 +75,7 @@ class FolderSequence(Sequence):
         if stamps is None and self._point_times.is_absolute:
             times = self._times_of_points(times)
         self._stamps: npt.NDArray[np.float64] | None = None
+        self._T_file_sensor: Pose | None = None
         if times is None:
             ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
         else:
@@ -78,8 +83,13 @@ class FolderSequence(Sequence):
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self._files = [self._files[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
-        if codec == "pcd":
-            _warn_of_viewpoint(self._paths[0])
+        self._viewpoints = read_viewpoints(self._paths) if self._codec == "pcd" else None
+        self._T_file_sensor = self._find_frame()
+        self._found = []
+        if codec is not None and codec != LAYOUTS["bin"] and is_guessed:
+            self._found.append(f"The files have no header; their points are read as --columns {self._columns}.")
+        if self._T_file_sensor is not None:
+            self._found.append("The clouds are in the frame of a map; the poses that came with them took them back.")
 
     def __len__(self) -> int:
         return len(self._files)
@@ -87,12 +97,27 @@ class FolderSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
         path = self._folder / self._files[index]
-        columns = read_columns(path, self._codec)
+        columns = self._read(path)
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
         time_unit = (self._point_times.unit or 0.0) if has_time else None
-        scan = to_scan(columns, path, self._names[index], stamp, time_unit, self._unit[0])
+        T = None if self._T_file_sensor is None else self._T_file_sensor[index]
+        scan = to_scan(columns, path, self._names[index], stamp, time_unit, self._unit[0], T)
         return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
+
+    def _read(self, path: Path) -> Columns:
+        return read_columns(path, self._codec, self._columns)
+
+    def _raw_points(self, index: int) -> npt.NDArray[np.float64]:
+        return self._unit[0] * coordinates(self._read(self._paths[index]), self._paths[index])
+
+    def _find_frame(self) -> Pose | None:
+        """Return (len, 4, 4) the sensor's poses in the frame of the files, None where that is the sensor's own."""
+        claims = [] if self._viewpoints is None else [self._viewpoints]
+        with contextlib.suppress(InputError):  # reported when the poses are asked for
+            T = self._poses_in_world()
+            claims += [] if T is None else [T, inverse(T[0]) @ T]
+        return find_frame(self._raw_points, len(self), claims, self._viewpoints is not None, self._folder)
 
     @property
     def names(self) -> list[str]:
@@ -108,7 +133,8 @@ class FolderSequence(Sequence):
     def warnings(self) -> list[str]:
         """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
         beside = [*files.copy_warnings(self._copy_of, self._names), *files.left_out_folders(self.source, self._folder)]
-        return [*self._warnings, *beside, *self._point_times.warnings, *self._unit[1]]
+        surplus = surplus_warnings(self._paths) if self._codec == "pcd" else []
+        return [*self._warnings, *surplus, *beside, *self._point_times.warnings, *self._unit[1], *self._found]
 
     @cached_property
     def repeats(self) -> Mask:
@@ -123,15 +149,19 @@ class FolderSequence(Sequence):
 
     @cached_property
     def reference_poses(self) -> Pose | None:
-        """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), None where there is none."""
+        """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), else the viewpoints, else None."""
+        T = self._poses_in_world()
+        T = self._viewpoints if T is None else T
+        return None if T is None else inverse(T[0]) @ T
+
+    def _poses_in_world(self) -> Pose | None:
         path = next((path for path in self._pose_files() if is_there(path)), None)
         if path is None:
             return None
         by_name = np.argsort(self._order)
         stamps = None if self._stamps is None else self._stamps[by_name]
         names = [self._names[i] for i in by_name]
-        T = read_poses(path, len(self), stamps, self.T_camera_sensor, names)[self._order]
-        return inverse(T[0]) @ T
+        return read_poses(path, len(self), stamps, self.T_camera_sensor, names, in_world=True)[self._order]
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None if no scan has labels."""
@@ -147,7 +177,9 @@ class FolderSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
-        digest = hashlib.sha256(self._codec.encode())
+        digest = hashlib.sha256(
+            (self._codec if self._columns == LAYOUTS["bin"] else self._codec + self._columns).encode()
+        )
         with damage_reported(self._folder):
             for path in self._paths:
                 status = path.stat()
@@ -179,24 +211,14 @@ class FolderSequence(Sequence):
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self.source / "times.txt"
-        if not is_there(path):
-            return stamps_from_names
-        try:
-            times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
-        is_time = np.abs(times) < LATEST
-        if not is_time.all():
-            raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
-        times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
-        return times
+        return read_times(path, self._names) if is_there(path) else stamps_from_names
 
     def _times_of_points(self, others: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
         """Return (len,) seconds at which the scans' points begin, on one clock; `others` if too few have any."""
         unit = self._point_times.unit
 
         def start(path: Path) -> float:
-            times = time_column(read_columns(path, self._codec))
+            times = time_column(self._read(path))
             return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
 
         with ThreadPoolExecutor() as pool:
@@ -208,35 +230,26 @@ class FolderSequence(Sequence):
         return any((self.source / "labels").glob("[!.]*.label"))
 
     def _n_points(self, index: int) -> int:
-        if self._codec in WIDTHS:
-            return (self._folder / self._files[index]).stat().st_size // (4 * WIDTHS[self._codec])
+        if self._codec == "bin":
+            return (self._folder / self._files[index]).stat().st_size // parse_columns(self._columns).itemsize
         return len(self[index])
 
     @cached_property
     def _unit(self) -> tuple[float, list[str]]:
         """Metres per unit of the coordinates, and what to say of it."""
         with contextlib.suppress(InputError):  # reported when the scan itself is read
-            return unit_of(coordinates(read_columns(self._fullest, self._codec), self._fullest))
+            return unit_of(coordinates(self._read(self._fullest), self._fullest))
         return 1.0, []
 
     @cached_property
     def _point_times(self) -> PointTimes:
         """How the points' times are read, determined once: a scan of few points may not show it."""
-        if self._codec in WIDTHS:
-            return PointTimes()
-        columns = read_columns(self._fullest, self._codec)
+        columns = self._read(self._fullest)
         # Those of few points, as recordings may begin and end with, have no times.
         most = self._fullest.stat().st_size
         full = [path for path in self._paths if 2 * path.stat().st_size >= most]
         others = [full[0], full[-1]] if time_column(columns) is not None else []
-        return judge_times([columns, *(read_columns(path, self._codec) for path in others)], self._folder, self._gap)
-
-
-def _warn_of_viewpoint(path: Path) -> None:
-    from automos.datasets.pcd import read_header
-
-    if not np.allclose(read_header(path).viewpoint, np.eye(4)):
-        logger.warning("%s has a VIEWPOINT; it is not applied, points are taken as they are in the sensor frame", path)
+        return judge_times([columns, *(self._read(path) for path in others)], self._folder, self._gap)
 
 
 FORMAT = Format(

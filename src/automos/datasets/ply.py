@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from automos.datasets.columns import MAX_FIELDS, Columns
-from automos.datasets.records import require_no_more
 from automos.datasets.text import parse_points
 from automos.errors import InputError
 from automos.reading import read_bytes
@@ -59,8 +58,12 @@ def read(path: Path) -> Columns:
         raise InputError(
             f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
         )
-    require_no_more(raw[end:], path)
     points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
+    if raw[end:].strip(b"\0 \t\r\n"):
+        raise InputError(
+            f"{path} holds {len(raw) - end} bytes more than its header promises; bytes came in before the last points, "
+            "or it was copied as text: copy it again"
+        )
     return {name: points[name] for name, _ in vertex.fields}
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from automos.atomic import atomic_path, write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
-from automos.export.point_columns import scan_columns
+from automos.export.point_columns import seen_columns
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 
@@ -32,7 +32,7 @@ def write(run: RunFiles, out: Path) -> None:
     items = []
     for index in run.each("writing task"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(out / CLOUDS / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(out / CLOUDS / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         items.append(_item(run, index))
     labels = [{"name": verdict, "parent": "", "attributes": []} for verdict in VERDICTS]
     document = {

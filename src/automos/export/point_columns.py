@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.results.run_files import RunFiles
-from automos.scan import Points, Scan
+from automos.scan import Mask, Points, Scan
 
 
 def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
@@ -34,6 +34,12 @@ def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
         if column is not None:
             columns[name] = column
     return columns
+
+
+def seen_columns(scan: Scan, points: Points) -> tuple[dict[str, npt.NDArray], Mask]:
+    """Return what `scan_columns` does of the points that are finite, which tools show alone, and which those are (N,)."""
+    is_finite = np.isfinite(points).all(axis=1)
+    return {name: column[is_finite] for name, column in scan_columns(scan, points).items()}, is_finite
 
 
 def packed_rows(columns: dict[str, npt.NDArray]) -> npt.NDArray:

@@ -15,7 +15,7 @@ import numpy as np
 from automos.atomic import write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
-from automos.export.point_columns import scan_columns
+from automos.export.point_columns import seen_columns
 from automos.export.sustech import xyz
 from automos.results.run_files import RunFiles
 
@@ -29,7 +29,7 @@ def write(run: RunFiles, out: Path) -> None:
     frames = []
     for index in run.each("writing episode"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(episode / "pointcloud" / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(episode / "pointcloud" / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         frames.append({"index": index, "figures": _figures(run, index)})
     annotation = {
         "description": "",

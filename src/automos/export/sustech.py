@@ -13,7 +13,7 @@ import numpy as np
 from automos.atomic import write_text
 from automos.export.formats import Export
 from automos.export.pcd import write_pcd
-from automos.export.point_columns import scan_columns
+from automos.export.point_columns import seen_columns
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 
@@ -24,7 +24,7 @@ def write(run: RunFiles, out: Path) -> None:
         (out / folder).mkdir(parents=True, exist_ok=True)
     for index in run.each("writing scene"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(out / "lidar" / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(out / "lidar" / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         found = run.boxes_upright(index)
         boxes = [
             {
