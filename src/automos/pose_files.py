@@ -1,9 +1,9 @@
 """Read pose files: KITTI (12 or 16 numbers per line) and TUM (8 numbers per line).
 
 The result is `T_world_sensor`, with the world in the first scan's sensor frame unless the file's own is asked for.
-Poses of another body (KITTI's are the left camera's) are transformed to the sensor with the calibration between the two. A
-file that cannot be matched with the scans without doubt is an error: poses shifted by one scan look almost right and
-ruin labels.
+Poses of another body (KITTI's are the left camera's) are transformed to the sensor with the calibration between the
+two. A file that cannot be matched with the scans without doubt is an error: poses shifted by one scan look almost right
+and ruin labels.
 """
 
 from __future__ import annotations

@@ -91,6 +91,11 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
     return [one.path for one in _find(given_path(path, "a recording"), format)]
 
 
+def kind_of(path: str | Path, format: str | None = None) -> str:
+    """Return what the recording at `path` is of: a data set, or a kind of log; errors are those of `open_sequence`."""
+    return _find(given_path(path, "a recording"), format)[0].reader.layout.partition(":")[0].partition(",")[0]
+
+
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
     """Return all recordings at `path`.
 

@@ -106,16 +106,13 @@ def _by_plain_names(columns: Columns, path: Path) -> Columns:
 
 
 def plain_names(names: Sequence[str]) -> list[str]:
-    """Return what columns are called, without case, blanks, units and the words around an axis: `Points_m_XYZ:0` is x.
-
-    A name that is an axis itself comes before those that have words around it.
-    """
+    """Return what columns are called, without case, blanks, units and the words around an axis: `Points_m_XYZ:0` is x."""
     plain = [_plain(name) for name in names]
     for i, name in enumerate(plain):
         words = [word for word in name.split("_") if word]
         left = [word for word in words if word not in _AROUND_AXES]
         axis = "xyz"["012".index(left[0])] if left in (["0"], ["1"], ["2"]) and left != words else "".join(left)
-        if axis in ("x", "y", "z") and axis not in plain:
+        if axis in ("x", "y", "z") and axis not in plain:  # one that is called so alone comes first
             plain[i] = axis
     return plain
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import logging
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
 
@@ -20,12 +19,11 @@ from automos.datasets.formats import Format
 from automos.datasets.layouts import LAYOUTS, is_columns, parse_columns
 from automos.datasets.mounts import FILE as MOUNTS
 from automos.datasets.mounts import read_mounts
-from automos.datasets.pcd import read_viewpoints, surplus_warnings
-from automos.datasets.point_times import PointTimes, judge_times, sweep_bounds
+from automos.datasets.point_times import PointTimes, judge_times, sweep_starts
 from automos.datasets.record_layout import find_columns
 from automos.datasets.seen_order import put_in_seen_order
 from automos.datasets.sensor_place import find_frame
-from automos.datasets.time_order import put_in_order, read_times, usual_step, with_all_times
+from automos.datasets.time_order import put_in_order, read_times, usual_step
 from automos.datasets.units import unit_of
 from automos.errors import InputError
 from automos.geometry import inverse
@@ -42,18 +40,13 @@ def find(path: Path) -> list[Path]:
     return [path] if path.is_dir() and files.holds_point_files(path) else []
 
 
-def open_recording(path: Path, codec: str | None = None) -> FolderSequence:
-    """Return the recording in folder `path`; `codec` where the kind of its files should not be guessed."""
-    return FolderSequence(path, codec=codec)
-
-
 class FolderSequence(Sequence):
     """Scans that lie as one file each in one folder. Holds names, not points; files are read when asked for."""
 
     source: Path
 
-    def __init__(self, source: Path, scan_folder: str = ".", codec: str | None = None):
-        """List the scans in `source / scan_folder`; the recording's other files are looked for in `source`.
+    def __init__(self, source: Path, codec: str | None = None, scan_folder: str = "."):
+        """List the scans in `source / scan_folder`, read as `codec` says if given; other files lie in `source`.
 
         Raises
         ------
@@ -64,16 +57,19 @@ class FolderSequence(Sequence):
         self.name = self.source.resolve().name
         self._folder = self.source / scan_folder
         self._files, self._codec, stamps = files.list_scans(self._folder, codec)
-        is_guessed = codec is None and self._codec == "bin"
-        if is_guessed:
+        if is_guessed := codec is None and self._codec == "bin":
             codec = find_columns(self._paths)
         self._columns = LAYOUTS.get(codec or "", codec if codec and is_columns(codec) else "")
         self._names = [Path(file).stem for file in self._files]
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
+        self._clock = "the files' names" if times is stamps else "times.txt"
         self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
-            times = self._times_of_points(times)
+            times, self._clock = (
+                sweep_starts(self._read, self._paths, self._point_times, times),
+                "the points' own times",
+            )
         self._stamps: npt.NDArray[np.float64] | None = None
         self._T_file_sensor: Pose | None = None
         if times is None:
@@ -83,13 +79,16 @@ class FolderSequence(Sequence):
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self._files = [self._files[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
-        self._viewpoints = read_viewpoints(self._paths) if self._codec == "pcd" else None
+        self._viewpoints, self._surplus = None, []
+        if self._codec == "pcd":
+            from automos.datasets.pcd import read_viewpoints, surplus_warnings
+
+            self._viewpoints, self._surplus = read_viewpoints(self._paths), surplus_warnings(self._paths)
         self._T_file_sensor = self._find_frame()
-        self._found = []
-        if codec is not None and codec != LAYOUTS["bin"] and is_guessed:
-            self._found.append(f"The files have no header; their points are read as --columns {self._columns}.")
-        if self._T_file_sensor is not None:
-            self._found.append("The clouds are in the frame of a map; the poses that came with them took them back.")
+        is_odd = is_guessed and codec != LAYOUTS["bin"]
+        columns = f"The files have no header; their points are read as --columns {self._columns}."
+        frame = "The clouds are in the frame of a map; the poses that came with them took them back."
+        self._found = [columns] * is_odd + [frame] * (self._T_file_sensor is not None)
 
     def __len__(self) -> int:
         return len(self._files)
@@ -125,6 +124,13 @@ class FolderSequence(Sequence):
         return self._names
 
     @property
+    def about(self) -> dict[str, str]:
+        """Kind of the files, and the columns of those that do not name them; what gives the stamps; their frame."""
+        files = f"{Path(self._files[0]).suffix.lower()} files{self._columns and f' of {self._columns}'}"
+        frame = "the sensor's own" if self._T_file_sensor is None else "a map's, from which they were taken back"
+        return {"files": files, "times": self._clock, "frame": frame}
+
+    @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
         """(len,) seconds from the points' own times, else times.txt; where names are times, times.txt, else these."""
         return self._stamps
@@ -133,8 +139,7 @@ class FolderSequence(Sequence):
     def warnings(self) -> list[str]:
         """What is wrong with the order of the files, the times of their points and their unit, and what is left out."""
         beside = [*files.copy_warnings(self._copy_of, self._names), *files.left_out_folders(self.source, self._folder)]
-        surplus = surplus_warnings(self._paths) if self._codec == "pcd" else []
-        return [*self._warnings, *surplus, *beside, *self._point_times.warnings, *self._unit[1], *self._found]
+        return [*self._warnings, *self._surplus, *beside, *self._point_times.warnings, *self._unit[1], *self._found]
 
     @cached_property
     def repeats(self) -> Mask:
@@ -165,7 +170,7 @@ class FolderSequence(Sequence):
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index` from labels/<name>.label; None if no scan has labels."""
-        if not self._has_truth:
+        if not any((self.source / "labels").glob("[!.]*.label")):
             return None
         index = self._scan_number(index)
         return read_labels(self.source / "labels" / f"{self._names[index]}.label", self._n_points(index))
@@ -213,22 +218,6 @@ class FolderSequence(Sequence):
         path = self.source / "times.txt"
         return read_times(path, self._names) if is_there(path) else stamps_from_names
 
-    def _times_of_points(self, others: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-        """Return (len,) seconds at which the scans' points begin, on one clock; `others` if too few have any."""
-        unit = self._point_times.unit
-
-        def start(path: Path) -> float:
-            times = time_column(self._read(path))
-            return np.nan if times is None or unit is None else sweep_bounds(times, unit)[0]
-
-        with ThreadPoolExecutor() as pool:
-            times = with_all_times(np.array(list(pool.map(start, self._paths))))
-        return times if others is None or np.isfinite(times).all() else others
-
-    @cached_property
-    def _has_truth(self) -> bool:
-        return any((self.source / "labels").glob("[!.]*.label"))
-
     def _n_points(self, index: int) -> int:
         if self._codec == "bin":
             return (self._folder / self._files[index]).stat().st_size // parse_columns(self._columns).itemsize
@@ -253,9 +242,9 @@ class FolderSequence(Sequence):
 
 
 FORMAT = Format(
-    layout="a folder of .bin, .pcd, .ply, .npy or text files, and where present poses.txt, calib.txt, times.txt",
+    layout="a folder: .bin, .pcd, .ply, .npy, .las or text files, and where present poses.txt, calib.txt, times.txt",
     truth="labels/*.label",
     find=find,
-    open=open_recording,
+    open=FolderSequence,
     has_codecs=True,
 )

@@ -62,8 +62,8 @@ def find_columns(paths: Sequence[Path]) -> str:
 def _by_convention(pool: list[bytes], fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
     """Return KITTI's columns where they fit, else the only ones that do."""
     whole = [size for size in fitting if not (sizes % size).any()]
-    if not (sizes % 16).any() and (16 in whole or not whole):
-        return LAYOUTS["bin"]
+    if 2 * np.count_nonzero(sizes % 16 == 0) > len(sizes) and (16 in fitting or not whole):
+        return _required(LAYOUTS["bin"], sizes, paths)
     found = [columns for size in whole if (columns := columns_of(_rows(pool, size))) is not None]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
@@ -98,7 +98,7 @@ def _beginning(path: Path) -> bytes:
 
 def _rows(pool: list[bytes], size: int) -> Rows:
     """Return (N, size) some of the records, in runs: every so many would be every second of a smaller size."""
-    parts = []
+    parts: list[Rows] = []
     for raw in pool:
         records = np.frombuffer(raw, np.uint8, len(raw) // size * size).reshape(-1, size)
         most = max(_ROWS // len(pool), 1)

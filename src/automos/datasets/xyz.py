@@ -88,6 +88,8 @@ def _behind_remarks(text: bytes) -> bytes:
 
 def _names_in(line: bytes) -> list[str]:
     """Return the column names that a line holds, none if it holds numbers or a remark."""
+    if all(map(_is_number, line.translate(_DIVIDERS).decode("utf-8", "replace").split())):
+        return []
     text = line.decode("utf-8", "replace").strip()
     is_remark = text.startswith(("#", "//"))
     text = text.lstrip("#/ ") if is_remark else text
@@ -100,7 +102,7 @@ def _names_in(line: bytes) -> list[str]:
         names = names if names[-1] else names[:-1]
     if is_remark:
         return names if {"x", "y", "z"} <= set(plain_names(names)) else []
-    return [] if all(not name or _is_number(name) for name in names) else names
+    return names
 
 
 def _is_number(word: str) -> bool:

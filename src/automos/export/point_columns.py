@@ -37,8 +37,8 @@ def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
 
 
 def seen_columns(scan: Scan, points: Points) -> tuple[dict[str, npt.NDArray], Mask]:
-    """Return what `scan_columns` does of the points that are finite, which tools show alone, and which those are (N,)."""
-    is_finite = np.isfinite(points).all(axis=1)
+    """Return what `scan_columns` does of the points that are finite, as tools show no others, and which are (N,)."""
+    is_finite = np.asarray(np.isfinite(points).all(axis=1))
     return {name: column[is_finite] for name, column in scan_columns(scan, points).items()}, is_finite
 
 
