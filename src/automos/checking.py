@@ -42,10 +42,8 @@ class Check:
 
     Attributes
     ----------
-    place, name : where it is, and what its results will be called.
-    what : kind of recording.
-    scans : how many it has.
-    points : of a usual scan.
+    place, name, what : where it is, what its results will be called, and what kind it is.
+    scans, points : how many it has, and a usual scan has.
     fields : what the points have beside coordinates.
     beams, elevations, azimuths : how many beams the LiDAR has (None: no fixed ones), from and to which degrees they
         look, and how many degrees around.
@@ -54,8 +52,7 @@ class Check:
     gaps, copies : places where scans are missing, and scans that are the one before them once more.
     period, clock : seconds between scans, and what says so; None and empty without.
     sweep : seconds that the points' own times span; None where they have none.
-    share_not_finite, share_without_return : of the points.
-    ranges : metres within which a twentieth, half, and all but a twentieth of the points are.
+    share_not_finite, share_without_return, ranges : of the points; metres within which 5, 50 and 95 % of them are.
     brings : what comes with it and is not used to label: labels, poses.
     assumed, doubts : what will be taken for granted, and what is odd and how it was handled, in sentences.
     error : why it cannot be labelled; empty where it can.

@@ -93,7 +93,7 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
 
 def kind_of(path: str | Path, format: str | None = None) -> str:
     """Return what the recording at `path` is of: a data set, or a kind of log; errors are those of `open_sequence`."""
-    return _find(given_path(path, "a recording"), format)[0].reader.layout.partition(":")[0].partition(",")[0]
+    return _find(given_path(path, "a recording"), format)[0].reader.layout.partition(":")[0].partition(";")[0]
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:

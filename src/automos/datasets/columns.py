@@ -7,7 +7,7 @@ or not what its name says (a ring that is not a whole number) becomes None rathe
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +106,7 @@ def _by_plain_names(columns: Columns, path: Path) -> Columns:
 
 
 def plain_names(names: Sequence[str]) -> list[str]:
-    """Return what columns are called, without case, blanks, units and the words around an axis: `Points_m_XYZ:0` is x."""
+    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x."""
     plain = [_plain(name) for name in names]
     for i, name in enumerate(plain):
         words = [word for word in name.split("_") if word]
@@ -171,7 +171,7 @@ def _subtractable(times: npt.NDArray) -> npt.NDArray:
     return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
 
 
-def has_time_column(columns: Columns) -> bool:
+def has_time_column(columns: Iterable[str]) -> bool:
     """Return whether any column is named as a time, of use or not."""
     return any(_plain(key) in _TIME for key in columns)
 

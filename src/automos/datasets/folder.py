@@ -14,7 +14,7 @@ import numpy.typing as npt
 from automos.datasets import files
 from automos.datasets.boxes_beside import motion_beside
 from automos.datasets.codecs import read_columns
-from automos.datasets.columns import Columns, coordinates, sensor_column, time_column, to_scan
+from automos.datasets.columns import Columns, coordinates, has_time_column, sensor_column, time_column, to_scan
 from automos.datasets.formats import Format
 from automos.datasets.layouts import LAYOUTS, is_columns, parse_columns
 from automos.datasets.mounts import FILE as MOUNTS
@@ -85,10 +85,9 @@ class FolderSequence(Sequence):
 
             self._viewpoints, self._surplus = read_viewpoints(self._paths), surplus_warnings(self._paths)
         self._T_file_sensor = self._find_frame()
-        is_odd = is_guessed and codec != LAYOUTS["bin"]
         columns = f"The files have no header; their points are read as --columns {self._columns}."
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."
-        self._found = [columns] * is_odd + [frame] * (self._T_file_sensor is not None)
+        self._found = [columns] * (is_guessed and codec != LAYOUTS["bin"]) + [frame] * (self._T_file_sensor is not None)
 
     def __len__(self) -> int:
         return len(self._files)
@@ -155,8 +154,7 @@ class FolderSequence(Sequence):
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), else the viewpoints, else None."""
-        T = self._poses_in_world()
-        T = self._viewpoints if T is None else T
+        T = self._viewpoints if (T := self._poses_in_world()) is None else T
         return None if T is None else inverse(T[0]) @ T
 
     def _poses_in_world(self) -> Pose | None:
@@ -232,7 +230,9 @@ class FolderSequence(Sequence):
 
     @cached_property
     def _point_times(self) -> PointTimes:
-        """How the points' times are read, determined once: a scan of few points may not show it."""
+        """How the points' times are read; a scan of few points may not show it."""
+        if self._columns and not has_time_column(parse_columns(self._columns).names or ()):
+            return PointTimes()
         columns = self._read(self._fullest)
         # Those of few points, as recordings may begin and end with, have no times.
         most = self._fullest.stat().st_size

@@ -42,7 +42,7 @@ class KittiSequence(FolderSequence):
 
 
 FORMAT = Format(
-    layout="KITTI odometry, SemanticKITTI: velodyne/, and where present poses.txt, calib.txt, times.txt",
+    layout="KITTI's layout (odometry, SemanticKITTI): velodyne/, and where present poses.txt, calib.txt, times.txt",
     truth="labels/*.label",
     find=find,
     open=KittiSequence,

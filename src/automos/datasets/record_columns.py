@@ -11,6 +11,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from automos.datasets.columns import is_measured
 from automos.datasets.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.datasets.records import are_lengths
 from automos.scan import MIN_RANGE
@@ -39,8 +40,8 @@ _EXPLAINED = 0.9
 """Share of the variance of elevations that rings explain, or directions of times."""
 _GOING = 0.95
 """Share of steps in one direction, in what goes on with time."""
-_SHORTEST = 1e-3
-"""Seconds that a sweep lasts, at least."""
+_SHORTEST, _TICK = 1e-3, 1e-12
+"""Seconds that a sweep lasts, at least, and that no clock tells apart."""
 _ALIKE = 0.3
 """Correlation of the coordinates of a point with those of the next."""
 _BEAMS = 1024
@@ -160,7 +161,8 @@ def _is_ring(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
 
 def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     """Return whether (N,) `values` go on from point to point, or with the direction around the sensor."""
-    if not np.isfinite(values).all() or not float(np.ptp(values)) > _SHORTEST:
+    size = np.abs(values[values != 0])
+    if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
         return False
     direction = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) + 180.0
     return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))

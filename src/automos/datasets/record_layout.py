@@ -41,11 +41,11 @@ def find_columns(paths: Sequence[Path]) -> str:
     pool = [_beginning(path) for path in evenly_spread(largest, _FILES)]
     divided = [size for size in _SIZES if 2 * np.count_nonzero(sizes % size == 0) > len(sizes)]
     fitting = [size for size in divided if has_numbers(_rows(pool, size))]
-    if len(_rows(pool, _SIZES[0])) < ENOUGH:
+    pooled = _code_length(_rows(pool, 1)) if len(_rows(pool, _SIZES[0])) >= ENOUGH else 0.0
+    if pooled == 0.0:  # few, or the same everywhere
         return _by_convention(pool, fitting, sizes, paths)
     if not fitting:
         raise InputError(_unknown(paths, sizes, []))
-    pooled = _code_length(_rows(pool, 1))
     gain = {size: pooled - _code_length(_rows(pool, size)) for size in fitting}
     best = max(fitting, key=gain.__getitem__)
     likely = [size for size in fitting if gain[size] >= _AS_GOOD * gain[best]]

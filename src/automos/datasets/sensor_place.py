@@ -60,7 +60,7 @@ class Spacing:
         """Return (3,) the place among the points from which the correlation is best."""
         from scipy.optimize import minimize
 
-        dense = self.points[self.rank <= 0.1 * len(self.rank)]
+        dense = self.points[np.argsort(self.rank)[: len(self.rank) // 10]]
         around = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 2.0]])
         places = [dense.mean(axis=0), np.median(dense, axis=0)]
         for start in tuple(places):
@@ -86,8 +86,8 @@ def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted
     InputError
         The clouds are in the frame of a map, and nothing says where in it the sensor was.
     """
-    far = np.argsort([-np.linalg.norm(T[:3, 3]) for T in claims[0]]) if claims else np.arange(n)[::-1]
-    looks = evenly_spread(far[: max(n // 2, _LOOKS)].tolist(), _LOOKS)
+    far = np.argsort([-np.linalg.norm(T[:3, 3]) for T in claims[0]])[: max(n // 2, _LOOKS)] if claims else np.arange(n)
+    looks = evenly_spread(far.tolist(), _LOOKS)
     spacings: dict[int, Spacing] = {}
     for index in looks:
         with suppress(InputError):  # reported when the scan itself is read

@@ -26,7 +26,9 @@ _EMPTY = (b",,", b";;", b", ,", b"; ;", b",\t,", b";\t;", b"\n,", b"\n;")
 _COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]+[^,\s]")
 """Where a line has both, its commas are those of decimals."""
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
-_REMARK = re.compile(rb"\s*(#|//|sep=)[^\n]*\n?")
+_REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
+_SEPARATOR = re.compile(rb"\Asep=.\n")
+"""What spreadsheets are told."""
 
 
 def read(path: Path, columns: str = "") -> Columns:
@@ -34,6 +36,7 @@ def read(path: Path, columns: str = "") -> Columns:
     text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = _SEPARATOR.sub(b"", text)
     first_line, _, rest = _behind_remarks(text).partition(b"\n")
     names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
