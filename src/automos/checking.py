@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.arrays import evenly_spread
-from automos.datasets import find_recordings, kind_of, open_sequence
-from automos.errors import AutomosError
-from automos.recording_warnings import GAP, USUAL_PERIOD, recording_warnings
-from automos.scan import Scan, Sequence
+from automos.core.arrays import evenly_spread
+from automos.core.errors import AutomosError
+from automos.core.recording_warnings import GAP, USUAL_PERIOD, recording_warnings
+from automos.core.scan import Scan, Sequence
+from automos.readers import find_recordings, kind_of, open_sequence
 
 if TYPE_CHECKING:
     from automos.simulation.sensing.sensors import Sensor

@@ -32,7 +32,7 @@ def check(
     automos check drive.bag --json
     """
     from automos.checking import check as check_recordings
-    from automos.errors import plain
+    from automos.core.errors import plain
 
     found = check_recordings(recording, format)
     if as_json:

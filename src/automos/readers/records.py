@@ -1,0 +1,96 @@
+"""Packed records of mixed types without header, as recorders write their own structs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.reading import read_bytes, read_text
+from automos.readers.columns import Columns
+
+_SHARE = 0.99
+"""Share of numbers that must be lengths where points are expected."""
+_SMALLEST, _LARGEST = 1e-7, 1e7
+"""Metres of a coordinate, where it is not zero: bits that are none are spread over all that numbers can be."""
+_LAST = 100
+"""Points at the end of a file that show whether bytes came in before them."""
+
+
+def read_records(path: Path, dtype: np.dtype) -> Columns:
+    """Return the columns of a file of `dtype` records, without those whose name starts with an underscore.
+
+    Raises
+    ------
+    InputError
+        A file that is absent or no whole number of records.
+    """
+    try:
+        raw = read_bytes(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    if len(raw) % dtype.itemsize:
+        raise InputError(
+            f"{path} has {len(raw)} bytes, no multiple of a point ({dtype.itemsize} bytes); it is cut short or of "
+            "another kind: copy it again, or say with --columns which columns it has"
+        )
+    rows = np.frombuffer(raw, dtype)
+    return {name: rows[name] for name in dtype.names or () if not name.startswith("_")}
+
+
+@np.errstate(invalid="ignore")
+def are_lengths(values: npt.NDArray) -> bool:
+    """Return whether nearly all of `values` are none (NaN, infinite), zero, or of a size that lengths have."""
+    size = np.abs(values)
+    is_none = ~np.isfinite(size) | (size == 0)
+    return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= _SHARE)
+
+
+def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) -> None:
+    """Raise where the bytes that a file holds too many came in before its last points: all behind them are others.
+
+    Bytes behind the last point do no harm, as writers of mapped files leave them.
+
+    Parameters
+    ----------
+    columns : the points.
+    body : what is behind the header; `n_surplus` bytes of it are not promised.
+
+    Raises
+    ------
+    InputError
+        The last points are none, or each line feed has got a carriage return.
+    """
+    n_returns = body.count(b"\r\n") if n_surplus else 0
+    is_text = 0 < n_returns == n_surplus == body.count(b"\n")
+    ends = [columns[axis][-_LAST:] for axis in "xyz" if axis in columns and columns[axis].dtype.kind == "f"]
+    if n_surplus and (is_text or not all(are_lengths(end) for end in ends if len(end))):
+        raise InputError(
+            f"{path} holds {n_surplus} bytes more than the points its header promises, and they came in between "
+            "points, as where it was copied as text: copy it again"
+        )
+
+
+def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = None) -> np.ndarray:
+    """Return the (R, n_columns) float64 numbers of a text file; lines starting with # are skipped.
+
+    Raises
+    ------
+    InputError
+        A file that is absent, empty, or not of that many numbers a line.
+    """
+    try:
+        text = read_text(path).splitlines()
+        lines = [line.split(delimiter) for line in text if line.strip() and not line.startswith("#")]
+        table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; the recording needs it for {what}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is not a table of {n_columns} numbers a line ({error})") from None
+    if not np.isfinite(table).all():
+        raise InputError(f"{path} holds a number that is none; {what} are {n_columns} numbers a line")
+    if table.ndim != 2 or table.shape[1] != n_columns or len(table) == 0:
+        raise InputError(f"{path} holds {table.shape} numbers; {what} are {n_columns} a line")
+    return table

@@ -1,0 +1,157 @@
+"""Scans in the order of time: what their files' order and their clock make of each other.
+
+Copies are renumbered (0, 1, 10, 11, ..., 2), clocks repeat and jump. Files that are out of the order of their times are
+put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.pose_files import lines_of_scans
+from automos.core.reading import read_text
+from automos.core.scan import LATEST
+
+_MIXED = 3
+"""Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
+do more than this often for each time, two runs of the clock overlap."""
+_HOLE = 60.0
+"""Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
+_ONE_TIME = 1e-9
+"""Seconds, below the resolution of any clock: times that differ by less are equal."""
+
+
+def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
+    """Return (N,) the seconds that the file at `path` holds of scans called `names`, one a line.
+
+    Raises
+    ------
+    InputError
+        It holds something else, or other numbers of them than the scans' names pick.
+    """
+    try:
+        times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+    is_time = np.abs(times) < LATEST
+    if not is_time.all():
+        raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
+    return times[lines_of_scans(len(times), len(names), names, path, "times")]
+
+
+@dataclass(frozen=True, eq=False)
+class TimeOrder:
+    """In which order scans were taken.
+
+    Attributes
+    ----------
+    order : (N,) int64, the scans' numbers in the order of time.
+    stamps : (N,) seconds, strictly increasing, in that order; None without a usable clock.
+    warnings : what was found and done, in sentences.
+    """
+
+    order: npt.NDArray[np.int64]
+    stamps: npt.NDArray[np.float64] | None
+    warnings: list[str]
+
+
+def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> TimeOrder:
+    """Return the order of scans whose times are `stamps` (N,) in seconds; `names` and `where` are for the warnings."""
+    as_given = np.arange(len(stamps))
+    apart = np.diff(np.unique(stamps))
+    if ((apart > 0.0) & (apart < _ONE_TIME)).any():
+        stamps = np.round(stamps / _ONE_TIME) * _ONE_TIME
+    steps = np.diff(stamps)
+    if (steps > 0.0).all():
+        return TimeOrder(as_given, stamps, [])
+    if not np.isfinite(stamps).all() or (steps == 0.0).sum() > 0.5 * len(steps):
+        first = names[int(np.argmin(np.isfinite(stamps)))] if not np.isfinite(stamps).all() else names[1]
+        return TimeOrder(
+            as_given, None, [f"{where}: the clock stands still or has no time (first at scan {first}); it is not used."]
+        )
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.1
+    back = np.flatnonzero(steps < 0.0)
+    if not len(back):
+        return TimeOrder(as_given, _apart(stamps, usual), [_repeated(stamps, names, where)])
+    late = int(back[0]) + 1
+    said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
+    order = np.argsort(stamps, kind="stable")
+    ordered = stamps[order]
+    run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
+    changes = int((np.diff(run) != 0).sum())
+    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered)):
+        steps = np.where(steps < 0.0, usual, steps)
+        mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
+        return TimeOrder(
+            as_given,
+            _apart(mended, usual),
+            [f"{where}: the clock jumps back at {len(back)} scans ({said}); it is taken to go on evenly there."],
+        )
+    n_moved = int((order != as_given).sum())
+    warnings = [f"{where}: the scans are not in the order of time ({said}); {n_moved} were put in their place."]
+    in_order = [names[i] for i in order]
+    if (np.diff(ordered) == 0.0).any():
+        warnings.append(_repeated(ordered, in_order, where))
+    return TimeOrder(order, _apart(ordered, usual), warnings)
+
+
+def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64]) -> bool:
+    """Return whether a clock ran back to before the first scan, and then not on to where it had begun.
+
+    So does one that counts from the hour, or that is set by hours. Two halves in the wrong order fit together instead.
+    """
+    first = int(np.flatnonzero(order == 0)[0])
+    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
+
+
+def count_unset(stamps: npt.NDArray[np.float64]) -> int:
+    """Return how many of the messages' stamps (N,) nobody set: those that are 0, or all where all are the same.
+
+    A simulation's clock may begin at 0, and goes on from there.
+    """
+    if len(stamps) < 2:
+        return 0
+    if stamps.min() == stamps.max():
+        return len(stamps)
+    unset = np.flatnonzero(stamps == 0.0)
+    begins_there = unset.tolist() == [0] and 0.0 < stamps[1] < _HOLE
+    return 0 if begins_there else len(unset)
+
+
+def usual_step(stamps: npt.NDArray[np.float64] | None) -> float | None:
+    """Return the seconds that usually lie between scans at `stamps` (N,), in any order; None without a clock."""
+    steps = np.zeros(0) if stamps is None else np.diff(np.sort(stamps))
+    return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
+
+
+def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return `stamps` (N,) with the few that are NaN, of scans without points, evenly between those beside them.
+
+    Beyond the ends, usual steps lead on. Where more than half are NaN there is no clock, and they are left.
+    """
+    known = np.flatnonzero(np.isfinite(stamps))
+    steps = np.diff(stamps[known]) / np.diff(known)
+    if not (steps > 0.0).any() or 2 * len(known) < len(stamps):
+        return stamps
+    rows, step = np.arange(len(stamps)), np.median(steps[steps > 0.0])
+    beyond = np.minimum(rows - known[0], 0) + np.maximum(rows - known[-1], 0)
+    return np.where(np.isfinite(stamps), stamps, np.interp(rows, known, stamps[known]) + step * beyond)
+
+
+def _repeated(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> str:
+    again = np.flatnonzero(np.diff(stamps) == 0.0) + 1
+    return f"{where}: {len(again)} scans have the time of the one before them (first: {names[again[0]]})."
+
+
+def _apart(stamps: npt.NDArray[np.float64], usual: float) -> npt.NDArray[np.float64]:
+    """Return `stamps` (N,), which do not decrease, with those of one time spread to the next, a usual step at most."""
+    values, first, count = np.unique(stamps, return_index=True, return_counts=True)
+    room = np.minimum(np.append(np.diff(values), usual), usual)
+    which = np.repeat(np.arange(len(values)), count)
+    return values[which] + (np.arange(len(stamps)) - first[which]) * (room / count)[which]
