@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import write_pcd
+from point_writers import write_pcd
 from scipy.spatial.transform import Rotation
 from sweeps import moved, points_of, pose, sweep
 

@@ -31,8 +31,8 @@ def check(
 
     automos check drive.bag --json
     """
-    from automos.checking import check as check_recordings
     from automos.core.errors import plain
+    from automos.views.checking import check as check_recordings
 
     found = check_recordings(recording, format)
     if as_json:

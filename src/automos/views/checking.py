@@ -1,7 +1,4 @@
-"""What a recording is, what will be assumed of it, and whether it can be labelled; no labels are made.
-
-Headers, and at most `LOOKS` scans, are read.
-"""
+"""What a recording is, what will be assumed of it, and whether it can be labelled: from headers and a few scans."""
 
 from __future__ import annotations
 
@@ -30,8 +27,8 @@ _FIELDS = ("intensity", "time", "ring", "sensor")
 """What points may have beside coordinates; a column of one value everywhere is none."""
 _SECTORS, _FEWEST = 36, 200
 """Directions in each of which beams are counted, where it has enough points."""
-_FINE, _STEEPEST = 0.05, 60.0
-"""Degrees of elevation: bins in which beams are told apart, and how far up and down."""
+_FINE, _STEEPEST, _WIDTH = 0.05, 60.0, 5
+"""Degrees: bins of elevation in which beams are told apart, how far up and down, and bins of azimuth."""
 _LIKE = 0.1
 """Share of the beams, or of the field of view, by which a sensor may differ from the one it is like."""
 
@@ -124,7 +121,7 @@ class Check:
         return [self.first_line, *(f"  {key:16s} {value}" for key, value in said)]
 
     def _seen(self) -> str:
-        around = "all round" if self.azimuths >= 360 - 360 // _SECTORS else f"{self.azimuths} degrees wide"
+        around = "all round" if self.azimuths >= 360 - _WIDTH else f"{self.azimuths} degrees wide"
         beams = "no fixed beams, " if self.beams is None else f"{'' if self.sensor else 'about '}{self.beams} beams "
         return beams + around if self.azimuths else ""
 
@@ -184,8 +181,9 @@ def _count_beams(scan: Scan, found: Check) -> None:
     """Note how many beams measured `scan`, and into which directions."""
     x, y, z = scan.rays[scan.is_valid].astype(np.float64).T
     elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
-    sector = np.floor((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(np.int64) % _SECTORS
-    found.azimuths = len(np.unique(sector)) * 360 // _SECTORS
+    azimuth = np.degrees(np.arctan2(y, x))
+    sector = np.floor(azimuth * (_SECTORS / 360.0))
+    found.azimuths = _WIDTH * len(np.unique(np.floor(azimuth / _WIDTH)))
     low, high = np.percentile(elevation, [0.5, 99.5])
     found.elevations = float(low), float(high)
     if scan.ring is not None:
