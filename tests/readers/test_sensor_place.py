@@ -111,6 +111,13 @@ def test_points_on_a_grid_and_few_points_show_nothing(tmp_path, scans):
     assert find_frame(lambda i: np.full((5000, 3), np.nan), N, [], False, tmp_path) is None
 
 
+@pytest.mark.parametrize("is_mount", [True, False])
+def test_of_a_viewpoint_near_the_origin_beams_say_whether_it_moved_the_points(tmp_path, scans, is_mount):
+    T = np.array([pose(10.0, 0.5, 0.1, 1.7)] * N)
+    write(tmp_path, scans if is_mount else [moved(*both) for both in zip(scans, T, strict=True)], T)
+    np.testing.assert_allclose(open_sequence(tmp_path)[3].points, points_of(scans[3]), atol=1e-5)
+
+
 def test_a_viewpoint_that_is_no_number_is_none(tmp_path, scans):
     for i, columns in enumerate(scans):
         write_pcd(tmp_path / f"{i}.pcd", columns, viewpoint="nan nan nan 1 0 0 0")

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
 from automos.core.scan import MIN_RANGE, Pose
 
 _LOOKS = 3
@@ -28,7 +29,9 @@ _NEXT = 2
 _GAP = 0.25
 """Correlation that another place must have more than the origin, and at least twice, to be where the sensor was."""
 _SAME = 0.05
-"""Difference of correlations that says nothing."""
+"""Difference of correlations, or of bits, that says nothing."""
+_ELEVATION = 0.1
+"""Degrees between elevations that are told apart."""
 
 RawPoints = Callable[[int], npt.NDArray[np.float64]]
 """Returns the (N, 3) coordinates of a scan as its file has them."""
@@ -100,14 +103,29 @@ def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted
         np.mean([one.fit(np.zeros(3) if T is None else T[i, :3, 3]) for i, one in spacings.items()]) for T in rivals
     ]
     best = int(np.argmax(fits))
-    if is_trusted and fits[1] > fits[best] - _SAME:
+    is_as_good = [fit > fits[best] - _SAME for fit in fits]
+    if is_trusted and is_as_good[1] and not (is_as_good[0] and _has_sharper_beams(spacings, claims[0])):
         best = 1
-    elif fits[0] > fits[best] - _SAME:
+    elif is_as_good[0]:
         best = 0
     for index, spacing in spacings.items():
         T = rivals[best]
         _require_sensor(spacing, np.zeros(3) if T is None else T[index, :3, 3], where)
     return rivals[best]
+
+
+def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> bool:
+    """Return whether points lie at fewer elevations, as beams have them, seen from the origin than from the poses."""
+
+    def entropy(points: npt.NDArray[np.float64]) -> float:
+        x, y, z = points.T
+        count = np.bincount(((np.degrees(np.arctan2(z, np.hypot(x, y))) + 90.0) / _ELEVATION).astype(np.int64))
+        share = count[count > 0] / len(points)
+        return float(-np.sum(share * np.log2(share)))
+
+    return np.mean([entropy(one.points) for one in spacings.values()]) + _SAME < np.mean(
+        [entropy(transform(inverse(T_file_sensor[i]), one.points)) for i, one in spacings.items()]
+    )
 
 
 def _require_sensor(spacing: Spacing, place: npt.NDArray[np.float64], where: Path) -> None:
