@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 from automos.core.errors import InputError
 from automos.readers.bag import Bag
 from automos.readers.bag_file import Topic
 from automos.readers.bag_messages import CLOUD, PACKETS, head, head_size, is_of_points, is_raw
-from automos.readers.world_frame import is_named_world
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
+_WORLDS = r"(^|[_/])(map|odom|world|global|earth|init|local_origin|enu|utm|gravity)(\d*$|[_/])"
 
 
 def choose_topic(bag: Bag, wanted: str | None) -> tuple[Topic, list[str]]:
@@ -58,6 +60,11 @@ def _rank(bag: Bag, topic: Topic) -> int:
 def frame_of(bag: Bag, topic: Topic) -> str:
     """Return the frame that the first message of a topic names."""
     return head(bag.read(bag.index(topic)[0], head_size(topic)), topic)[1]
+
+
+def is_named_world(frame: str) -> bool:
+    """Return whether a frame is called as those that sensors move in are; some drivers call the sensor's own so."""
+    return re.search(_WORLDS, frame.lower()) is not None
 
 
 def odometry_frames(bag: Bag) -> set[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from automos.readers.bag_messages import decoded
 from automos.readers.stamped_poses import from_quaternions, poses_at
 
 _TREES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_LIDAR = r"lidar|laser|velo|livox|ouster|os_|hesai|pandar|rslidar|scan"
 _POSES = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
 
@@ -43,32 +45,41 @@ def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
             )  # fmt: skip
 
 
-def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[dict[str, Pose], list[str]]:
-    """Return (N, 4, 4) poses in `frame` at `stamps` (N,) of what any topic tells of, by name; and why others do not."""
-    found, faults = {}, list[str]()
+def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[list[Pose], list[str]]:
+    """Return (N, 4, 4) poses in `frame` at `stamps` (N,), likeliest the LiDAR's first; and why there are no others.
+
+    A frame of the tree that is called after a LiDAR is it; else what odometry tells of is its vehicle, or the frame
+    where the tree begins to branch: wheels turn on it.
+    """
+    told, faults = list[Pose](), list[str]()
     for topic in bag.topics:
         states = [_state(m) for m in _messages(bag, [topic]) if _frame(m) == frame] if topic.kind in _POSES else []
         if states:
             with _noted(faults):
-                found[topic.name] = _at(stamps, states, bag.path / topic.name.strip("/"))
-    moving = _joints_by_child(joints_of(bag, "/tf"))
-    fixed = _joints_by_child(joints_of(bag, "/tf_static"))
-    todo = [(frame, np.tile(np.eye(4), (len(stamps), 1, 1)), False)]
-    seen = {frame}
-    for parent, T, is_moving in todo:
-        for (of, child), joints in [*moving.items(), *fixed.items()]:
-            if of != parent or child in seen:
+                told.append(_at(stamps, states, bag.path / topic.name.strip("/")))
+    moving, fixed = _by_child(joints_of(bag, "/tf")), _by_child(joints_of(bag, "/tf_static"))
+    joints = moving | fixed
+    found: dict[str, Pose] = {frame: np.tile(np.eye(4), (len(stamps), 1, 1))}
+    children: dict[str, list[str]] = {}
+    todo = [frame]
+    for parent in todo:
+        for of, child in joints:
+            if of != parent or child in found:
                 continue
+            states = [(joint.stamp, joint.translation, joint.xyzw) for joint in joints[of, child]]
             with _noted(faults):
-                states = [(joint.stamp, joint.translation, joint.xyzw) for joint in joints]
-                is_fixed = (of, child) in fixed
                 where = bag.path / "tf" / child
-                T_child = from_quaternions(*states[-1][1:], where) if is_fixed else _at(stamps, states, where)
-                todo.append((child, T @ T_child, is_moving or not is_fixed))
-                seen.add(child)
-                if todo[-1][2]:
-                    found[f"/tf ({child})"] = todo[-1][1]
-    return found, faults
+                is_fixed = (of, child) in fixed
+                T = from_quaternions(*states[-1][1:], where) if is_fixed else _at(stamps, states, where)
+                found[child] = found[parent] @ T
+                children.setdefault(parent, []).append(child)
+                todo.append(child)
+    body = frame
+    while len(children.get(body, ())) == 1:
+        (body,) = children[body]
+    lidars = [child for child in found if re.search(_LIDAR, child.lower())]
+    others = sorted(set(found) - {frame, *lidars}, key=lambda child: (child != body, child))
+    return [*(found[child] for child in lidars if child != frame), *told, *(found[child] for child in others)], faults
 
 
 @contextmanager
@@ -79,7 +90,7 @@ def _noted(faults: list[str]) -> Iterator[None]:
         faults.append(str(fault))
 
 
-def _joints_by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[Joint]]:
+def _by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[Joint]]:
     found: dict[tuple[str, str], list[Joint]] = {}
     for joint in joints:
         found.setdefault((joint.parent, joint.child), []).append(joint)

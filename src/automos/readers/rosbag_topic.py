@@ -7,7 +7,7 @@ in the order in which they were recorded and stamped by their headers.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -16,21 +16,21 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
-from automos.core.geometry import inverse
-from automos.core.scan import Mask, Points, Pose, Scan, Sequence
+from automos.core.geometry import inverse, transform
+from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers import bag_messages
 from automos.readers.bag import Bag, name_of, split_address
-from automos.readers.bag_topics import choose_topic, odometry_frames
+from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames
 from automos.readers.bag_transforms import Joint, joints_of, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
 from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
+from automos.readers.sensor_place import find_frame
 from automos.readers.time_order import count_unset, put_in_order
 from automos.readers.velodyne_decoder import SweepDecoder
 from automos.readers.velodyne_message import read_packets
-from automos.readers.world_frame import find_sensor, is_elsewhere, is_named_world, moved_to_sensor
 
 
 class RosbagSequence(Sequence):
@@ -158,7 +158,7 @@ class RosbagSequence(Sequence):
             columns = bag_messages.read_message(raw, self._topic, where, decoder)
         if self._T_frame_sensor is None:
             return columns
-        points = moved_to_sensor(coordinates(columns, self._where(index)), self._T_frame_sensor[index])
+        points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
         return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
 
     @cached_property
@@ -185,19 +185,23 @@ class RosbagSequence(Sequence):
     def _find_sensor(self) -> Pose | None:
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
 
-        def points(index: int) -> Points:
-            return coordinates(self._columns(index), self._where(index))
+        def points(index: int) -> npt.NDArray[np.float64]:
+            return coordinates(self._columns(index), self._where(index)).astype(np.float64)
 
-        if not is_named_world(self.frame_id) and self.frame_id not in odometry_frames(self._bag):
-            middle = len(self) // 2
-            if not all(is_elsewhere(points(index)) for index in {0, middle, len(self) - 1}):
-                return None
+        is_told = is_named_world(self.frame_id) or self.frame_id in odometry_frames(self._bag)
+        if not is_told:
+            with suppress(InputError):
+                return find_frame(points, len(self), [], False, self._where())
         stamps = self._stamps
-        poses, faults = ({}, []) if stamps is None else poses_in(self._bag, self.frame_id, stamps)
+        poses, faults = ([], []) if stamps is None else poses_in(self._bag, self.frame_id, stamps)
         try:
-            return find_sensor(points, self.frame_id, poses, len(self), self._where())
-        except InputError as error:
-            raise InputError(" ".join([f"{error}", *(f"({fault})" for fault in faults)])) from None
+            return find_frame(points, len(self), poses, is_told and bool(poses), self._where())
+        except InputError:
+            raise InputError(
+                f"{self._where()} holds clouds in a world frame ({self.frame_id!r}), not in the sensor's, and no "
+                "odometry or /tf in the bag says where the sensor was; record the sensor's own topic, too, or the "
+                f"odometry{''.join(f' ({fault})' for fault in faults)}"
+            ) from None
 
     def _where(self, index: int | None = None) -> Path:
         return self.source / self._topic.name.strip("/") / ("" if index is None else f"{index:06d}")

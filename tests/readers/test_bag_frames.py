@@ -10,7 +10,7 @@ from street_log import street_log
 from automos.core.errors import InputError
 from automos.core.geometry import transform
 from automos.readers import open_sequence
-from automos.readers.world_frame import is_named_world, share_hidden
+from automos.readers.bag_topics import is_named_world
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
@@ -230,13 +230,3 @@ def test_names_of_frames_that_sensors_move_in(frame):
 )
 def test_names_of_frames_that_move_with_a_sensor(frame):
     assert not is_named_world(frame)
-
-
-def test_what_is_hidden_depends_on_where_one_stands():
-    y = np.linspace(-5.0, 5.0, 400)
-    wall, behind = np.column_stack([10.0 + 0 * y, y, 0 * y]), np.column_stack([20.0 + 0 * y, y, 0 * y])
-    both = np.concatenate([wall, behind])
-    assert share_hidden(wall, np.zeros(3)) == 0.0
-    assert 0.3 < share_hidden(both, np.zeros(3)) <= 0.5  # of the one behind, but where it reaches beyond
-    assert share_hidden(both, [15.0, 0.0, 0.0]) == 0.0  # between them
-    assert share_hidden(np.full((3, 3), np.nan), np.zeros(3)) == 0.0
