@@ -107,7 +107,8 @@ def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
         return None
     is_whole = (known == np.floor(known)).mean(axis=0) > _SHARE
     is_number = is_whole.any() and not is_whole.all()
-    is_other = is_number or not np.ptp(known[:, :2], axis=0).all()
+    is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
+    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
     is_other = is_other or any(map(_goes_on, known.T)) or _is_time(known[:, 0], known[:, [1, 2, 2]])
     return None if is_other and len(known) > ENOUGH else xyz
 
