@@ -240,3 +240,19 @@ def test_scans_whose_names_are_too_long_for_files_are_told_before_work_starts(wo
         with pytest.raises(InputError, match=r"a scan is named 'aaa.* \(256 letters\), and results are files"):
             start()
     assert list(tmp_path.glob("out/*")) == []
+
+
+def test_results_with_other_poses_are_replaced_only_where_that_is_asked_for(world, recording, tmp_path):
+    sequence, out = open_sequence(recording), tmp_path / "out"
+    first = label_recording(sequence, out, PAPER, tmp_path / "poses.txt", workers=1)
+    assert label_recording(sequence, out, PAPER, tmp_path / "poses.txt", workers=1) == first
+    write_kitti(tmp_path / "others.txt", world.poses + 1e-3 * np.eye(4, k=3))
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for other in (tmp_path / "others.txt", None):
+        with pytest.raises(
+            InputError, match="holds results with other poses, which would be replaced: add --overwrite"
+        ):
+            label_recording(sequence, out, PAPER, other, workers=1)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    again = label_recording(sequence, out, PAPER, tmp_path / "others.txt", workers=1, overwrite=True)
+    assert again["poses"] != first["poses"]

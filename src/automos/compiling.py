@@ -22,7 +22,7 @@ from numba.core.caching import NullCache
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import make_transform
-from automos.core.parallel import available_cores
+from automos.core.parallel import available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
 from automos.core.working_folder import SAFE_PATH
 from automos.core.workspace import Arrays
@@ -106,11 +106,18 @@ def compile_shares(shares: list[str]) -> None:
     """Compile the kernels of several shares, each in a process that parts from this one and ends when this is ended."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends daemons first
     context = multiprocessing.get_context("fork")
-    parts = [context.Process(target=compile_share, args=(share,), daemon=True) for share in shares]
+    parent, own = os.getppid(), os.getpid()
+    parts = [context.Process(target=_compile_part, args=(share, own), daemon=True) for share in shares]
     for part in parts:
         part.start()
+    end_with(parent)
     for part in parts:
         part.join()
+
+
+def _compile_part(share: str, parent: int) -> None:
+    end_with(parent)
+    compile_share(share)
 
 
 def compile_share(share: str) -> None:

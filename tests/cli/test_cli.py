@@ -604,3 +604,29 @@ def test_names_that_the_terminal_has_no_letters_for_are_printed_all_the_same(tmp
     run = subprocess.run(command, env=environment, capture_output=True, text=True, encoding="ascii")
     assert (run.returncode, run.stderr) == (0, "")
     assert "Stra\\xdfe" in run.stdout
+
+
+INTERRUPTED = """
+import importlib.abc, os, signal, sys
+
+module = sys.argv.pop(1)
+
+class Presses(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == module:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Presses())
+from automos.__main__ import main
+main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("module", ["typer", "automos.cli.compare", "automos.writers.listing", "numba"])
+def test_ctrl_c_while_the_program_is_imported_prints_no_traceback(module):
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, module, "formats"], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode in (-signal.SIGINT, 130)
+    assert "Traceback" not in ended.stderr

@@ -25,6 +25,8 @@ RECORDS = {
     "x,y,z,intensity,ring,time,_": plain(names=("x", "y", "z", "intensity", "ring", "time", "none")),
     "x,y,z,intensity,ring,time,_,_": plain(names=("x", "y", "z", "intensity", "ring", "time", "none", "two")),
     "time,x,y,z,intensity": plain(names=("time", "x", "y", "z", "intensity")),
+    "intensity,x,y,z": plain(names=("intensity", "x", "y", "z")),
+    "intensity,x,y,z,ring": plain(names=("intensity", "x", "y", "z", "ring")),
     "ring,x,y,z,intensity": plain(names=("ring", "x", "y", "z", "intensity")),
     "x:f8,y,z": plain("<f8", "xyz"),
     "x:f8,y,z,intensity": plain("<f8", ("x", "y", "z", "intensity")),

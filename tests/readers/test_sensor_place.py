@@ -129,7 +129,8 @@ def test_a_viewpoint_that_is_no_number_is_none(tmp_path, scans):
 def test_real_sweeps_are_in_the_frame_of_their_sensor_and_those_that_were_moved_are_not(recordings, name):
     sequence = open_sequence(recordings / "sequences" / name)
     assert sequence.about["frame"] == "the sensor's own"
-    for T in (FRAMES["far"], pose(20.0, 30.0, -25.0)):
+    # of one that looks forward alone nothing shows how far behind its points it was
+    for T in (FRAMES["far"], pose(20.0, 30.0, -25.0))[: 1 if name == "yard_avia" else 2]:
         with pytest.raises(InputError, match="frame of a map"):
             find_frame(
                 lambda i, T=T: sequence[i].points[sequence[i].is_valid].astype(float) @ T[:3, :3].T + T[:3, 3],

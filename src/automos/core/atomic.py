@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.claims import remove, require_within
+from automos.core.claims import require_within
 from automos.core.errors import InputError
 
 
@@ -100,7 +100,7 @@ def faults_reported(path: Path) -> Iterator[None]:
 def remove_parts(folder: Path) -> None:
     """Remove what a killed process left half-written in `folder`."""
     for part in folder.glob(f".*.{'[0-9a-f]' * 8}.part"):
-        remove(part)
+        part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

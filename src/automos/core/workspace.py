@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from automos.core.arguments import given_path
 from automos.core.atomic import atomic_path, remove_parts
-from automos.core.claims import RESULTS, claim, remove
+from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
 from automos.core.run_record import RunRecord
@@ -228,7 +228,7 @@ class Workspace:
             remove_parts(folder)
             if folder.name not in wanted:
                 for path in filter(_is_sealed, folder.glob("*.npz")):
-                    remove(path)
+                    path.unlink(missing_ok=True)
                 with suppress(OSError):  # something else is in it, or it is a link
                     folder.rmdir()
 

@@ -135,13 +135,13 @@ def evaluate_recordings(
     """
     recordings = list(sequences)
     require_own_names([sequence.name for sequence in recordings])
-    labeled = [sequence for sequence in recordings if _has_truth(sequence)]
-    if not labeled:
+    labelled = [sequence for sequence in recordings if _has_truth(sequence)]
+    if not labelled:
         raise InputError(f"{_names(recordings)} came without labels: there is no truth to compare with")
-    if len(labeled) < len(recordings):
-        logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labeled))
-    folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labeled}
-    return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labeled})
+    if len(labelled) < len(recordings):
+        logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labelled))
+    folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labelled}
+    return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labelled})
 
 
 def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress | None = None) -> Result:

@@ -14,15 +14,13 @@ import numpy.typing as npt
 from automos.core.scan import MIN_RANGE
 from automos.readers.columns import is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
-from automos.readers.records import are_lengths
+from automos.readers.records import SHARE, are_lengths
 
 Rows = npt.NDArray[np.uint8]
 """(N, size) the bytes of records."""
 
 ENOUGH = 1000
 """Records from which their bytes say what they are; of fewer, each is a place of its own."""
-_SHARE = 0.99
-"""Share of the values of a column that must be what the column is for."""
 _KINDS = ("<f4", "<f8", ">f4", ">f8")
 """Types of coordinates."""
 _DRIVERS = (
@@ -105,9 +103,10 @@ def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
     known = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
     if not are_lengths(xyz) or len(known) == 0:
         return None
-    is_whole = (known == np.floor(known)).mean(axis=0) > _SHARE
+    is_whole = (known == np.floor(known)).mean(axis=0) > SHARE
     is_number = is_whole.any() and not is_whole.all()
-    is_other = is_number or not np.ptp(known[:, :2], axis=0).all()
+    is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
+    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
     is_other = is_other or any(map(_goes_on, known.T)) or _is_time(known[:, 0], known[:, [1, 2, 2]])
     return None if is_other and len(known) > ENOUGH else xyz
 
@@ -148,7 +147,7 @@ def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken
         return "time"
     if kind[1] != "f" or not are_lengths(values):
         return None
-    return "intensity" if "intensity" not in taken and (values >= 0).mean() > _SHARE else "_"
+    return "intensity" if "intensity" not in taken and (values >= 0).mean() > SHARE else "_"
 
 
 def _is_ring(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:

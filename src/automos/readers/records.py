@@ -11,7 +11,7 @@ from automos.core.errors import InputError
 from automos.core.reading import read_bytes, read_text
 from automos.readers.columns import Columns
 
-_SHARE = 0.99
+SHARE = 0.99
 """Share of numbers that must be lengths where points are expected."""
 _SMALLEST, _LARGEST = 1e-7, 1e7
 """Metres of a coordinate, where it is not zero: bits that are none are spread over all that numbers can be."""
@@ -45,7 +45,7 @@ def are_lengths(values: npt.NDArray) -> bool:
     """Return whether nearly all of `values` are none (NaN, infinite), zero, or of a size that lengths have."""
     size = np.abs(values)
     is_none = ~np.isfinite(size) | (size == 0)
-    return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= _SHARE)
+    return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= SHARE)
 
 
 def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) -> None:

@@ -30,6 +30,8 @@ _GAP = 0.25
 """Correlation that another place must have more than the origin, and at least twice, to be where the sensor was."""
 _SAME = 0.05
 """Difference of correlations, or of bits, that says nothing."""
+_EDGE, _OUTSIDE = 1.2, 3.0
+"""Times the reach of the points: a sensor that looks forward is at their edge, and none looks at them from outside."""
 _ELEVATION = 0.1
 """Degrees between elevations that are told apart."""
 
@@ -69,9 +71,12 @@ class Spacing:
         for start in tuple(places):
             options = {"initial_simplex": start + around, "maxfev": 120, "xatol": 0.1, "fatol": 1e-3}
             places.append(minimize(lambda place: -self.fit(place), start, method="Nelder-Mead", options=options).x)
+        return max((one for one in places if self.beyond(one) < _EDGE), key=self.fit)
+
+    def beyond(self, place: npt.NDArray[np.float64]) -> float:
+        """Return how far `place` (3,) is, horizontally, from the middle of the points, 1 being where they end."""
         low, high = self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)
-        middle, reach = 0.5 * (low + high), 0.6 * (high - low)  # one that looks forward is at their edge
-        return max((one for one in places if (np.abs(one[:2] - middle) < reach).all()), key=self.fit)
+        return float(np.max(np.abs(place[:2] - 0.5 * (low + high))) / np.max(0.5 * (high - low)))
 
 
 def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted: bool, where: Path) -> Pose | None:
@@ -130,7 +135,7 @@ def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> boo
 
 def _require_sensor(spacing: Spacing, place: npt.NDArray[np.float64], where: Path) -> None:
     """Raise where the sensor was clearly elsewhere than at `place` (3,)."""
-    fit = spacing.fit(place)
+    fit = spacing.fit(place) if spacing.beyond(place) < _OUTSIDE else 0.0
     if fit > 1.0 - _GAP:
         return
     found = spacing.find()

@@ -44,12 +44,14 @@ def write_results(
     settings: Settings,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     is_whole: bool = True,
+    poses: str | None = None,
 ) -> dict[str, Any]:
     """Write all result files of one recording into `folder`; return what run.json says.
 
     run.json comes last and names the fingerprint of the labels: while it is absent or names another, the label files
     are not to be trusted, and older ones are removed before the first new one is written. Where decisions of a review
-    are to be applied afterwards (not `is_whole`), it says so until `declare_whole`.
+    are to be applied afterwards (not `is_whole`), it says so until `declare_whole`. `poses` is a fingerprint of those
+    that were given, None of the odometry's.
     """
     output = settings.output
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
@@ -80,6 +82,7 @@ def write_results(
         "points_riding_along": n_body,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
+        "poses": poses,
         "odometry": _without_nan(trajectory.diagnostics),
         "stages": dict(result.keys),
         "versions": versions(),

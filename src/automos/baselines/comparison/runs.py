@@ -10,6 +10,7 @@ Results that exist and were made with the same settings are kept. Labels of othe
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -28,6 +29,7 @@ from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, to_mos
+from automos.core.parallel import end_with
 from automos.core.run import Progress
 from automos.core.scan import Pose, Sequence
 from automos.core.working_folder import starting_processes
@@ -168,7 +170,8 @@ def _in_own_process(*task: object) -> Cost:
     """Return `_run(*task)`, run in a fresh process: the memory of one method is not counted to the next."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with starting_processes(), ProcessPoolExecutor(max_workers=1) as pool:
+    ending = {"initializer": end_with, "initargs": (os.getpid(),)}
+    with starting_processes(), ProcessPoolExecutor(max_workers=1, **ending) as pool:
         return pool.submit(_run, *task).result()
 
 
