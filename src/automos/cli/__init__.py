@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 from rich.text import Text
 
+from automos.cli.check import check_app
 from automos.cli.compare import compare_app
 from automos.cli.consoles import console, output, set_up_logging
 from automos.cli.formats import formats_app
@@ -38,6 +39,7 @@ app = typer.Typer(
 )
 for group in (
     label_app,
+    check_app,
     score_app,
     formats_app,
     hand_on_app,

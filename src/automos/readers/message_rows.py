@@ -13,12 +13,17 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers import livox_message
+from automos.readers.bag_messages import CLOUD
+from automos.readers.point_cloud2 import shape_of
 
 Mask = npt.NDArray[np.bool_]
 
+TYPES = (CLOUD, *livox_message.TYPES)
+"""Types of messages that are cut."""
+
 
 def with_rows(raw: bytes | memoryview, kind: str, is_ros2: bool, kept: Mask) -> bytes:
-    """Return message `raw` of type `kind` (PointCloud2 or one of Livox's) with those points that are `kept`.
+    """Return message `raw` of type `kind`, one of `TYPES`, with those points that are `kept`.
 
     kept : (N,) bool, in the message's order. Organised clouds become one row.
 
@@ -81,13 +86,13 @@ def _cloud_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
     steps = here.at
     row_step, n_bytes = here.number(), here.number()
     data = here.at
-    if height == 1 or row_step == 0:
-        row_step = width * point_step
+    cells = np.frombuffer(raw, np.uint8)[data : data + n_bytes]
+    height, width, row_step = shape_of(height, width, point_step, row_step, cells)
     needed = (height - 1) * row_step + width * point_step if height * width else 0
     if height * width != len(kept) or n_bytes < needed or len(raw) < data + n_bytes:
         raise InputError(f"a message of {height} x {width} points has {n_bytes} bytes of them, and {len(kept)} labels")
-    cells = np.ndarray((height, width, point_step), np.uint8, raw, data, (row_step, point_step, 1)) if needed else None
-    rows = b"" if cells is None else cells.reshape(-1, point_step)[kept].tobytes()
+    points = np.ndarray((height, width, point_step), np.uint8, cells, 0, (row_step, point_step, 1)) if needed else None
+    rows = b"" if points is None else points.reshape(-1, point_step)[kept].tobytes()
     head = raw[:start] + here.packed(1, int(kept.sum())) + raw[fields:steps]
     return head + here.packed(len(rows), len(rows)) + rows + raw[data + n_bytes :]
 

@@ -7,9 +7,9 @@ from automos.readers import open_sequence
 from automos.results.run_files import RunFiles
 
 
-def labelled(folder, recording):
+def labelled(folder, recording, format=None):
     """Return the run of a recording, labelled: of every five points the first moves, the second has no label."""
-    sequence = open_sequence(recording)
+    sequence = open_sequence(recording, format)
     (folder / "predictions").mkdir(parents=True)
     for index, name in enumerate(sequence.names):
         labels = np.full(len(sequence[index]), 9, np.uint32)

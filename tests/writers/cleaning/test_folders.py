@@ -143,3 +143,57 @@ def test_a_kind_that_is_not_written_again_names_those_that_are(tmp_path):
     run = labelled(tmp_path / "run", tmp_path / "text")
     with pytest.raises(InputError, match="give --as bin, pcd or laz"):
         clean(run, tmp_path / "out")
+
+
+def test_records_of_any_columns_are_cut_whole(tmp_path):
+    layout = "x:f8,y,z,_:u1,ring:u2,_:V5,t:>u4"
+    (tmp_path / "in").mkdir()
+    rng = np.random.default_rng(0)
+    records = np.frombuffer(rng.bytes(50 * 36), np.dtype((np.void, 36))).copy()
+    points = records.view(np.uint8).reshape(50, 36)
+    points[:, :24] = rng.uniform(5.0, 9.0, (50, 3)).view(np.uint8)
+    records.tofile(tmp_path / "in" / "0.bin")
+    run = labelled(tmp_path / "run", tmp_path / "in", layout)
+    written, *_ = clean(run, tmp_path / "out", choice=Choice.NOT_MOVING)
+    kept = points[np.arange(50) % 5 != 0]
+    assert (written / "0.bin").read_bytes() == kept.tobytes()
+
+
+@pytest.mark.parametrize("shape", [(4, 300), (3, 100, 4)])
+def test_arrays_of_other_shapes_become_rows(tmp_path, shape):
+    rows = np.random.default_rng(0).uniform(5.0, 9.0, (300, 4)).astype("f4")
+    (tmp_path / "in").mkdir()
+    np.save(tmp_path / "in" / "0.npy", rows.T if shape[0] == 4 else rows.reshape(shape))
+    written, *_ = clean(labelled(tmp_path / "run", tmp_path / "in"), tmp_path / "out", choice=Choice.NOT_MOVING)
+    np.testing.assert_array_equal(np.load(written / "0.npy"), rows[np.arange(300) % 5 != 0])
+
+
+def test_binary_pcd_keeps_its_viewpoint_and_fields_of_several_values_and_others_are_told(tmp_path):
+    n = 60
+    head = (
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z fpfh _\nSIZE 4 4 4 4 1\nTYPE F F F F U\nCOUNT 1 1 1 3 2\n"
+        f"WIDTH {n // 2}\nHEIGHT 2\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS {n}\nDATA "
+    )
+    rows = np.zeros(n, [("xyz", "<f4", 3), ("fpfh", "<f4", 3), ("_", "u1", 2)])
+    rows["xyz"], rows["fpfh"] = np.random.default_rng(0).uniform(5.0, 9.0, (2, n, 3))
+    kept = rows[np.arange(n) % 5 != 0]
+    for k in range(2):
+        (tmp_path / "in").mkdir(exist_ok=True)
+        (tmp_path / "in" / f"{k}.pcd").write_bytes(head.encode() + b"binary\n" + rows.tobytes())
+    (tmp_path / "in" / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 2)
+    written, *_ = clean(labelled(tmp_path / "run", tmp_path / "in"), tmp_path / "out", choice=Choice.NOT_MOVING)
+    lines = head.replace("WIDTH 30", "WIDTH 48").replace("HEIGHT 2", "HEIGHT 1").replace("POINTS 60", "POINTS 48")
+    assert (written / "1.pcd").read_bytes() == lines.encode() + b"binary\n" + kept.tobytes()
+    (tmp_path / "text").mkdir()
+    numbers = np.column_stack([rows["xyz"], rows["fpfh"], rows["_"]])
+    text = "\n".join(" ".join(map(str, row)) for row in numbers.tolist())
+    (tmp_path / "text" / "0.pcd").write_text(f"{head}ascii\n{text}\n")
+    with pytest.raises(InputError, match=r"several values a point as fpfh in ascii.*give --as bin"):
+        clean(labelled(tmp_path / "run of text", tmp_path / "text"), tmp_path / "out of text")
+
+
+def test_archives_are_refused_as_such(tmp_path):
+    (tmp_path / "in").mkdir()
+    np.savez(tmp_path / "in" / "0.npz", points=np.random.default_rng(0).uniform(5.0, 9.0, (300, 4)))
+    with pytest.raises(InputError, match=r"scans in \.npz files are not written again as such: give --as bin"):
+        clean(labelled(tmp_path / "run", tmp_path / "in"), tmp_path / "out")

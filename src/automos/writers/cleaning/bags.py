@@ -1,39 +1,91 @@
-"""Bags with some points of one topic left out: every other message, and every other byte, is copied."""
+"""Bags with some points of one topic left out: every other message, and every other byte, is copied.
+
+A bag in several files is written as files of the same names. What a recorder left without an index is written with one.
+"""
 
 from __future__ import annotations
 
+import importlib
 import shutil
 import sqlite3
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from automos.core.atomic import atomic_path
-from automos.core.errors import InputError
+from automos.core.errors import AutomosError, InputError
+from automos.readers.bag_file import IN_FILE, ZSTD, BagFile
+from automos.readers.bag_mcap import McapFile
+from automos.readers.bag_messages import PACKETS
+from automos.readers.bag_ros1 import Ros1File
+from automos.readers.bag_sqlite import SqliteFile
 from automos.readers.formats import import_extra
-from automos.readers.rosbag_topic import RosbagSequence, bag_files
+from automos.readers.message_rows import TYPES
+from automos.readers.rosbag_topic import RosbagSequence
 
-Cut = Callable[[int, bytes, str, bool], bytes]
-"""Takes the number of a scan, its message, the message's type and whether it is ROS 2's; returns what to write."""
+Cut = Callable[[int, bytes], bytes]
+"""Takes the number of a scan and its message; returns the message that is written in its place."""
+_OTHERWISE = "give --as bin, pcd or laz"
 
 
-class _Messages:
-    """The messages of the topic, each known by when it was recorded: which scan it is, and what becomes of it."""
+class _Scans:
+    """Those messages of one file of a bag that are scans, by their place, and what becomes of them."""
 
-    def __init__(self, sequence: RosbagSequence, cut: Cut):
-        self.topic, self._cut, self.n_left = sequence.topic, cut, len(sequence)
-        self._scans: dict[int, deque[int]] = defaultdict(deque)
-        for index, recorded in enumerate(sequence.recorded.tolist()):
-            self._scans[recorded].append(index)
+    def __init__(self, sequence: RosbagSequence, number: int, cut: Cut):
+        self.file, self.topic, self._sequence, self._cut = sequence.bag.files[number], sequence.topic, sequence, cut
+        self.at: dict[tuple[int, int], int] = {}
+        self.recorded: dict[int, list[int]] = defaultdict(list)
+        for index, (recorded, of, chunk, place) in enumerate(sequence.rows.tolist()):
+            if of == number:
+                self.at[chunk, place] = index
+                self.recorded[recorded].append(index)
+        self._left = set(self.at.values())
 
-    def __call__(self, raw: bytes, kind: str, recorded: int, is_ros2: bool) -> bytes:
-        waiting = self._scans[recorded]
-        if not waiting:
-            raise InputError(f"topic {self.topic} has changed since the recording was labelled: label it again")
-        self.n_left -= 1
-        return self._cut(waiting.popleft(), raw, kind, is_ros2)
+    def index_of(self, recorded: int, raw: bytes) -> int | None:
+        """Return the scan, not written yet, of a message by when it was recorded and all that it holds."""
+        for index in self.recorded[recorded]:
+            _, _, chunk, place = self._sequence.rows[index].tolist()
+            if index in self._left and self.file.read(chunk, place) == raw:
+                return index
+        return None
+
+    def written(self, index: int | None, raw: bytes) -> bytes:
+        """Return what is written for the message of scan `index`, which is `raw` in the file: compressed if that is."""
+        if index not in self._left:
+            raise self.changed()
+        self._left.remove(index)
+        cut = self._cut(index, self._sequence.bag.read(self._sequence.rows[index]))
+        return bytes(importlib.import_module("zstandard").compress(cut)) if raw.startswith(ZSTD) else cut
+
+    def require_all(self) -> None:
+        """Raise InputError where a scan was not written."""
+        if self._left:
+            raise self.changed()
+
+    def changed(self) -> InputError:
+        """Return what to say where the file holds other messages than the run has labels of."""
+        return InputError(
+            f"{self.file.path} does not hold just those messages of {self.topic.name} that were labelled: label it "
+            f"again, or {_OTHERWISE}"
+        )
+
+
+def require_rewritable(sequence: RosbagSequence) -> None:
+    """Raise InputError where the bag of `sequence`, or the messages of its topic, are not written again as such."""
+    name, kind, encoding = sequence.topic
+    if kind == PACKETS:
+        raise InputError(f"{name} holds a sensor's packets, of which no single points can be left out: {_OTHERWISE}")
+    if kind not in TYPES or encoding not in ("cdr", "ros1"):
+        raise InputError(f"{name} holds {kind} ({encoding}), which is not written again as such: {_OTHERWISE}")
+    cut = next((file.path for file in sequence.bag.files if isinstance(file, McapFile) and file.fault), None)
+    if cut is not None:
+        raise InputError(
+            f"{cut} has no end, and is not written again as such: {_OTHERWISE}, or label what 'mcap recover' makes"
+        )
 
 
 def rewrite_bag(sequence: RosbagSequence, out: Path, cut: Cut) -> Path:
@@ -43,81 +95,99 @@ def rewrite_bag(sequence: RosbagSequence, out: Path, cut: Cut) -> Path:
     -------
     Path
         The bag: a file of the same name, or of a ROS 2 bag that is a folder, such a folder.
+
+    Raises
+    ------
+    InputError
+        A file has changed, or cannot be written again.
     """
     source = sequence.source
-    target = out / source.resolve().name
-    target.parent.mkdir(parents=True, exist_ok=True)
-    messages = _Messages(sequence, cut)
-    for file in bag_files(source):
-        place = target / file.name if source.is_dir() else target
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(place) as temporary:
-            _REWRITES.get(file.suffix, _copy)(file, temporary, messages)
-    if messages.n_left:
-        raise InputError(f"{source} holds {messages.n_left} scans fewer than were labelled: label it again")
+    target = out / (source.resolve() if source.is_dir() else source).name
+    folder = target if source.is_dir() else out
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, file in enumerate(sequence.bag.files):
+        scans = _Scans(sequence, number, cut)
+        with atomic_path(folder / file.path.name) as temporary:
+            try:
+                _REWRITES[type(file)](scans, temporary)
+            except (AutomosError, OSError):
+                raise
+            except Exception as error:  # damage breaks the libraries in many ways
+                reason = " ".join(str(error).split()) or type(error).__name__
+                raise InputError(f"{file.path} is not written again as such ({reason}): {_OTHERWISE}") from error
+            scans.require_all()
+    for beside in source.iterdir() if source.is_dir() else ():
+        # its metadata, and what else was put there; not the journals of its files, which are in the copies
+        if beside.is_file() and not any(beside.name.startswith(path.name) for path in sequence.bag.paths):
+            with atomic_path(folder / beside.name) as temporary:
+                shutil.copyfile(beside, temporary)
     return target
 
 
-def _copy(source: Path, target: Path, messages: _Messages) -> None:
-    shutil.copyfile(source, target)
-
-
-def _rewrite_bag1(source: Path, target: Path, messages: _Messages) -> None:
-    """Write a ROS 1 bag."""
+def _rewrite_bag1(scans: _Scans, target: Path) -> None:
+    """Write a ROS 1 bag: all messages that are whole, in the order in which they lie in the file."""
     bag1 = import_extra("rosbags.rosbag1", "ros")
-    with bag1.Reader(source) as reader, bag1.Writer(target) as writer:
+    file = Ros1File(scans.file.path)  # that of the scans has forgotten the other topics
+    rows = [np.insert(file.places(number), 0, number, axis=1) for number in file.topics]
+    found = np.unique(np.concatenate(rows), axis=0)  # an index may list a message twice
+    starts = np.where(found[:, 2] == IN_FILE, found[:, 3], found[:, 2])
+    with bag1.Writer(target) as writer:
+        made: dict[tuple, Any] = {}
         of: dict[int, Any] = {}
-        for connection in reader.connections:
-            of[connection.id] = writer.add_connection(
-                connection.topic,
-                connection.msgtype,
-                msgdef=connection.msgdef.data,
-                md5sum=connection.digest,
-                callerid=connection.ext.callerid,
-                latching=connection.ext.latching,
-            )
-        for connection, recorded, raw in reader.messages():
-            if connection.topic == messages.topic:
-                raw = messages(raw, connection.msgtype, recorded, False)
-            writer.write(of[connection.id], recorded, raw)
+        for number, topic in file.topics.items():
+            said = {name: value.decode() for name, value in file.connections[number].items()}
+            options = {
+                "msgdef": said[b"message_definition"],
+                "md5sum": said[b"md5sum"],
+                "callerid": said.get(b"callerid"),
+                "latching": int(said[b"latching"]) if b"latching" in said else None,
+            }
+            key = topic, *options.values()
+            if key not in made:  # a recorder that subscribed twice says the same of both
+                made[key] = writer.add_connection(topic.name, topic.kind, **options)
+            of[number] = made[key]
+        for number, recorded, chunk, place in found[np.lexsort((found[:, 3], starts))].tolist():
+            raw = file.read(chunk, place)
+            if file.topics[number] == scans.topic:
+                raw = scans.written(scans.at.get((chunk, place)), raw)
+            writer.write(of[number], recorded, raw)
 
 
-def _rewrite_sqlite(source: Path, target: Path, messages: _Messages) -> None:
+def _rewrite_sqlite(scans: _Scans, target: Path) -> None:
     """Write a database of ROS 2: a copy in which the messages of the topic are replaced."""
-    shutil.copyfile(source, target)
+    assert isinstance(scans.file, SqliteFile)
     with closing(sqlite3.connect(target)) as base, base:
-        topics = base.execute("SELECT id, type FROM topics WHERE name = ?", [messages.topic]).fetchall()
-        for topic, kind in topics:
-            rows = base.execute("SELECT id, timestamp FROM messages WHERE topic_id = ? ORDER BY timestamp, id", [topic])
-            for row, recorded in rows.fetchall():
-                ((raw,),) = base.execute("SELECT data FROM messages WHERE id = ?", [row])
-                base.execute("UPDATE messages SET data = ? WHERE id = ?", [messages(raw, kind, recorded, True), row])
+        scans.file.copy_to(base)
+        base.execute("PRAGMA journal_mode = DELETE")  # whole without a journal beside it, whatever the recorder chose
+        base.execute("PRAGMA trusted_schema = OFF")
+        for (_, row), index in scans.at.items():
+            ((raw,),) = base.execute("SELECT data FROM messages WHERE id = ?", [row])
+            base.execute("UPDATE messages SET data = ? WHERE id = ?", [scans.written(index, raw), row])
 
 
-def _rewrite_mcap(source: Path, target: Path, messages: _Messages) -> None:
+def _rewrite_mcap(scans: _Scans, target: Path) -> None:
     """Write an MCAP file: schemas, channels, messages, attachments and metadata one after the other."""
     stream, records = import_extra("mcap.stream_reader", "ros"), import_extra("mcap.records", "ros")
     mcap = import_extra("mcap.writer", "ros")
-    schemas, channels, kinds = {0: 0}, {}, {0: ""}
-    with source.open("rb") as read, target.open("wb") as written:
+    schemas, channels = {0: 0}, {}
+    with scans.file.path.open("rb") as read, target.open("wb") as written:
         writer = mcap.Writer(written, compression=mcap.CompressionType.ZSTD)
         for record in stream.StreamReader(read).records:
             if isinstance(record, records.Header):
                 writer.start(record.profile, record.library)
             elif isinstance(record, records.Schema) and record.id not in schemas:
                 schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                kinds[record.id] = record.name
             elif isinstance(record, records.Channel) and record.id not in channels:
-                number = writer.register_channel(
+                channels[record.id] = writer.register_channel(
                     record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
                 )
-                channels[record.id] = number, record
             elif isinstance(record, records.Message):
-                number, channel = channels[record.channel_id]
                 data = record.data
-                if channel.topic == messages.topic:
-                    data = messages(data, kinds[channel.schema_id], record.log_time, True)
-                writer.add_message(number, record.log_time, data, record.publish_time, record.sequence)
+                if scans.file.topics[record.channel_id] == scans.topic:
+                    data = scans.written(scans.index_of(record.log_time, data), data)
+                writer.add_message(
+                    channels[record.channel_id], record.log_time, data, record.publish_time, record.sequence
+                )
             elif isinstance(record, records.Attachment):
                 writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
             elif isinstance(record, records.Metadata):
@@ -125,8 +195,8 @@ def _rewrite_mcap(source: Path, target: Path, messages: _Messages) -> None:
         writer.finish()
 
 
-_REWRITES: dict[str, Callable[[Path, Path, _Messages], None]] = {
-    ".bag": _rewrite_bag1,
-    ".db3": _rewrite_sqlite,
-    ".mcap": _rewrite_mcap,
+_REWRITES: dict[type[BagFile], Callable[[_Scans, Path], None]] = {
+    Ros1File: _rewrite_bag1,
+    SqliteFile: _rewrite_sqlite,
+    McapFile: _rewrite_mcap,
 }

@@ -7,6 +7,8 @@ messages. What lies beside the scans of a folder (times, poses, calibration) is 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from automos.core.atomic import atomic_path
 from automos.core.claims import CLEANED
 from automos.core.errors import InputError
 from automos.core.own_folder import own_folder
+from automos.core.scan import Sequence
 from automos.core.workspace import Workspace
 from automos.readers.folder import FolderSequence
 from automos.readers.message_rows import with_rows
@@ -22,9 +25,9 @@ from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers import load_export
 from automos.writers.cleaning import kitti_bin
-from automos.writers.cleaning.bags import rewrite_bag
+from automos.writers.cleaning.bags import require_rewritable, rewrite_bag
 from automos.writers.cleaning.choice import Choice
-from automos.writers.cleaning.point_files import rewrite_of
+from automos.writers.cleaning.point_files import Rewrite, rewrite_of
 from automos.writers.formats import Export
 
 KINDS = {"bin": kitti_bin.EXPORT, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
@@ -52,28 +55,18 @@ def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Ch
     """
     sequence = run.sequence
     is_own = kind is None or (isinstance(sequence, RosbagSequence) and kind in ("bag", sequence.source.suffix[1:]))
-    export = None if is_own else _export_of(str(kind))
-    if is_own and not isinstance(sequence, RosbagSequence | FolderSequence):
-        raise InputError(f"{sequence.name} is of a kind that is not written again as such: give --as bin, pcd or laz")
+    write = _own_of(sequence) if is_own else partial(_as_other, _export_of(str(kind)))
     refuse_folder_of(sequence, out)
     about = {
         "format": "automos clean",
         "run": str(run.folder.absolute()),
         "labels": Workspace(run.folder).read_run().get("fingerprint"),
-        "kind": "own" if export is None else kind,
+        "kind": "own" if is_own else kind,
         "kept": choice.value,
     }
     counted = _Counted(run, choice)
     with own_folder(out, CLEANED, MARKER, about) as found:
-        if export is not None:
-            run.rows_of = counted.rows
-            written = out / f"{sequence.name}{export.suffix}" if export.suffix else out
-            export.write(run, written)
-        elif isinstance(sequence, RosbagSequence):
-            written = rewrite_bag(sequence, out, counted.cut)
-        else:
-            assert isinstance(sequence, FolderSequence)
-            written = _rewrite_folder(counted, sequence, out)
+        written = write(counted, out)
         found.update(points=counted.n_points, left_out=counted.n_left_out)
     return written, counted.n_points, counted.n_left_out
 
@@ -97,13 +90,36 @@ class _Counted:
         self.n_left_out += int((~rows).sum())
         return rows
 
-    def cut(self, index: int, raw: bytes, kind: str, is_ros2: bool) -> bytes:
-        """Return the message of scan `index` with the points that are kept."""
-        return with_rows(raw, kind, is_ros2, self.rows(self.run.scan(index), index))
+
+def _own_of(sequence: Sequence) -> Callable[[_Counted, Path], Path]:
+    """Return what writes a recording in its own kind; InputError where only others can be written of it."""
+    if isinstance(sequence, RosbagSequence):
+        require_rewritable(sequence)
+        return partial(_rewrite_bag, sequence)
+    if isinstance(sequence, FolderSequence):
+        return partial(_rewrite_folder, sequence, rewrite_of(sequence))
+    raise InputError(f"{sequence.name} is of a kind that is not written again as such: give --as bin, pcd or laz")
 
 
-def _rewrite_folder(counted: _Counted, sequence: FolderSequence, out: Path) -> Path:
-    run, rewrite = counted.run, rewrite_of(sequence.codec)
+def _as_other(export: Export, counted: _Counted, out: Path) -> Path:
+    run = counted.run
+    run.rows_of = counted.rows
+    written = out / f"{run.sequence.name}{export.suffix}" if export.suffix else out
+    export.write(run, written)
+    return written
+
+
+def _rewrite_bag(sequence: RosbagSequence, counted: _Counted, out: Path) -> Path:
+    topic = sequence.topic
+
+    def cut(index: int, raw: bytes) -> bytes:
+        return with_rows(raw, topic.kind, topic.encoding == "cdr", counted.rows(sequence[index], index))
+
+    return rewrite_bag(sequence, out, cut)
+
+
+def _rewrite_folder(sequence: FolderSequence, rewrite: Rewrite, counted: _Counted, out: Path) -> Path:
+    run = counted.run
     for name in _BESIDE:
         if (sequence.source / name).is_file():
             with atomic_path(out / name) as temporary:
@@ -112,5 +128,5 @@ def _rewrite_folder(counted: _Counted, sequence: FolderSequence, out: Path) -> P
         source = sequence.paths[index]
         target = out / source.relative_to(sequence.source)
         target.parent.mkdir(parents=True, exist_ok=True)
-        rewrite(source, target, sequence.codec, counted.rows(run.scan(index), index))
+        rewrite(source, target, sequence.columns, counted.rows(run.scan(index), index))
     return out
