@@ -19,7 +19,7 @@ from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import TRIAL_SCANS, find_start
 from automos.odometry.moving_windows import MIN_BEND
 from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
-from automos.online.path import Path, Posed, TimedScan
+from automos.odometry.fixed_lag import Odometry, Posed, TimedScan
 from automos.scan import Pose, Scan
 from automos.sensor.sweep_timing import SAME_TIME, SweepTiming
 from automos.settings import OdometrySettings
@@ -34,6 +34,8 @@ AT_ONCE = 8
 """Of them, per new scan: beside the stream on another core, in about the time of one scan."""
 START_SCANS, START_DELAY = (3, 6, TRIAL_SCANS), 0.1
 """Scans from which the initial speed is estimated, early and then more reliably, and seconds until it is used."""
+SPEED_DELAY = 0.5
+"""Seconds until a search for the speed among the last scans is used, and the next one starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,8 @@ class Moved:
         Seconds.
     posed : Posed
         Its pose, in the world of the current path.
+    refined : dict[float, (4, 4) float64]
+        T_world_sensor of the last scans there, by stamp, as refined with this one.
     again : tuple[tuple[TimedScan, Posed], ...]
         Earlier scans on the path that will replace the current one; both paths start in the same world.
     T_before_now : (4, 4) float64, optional
@@ -55,6 +59,7 @@ class Moved:
 
     stamp: float
     posed: Posed
+    refined: dict[float, Pose]
     again: tuple[tuple[TimedScan, Posed], ...] = ()
     T_before_now: Pose | None = None
 
@@ -62,7 +67,7 @@ class Moved:
 class _Correction:
     """A new path through the last scans, while it catches up."""
 
-    def __init__(self, path: Path, todo: list[TimedScan], pool: ThreadPoolExecutor):
+    def __init__(self, path: Odometry, todo: list[TimedScan], pool: ThreadPoolExecutor):
         self.path, self._pool = path, pool
         self.made: list[tuple[TimedScan, Pose]] = []
         self._todo = deque(todo)
@@ -78,12 +83,12 @@ class _Correction:
         """Append a new scan, and start registering the next few."""
         self._todo.append(timed)
         few = [self._todo.popleft() for _ in range(min(AT_ONCE, len(self._todo)))]
-        self._future = self._pool.submit(lambda: [(timed, self.path.follow(timed)) for timed in few])
+        self._future = self._pool.submit(lambda: [(timed, self.path.push(timed)) for timed in few])
 
     def catch_up(self) -> None:
         """Start registering all remaining scans."""
         todo, self._todo = list(self._todo), deque()
-        self._future = self._pool.submit(lambda: [(timed, self.path.follow(timed)) for timed in todo])
+        self._future = self._pool.submit(lambda: [(timed, self.path.push(timed)) for timed in todo])
 
     @property
     def has_caught_up(self) -> bool:
@@ -107,10 +112,11 @@ class CausalOdometry:
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated
         self._timing_task: BackgroundTask[SweepTiming] | None = None if timing is not None else BackgroundTask(2.0)
         self._start_task: BackgroundTask[npt.NDArray[np.float64]] | None = BackgroundTask(START_DELAY)
+        self._speed_task: BackgroundTask[dict[float, npt.NDArray[np.float64]]] = BackgroundTask(SPEED_DELAY)
         self._trials = deque(START_SCANS)
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._last = deque[tuple[TimedScan, Pose]](maxlen=REMADE)
-        self._path = Path(settings, timing or SweepTiming(), None, np.eye(4))
+        self._path = Odometry(settings, timing or SweepTiming(), pool=pool)
         self._correction: _Correction | None = None
 
     def step(self, scan: Scan) -> Moved:
@@ -119,13 +125,13 @@ class CausalOdometry:
         if self._timing_task is not None and self._n < 2:
             self._guess_timing(scan)
         again, T_before_now = self._correct()
-        posed = self._path.follow(timed)
+        posed = self._path.push(timed)
         self._n += 1
         self._last.append((timed, posed.T_world_sensor))
         if self._correction is not None:
             self._correction.add(timed)
         self._start_tasks()
-        return Moved(timed.stamp, posed, tuple(again), T_before_now)
+        return Moved(timed.stamp, posed, self._path.poses, tuple(again), T_before_now)
 
     def _guess_timing(self, scan: Scan) -> None:
         """Assume the points' own times, or usual ones from the second scan on: sensors send uncompensated points."""
@@ -149,13 +155,14 @@ class CausalOdometry:
                 moving = [replace(timed.scan, stamp=timed.stamp) for timed, _ in last]
                 self._timing_task.start(lambda: find_timing(moving, settings, self._is_compensated), self._stamp)
 
+        if not self._trials and self._correction is None and not self._speed_task.is_started:
+            self._speed_task.start(self._path.speed_search(), self._stamp)
+
     def _correct(self) -> tuple[list[tuple[TimedScan, Posed]], Pose | None]:
         """Return scans registered again, and the transform of a path that replaces the current one."""
         if self._correction is None:
             self._correction = self._pending_correction()
         if self._correction is None:
-            if self._start_task is None and self._timing_task is None:
-                self._last.clear()
             return [], None
         again, T_before_now = self._correction.advance(), None
         if self._correction.has_caught_up:
@@ -170,6 +177,11 @@ class CausalOdometry:
             correction = self._follow_again(self._path.timing, self._path.twist)
             correction.catch_up()
             return correction
+        if self._speed_task.is_due(self._stamp):
+            found, self._speed_task = self._speed_task.result(self._stamp) or {}, BackgroundTask(SPEED_DELAY)
+            self._last = deque([one for one in self._last if one[0].stamp >= self._path.stamps[0]], maxlen=REMADE)
+            if (twist := found.get(self._last[1][0].stamp)) is not None:
+                return self._follow_again(self._path.timing, twist)
         start = None if self._start_task is None else self._start_task.result(self._stamp)
         timing = None if self._timing_task is None else self._timing_task.result(self._stamp)
         if start is None and timing is None:
@@ -186,7 +198,7 @@ class CausalOdometry:
 
     def _follow_again(self, timing: SweepTiming, twist: npt.NDArray[np.float64]) -> _Correction:
         """Return a new path through the last scans, with an initial motion of `twist` per usual gap."""
-        path = Path(self._settings, timing, twist, self._last[0][1])
+        path = Odometry(self._settings, timing, twist, self._last[0][1])
         return _Correction(path, [timed for timed, _ in self._last], self._pool)
 
     @property

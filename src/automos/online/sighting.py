@@ -10,10 +10,10 @@ import numpy as np
 from automos.candidates.observations import Seen, look
 from automos.geometry import inverse, make_transform
 from automos.ground.level import level_frame
+from automos.odometry.fixed_lag import Posed
 from automos.odometry.motion import usable_points
 from automos.online.lidars import LidarLearner
 from automos.online.odometry import CausalOdometry
-from automos.online.path import Posed
 from automos.scan import Frame, Pose, Scan
 from automos.sensor.beam_pattern import Lidar
 from automos.sensor.compensation import frame_of
@@ -34,6 +34,8 @@ class Sighting:
         Its observations; None until the sensor's beams are known.
     lidars : list of Lidar
         Current models of the sensors.
+    refined : dict[float, (4, 4) float64]
+        T_level_sensor of the last scans, by stamp, as refined with this one.
     again : tuple of Frame
         Earlier scans on the path that will replace the current one, in the level frame before the replacement.
     T_after_before : (4, 4) float64, optional
@@ -45,6 +47,7 @@ class Sighting:
     frame: Frame
     seen: Seen | None
     lidars: list[Lidar]
+    refined: dict[float, Pose]
     again: tuple[Frame, ...]
     T_after_before: Pose | None
 
@@ -79,7 +82,8 @@ class Sightings:
         self._learner.add(frame)
         lidars = self._learner.lidars
         seen = look(frame, lidars, self._settings.candidates.ground) if lidars else None
-        return Sighting(moved.stamp, frame, seen, lidars, again, T_after_before)
+        refined = {stamp: self._T_level_world @ T for stamp, T in moved.refined.items()}
+        return Sighting(moved.stamp, frame, seen, lidars, refined, again, T_after_before)
 
     def _frame(self, scan: Scan, posed: Posed, stamp: float) -> Frame:
         """Return the valid points of `scan`, compensated for the motion during its sweep."""
