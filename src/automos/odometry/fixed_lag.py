@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import Array, inverse, se3_exp, se3_log, transform
 from automos.odometry.kiss import START_SCANS, UNKNOWN_MOTION, empty_map
-from automos.odometry.links import Alignment, Window, fit_links, half_width, submap_around
+from automos.odometry.links import MIN_MATCHED, Alignment, Window, fit_links, half_width, submap_around
 from automos.odometry.motion import MIN_POINTS, usable_points
 from automos.odometry.refine import CONVERGED, at_likely_speed, solve_links
 from automos.odometry.registration import Icp
@@ -73,7 +73,7 @@ class Posed:
     sweep_motion: npt.NDArray[np.float64]
 
 
-class Odometry:
+class FixedLag:
     """The motion of the sensor, scan by scan.
 
     Attributes
@@ -130,8 +130,8 @@ class Odometry:
         step = np.eye(4) if is_alone else se3_exp(timed.gap * self._twist)
         self._append(timed, surfels, during, self.T_world_sensor @ step)
         if not is_alone and len(points) >= MIN_POINTS:
-            self._align_newest(step)
-            self._smooth()
+            if self._align_newest() > 0.0:
+                self._smooth()
             last, before = self._window.T_world_sensor[-1], self._window.T_world_sensor[-2]
             self._twist = se3_log(inverse(before) @ last) / timed.gap
         return Posed(self.T_world_sensor, self.timing, share * self._twist)
@@ -144,7 +144,12 @@ class Odometry:
         window, stamps, settings = self._window, list(self.stamps), self._settings
 
         def search() -> dict[float, Array]:
-            found, _ = at_likely_speed(window, settings, None)
+            found, here = at_likely_speed(window, settings, None)
+            # Surfaces around a wrong speed may lead nowhere: what lands on landmarks from a standstill is ahead then.
+            at_rest = np.tile(window.T_world_sensor[-1], (len(window), 1, 1))
+            at_rest[:, :3, :3] = window.T_world_sensor[:, :3, :3]
+            other, there = at_likely_speed(window.moved(at_rest), settings, None)
+            found = other if there.landmarks.explains_more_than(here.landmarks) else found
             change = np.linalg.norm((found.steps - window.steps)[:, :3, 3], axis=1) / window.gaps
             if change.max(initial=0.0) < OTHER_SPEED:
                 return {}
@@ -159,7 +164,10 @@ class Odometry:
         if self._window is None:
             self._window = Window([surfels], twist[None], T[None], np.zeros(0), timed.period, self.timing.share)
             return
-        w, first = self._window, max(len(self._window) + 1 - self._scans(FREE + max(ABOUT.lags) + ABOUT.submap_every), 0)
+        w, first = (
+            self._window,
+            max(len(self._window) + 1 - self._scans(FREE + max(ABOUT.lags) + ABOUT.submap_every), 0),
+        )
         self.stamps = self.stamps[first:]
         self._window = Window(
             [*w.surfels[first:], surfels],
@@ -179,8 +187,11 @@ class Odometry:
     def _scans(self, seconds: float) -> int:
         return max(round(seconds / self._window.period), 1)
 
-    def _align_newest(self, step: Pose) -> None:
-        """Align the newest scan from its predicted pose or, if it does not fit, from a wider search."""
+    def _align_newest(self) -> float:
+        """Align the newest scan from its predicted pose or, if it does not fit, from a wider search.
+
+        Return the share of its surfels that lie on a surface then.
+        """
         window = self._window
         T_before, expected = window.T_world_sensor[-2], window.T_world_sensor[-1]
         found, share = self._aligned_from(expected)
@@ -189,10 +200,12 @@ class Odometry:
             guesses = [self._registered(expected)]
             if self._n == 2 and not self._is_start_known:
                 guesses += [T_before @ se3_exp(first) for first in FIRST_STEPS]
-            others = [self._aligned_from(guess) for guess in guesses]
-            found, share = max([(found, share), *others][::-1], key=lambda one: one[1])
+            other, share_there = max((self._aligned_from(guess) for guess in guesses), key=lambda one: one[1])
+            if share_there >= share:
+                found, share = other, share_there
         self._shares.append(share)
         self._window = found
+        return share
 
     def _registered(self, expected: Pose) -> Pose:
         """Return the newest pose by registration to the points of the last scans, as in KISS-ICP."""
@@ -210,6 +223,8 @@ class Odometry:
         submaps = self._submaps_of(window, links)
         for kernel in ABOUT.kernels:
             fits, _ = fit_links(window, links, kernel, ABOUT, None, submaps)
+            if max((fit.n_matched for fit in fits), default=0) < MIN_MATCHED:
+                return window, 0.0
             window, moved = solve_links(window, links, fits, self._settings, n - 1)
             if moved < CONVERGED:
                 break

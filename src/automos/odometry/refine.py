@@ -21,7 +21,7 @@ from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
-from automos.scan import Mask, Pose
+from automos.scan import Pose
 from automos.settings import OdometrySettings
 
 CONVERGED = 0.003  # metres; iterations end once no scan moves further: a tenth of a surfel's noise

@@ -27,7 +27,7 @@ MEMORY = 8.0
 PAST_ALONE = 1.0
 """Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. On
 simulated worlds, four in five objects with a probability of 0.6 to 0.8 without it move."""
-TOO_FEW = -2.0
+TOO_FEW = -1.0
 """Added log-odds of moving per scan short of `FEW`: a single one would decide, and its pose may soon be corrected."""
 FEW = 3
 

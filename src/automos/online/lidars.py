@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.candidates.observations import learn_lidars, with_body
-from automos.online.background import BackgroundTask
+from automos.odometry.background import BackgroundTask
 from automos.scan import Frame, Pose
 from automos.sensor.beam_pattern import Lidar, is_known, learn_pattern
 from automos.sensor.ego_body import MIN_SCANS

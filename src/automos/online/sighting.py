@@ -10,10 +10,10 @@ import numpy as np
 from automos.candidates.observations import Seen, look
 from automos.geometry import inverse, make_transform
 from automos.ground.level import level_frame
+from automos.odometry.causal import Odometry
 from automos.odometry.fixed_lag import Posed
 from automos.odometry.motion import usable_points
 from automos.online.lidars import LidarLearner
-from automos.online.odometry import CausalOdometry
 from automos.scan import Frame, Pose, Scan
 from automos.sensor.beam_pattern import Lidar
 from automos.sensor.compensation import frame_of
@@ -61,14 +61,14 @@ class Sightings:
         """Take a thread pool, and the last pose of the stream that this one continues."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
-        self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
+        self._odometry = Odometry(settings.odometry, pool, None, is_compensated)
         self._learner = LidarLearner(settings.candidates)
         self._T_level_world = self.T_level_sensor
         self._is_level = False
 
     def step(self, scan: Scan) -> Sighting:
         """Return the sighting of the next scan."""
-        moved = self._odometry.step(scan)
+        moved = self._odometry.push(scan)
         again = tuple(self._frame(timed.scan, posed, timed.stamp) for timed, posed in moved.again)
         T_after_before = None
         if moved.T_before_now is not None:

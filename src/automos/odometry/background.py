@@ -44,10 +44,6 @@ class BackgroundTask(Generic[Result]):
             self._future, self._due = worker.submit(_at_low_priority, find), now + self._delay
             worker.shutdown(wait=False)
 
-    def is_due(self, now: float) -> bool:
-        """Whether the result is to be used at `now` seconds."""
-        return now >= self._due
-
     def result(self, now: float) -> Result | None:
         """Return the result if it is due at `now` seconds; None before."""
         return self._future.result() if self._future is not None and now >= self._due else None

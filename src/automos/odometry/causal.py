@@ -15,27 +15,24 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.geometry import inverse, se3_log
+from automos.odometry.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.odometry.clock import USUAL_PERIOD
-from automos.odometry.kiss import TRIAL_SCANS, find_start
+from automos.odometry.fixed_lag import FixedLag, Posed, TimedScan
 from automos.odometry.moving_windows import MIN_BEND
-from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
-from automos.odometry.fixed_lag import Odometry, Posed, TimedScan
 from automos.scan import Pose, Scan
 from automos.sensor.sweep_timing import SAME_TIME, SweepTiming
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16
 """Scans with motion from which the timing of sweeps is determined: fewer were unreliable."""
-OTHER_START = 0.3
-"""Metres per scan from which two initial speeds are different."""
 REMADE = 40
 """Scans that are registered again, at most."""
 AT_ONCE = 8
 """Of them, per new scan: beside the stream on another core, in about the time of one scan."""
-START_SCANS, START_DELAY = (3, 6, TRIAL_SCANS), 0.1
-"""Scans from which the initial speed is estimated, early and then more reliably, and seconds until it is used."""
-SPEED_DELAY = 0.5
-"""Seconds until a search for the speed among the last scans is used, and the next one starts."""
+SPEED_SCANS, SPEED_DELAY = 5, 0.5
+"""Scans in which the speed is first searched, and seconds until the result is used."""
+SELDOM = 4.0
+"""Seconds between searches for the speed, at most: about what one sees. They begin with none, and double in between."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,7 @@ class Moved:
 class _Correction:
     """A new path through the last scans, while it catches up."""
 
-    def __init__(self, path: Odometry, todo: list[TimedScan], pool: ThreadPoolExecutor):
+    def __init__(self, path: FixedLag, todo: list[TimedScan], pool: ThreadPoolExecutor):
         self.path, self._pool = path, pool
         self.made: list[tuple[TimedScan, Pose]] = []
         self._todo = deque(todo)
@@ -96,7 +93,7 @@ class _Correction:
         return self._future is not None and not self._todo
 
 
-class CausalOdometry:
+class Odometry:
     """The motion of the sensor, scan by scan."""
 
     def __init__(
@@ -111,15 +108,14 @@ class CausalOdometry:
             timing = SweepTiming()
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated
         self._timing_task: BackgroundTask[SweepTiming] | None = None if timing is not None else BackgroundTask(2.0)
-        self._start_task: BackgroundTask[npt.NDArray[np.float64]] | None = BackgroundTask(START_DELAY)
         self._speed_task: BackgroundTask[dict[float, npt.NDArray[np.float64]]] = BackgroundTask(SPEED_DELAY)
-        self._trials = deque(START_SCANS)
+        self._search_at, self._pause = -np.inf, 0.0  # stamp of the next search, and seconds since the one before
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._last = deque[tuple[TimedScan, Pose]](maxlen=REMADE)
-        self._path = Odometry(settings, timing or SweepTiming(), pool=pool)
+        self._path = FixedLag(settings, timing or SweepTiming(), pool=pool)
         self._correction: _Correction | None = None
 
-    def step(self, scan: Scan) -> Moved:
+    def push(self, scan: Scan) -> Moved:
         """Return the motion of the sensor from the last scan to this one."""
         timed = self._timed(scan)
         if self._timing_task is not None and self._n < 2:
@@ -143,20 +139,15 @@ class CausalOdometry:
 
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
-        timing, settings = self._path.timing, self._settings
-        if self._start_task is not None and not self._start_task.is_started and self._n >= self._trials[0]:
-            first = [timed for timed, _ in self._last][: self._trials[0]]
-            scans, gaps = [timed.scan for timed in first], np.array([timed.gap for timed in first[1:]])
-            self._start_task.start(lambda: find_start(scans, settings, timing, gaps), self._stamp)
+        is_settled, settings = self._correction is None, self._settings
+        if is_settled and not self._speed_task.is_started and self._n >= SPEED_SCANS and self._stamp >= self._search_at:
+            self._speed_task.start(self._path.speed_search(), self._stamp)
         if self._timing_task is not None and not self._timing_task.is_started and self._n >= TIMING_SCANS:
             last = list(self._last)[-TIMING_SCANS:]
             travelled = np.linalg.norm(np.diff([T[:3, 3] for _, T in last], axis=0), axis=1)
             if travelled.mean() >= MIN_BEND:
                 moving = [replace(timed.scan, stamp=timed.stamp) for timed, _ in last]
                 self._timing_task.start(lambda: find_timing(moving, settings, self._is_compensated), self._stamp)
-
-        if not self._trials and self._correction is None and not self._speed_task.is_started:
-            self._speed_task.start(self._path.speed_search(), self._stamp)
 
     def _correct(self) -> tuple[list[tuple[TimedScan, Posed]], Pose | None]:
         """Return scans registered again, and the transform of a path that replaces the current one."""
@@ -173,32 +164,35 @@ class CausalOdometry:
 
     def _pending_correction(self) -> _Correction | None:
         """Return a correction if a background task has a result that changes the poses of the last scans."""
+        if self._n < 2:
+            return None
         if self._n == 2 and self._path.timing.share:  # from now on, the distortion of the first sweep is known
             correction = self._follow_again(self._path.timing, self._path.twist)
             correction.catch_up()
             return correction
-        if self._speed_task.is_due(self._stamp):
-            found, self._speed_task = self._speed_task.result(self._stamp) or {}, BackgroundTask(SPEED_DELAY)
-            self._last = deque([one for one in self._last if one[0].stamp >= self._path.stamps[0]], maxlen=REMADE)
-            if (twist := found.get(self._last[1][0].stamp)) is not None:
-                return self._follow_again(self._path.timing, twist)
-        start = None if self._start_task is None else self._start_task.result(self._stamp)
         timing = None if self._timing_task is None else self._timing_task.result(self._stamp)
-        if start is None and timing is None:
-            return None
-        if start is not None:
-            self._trials.popleft()
-            self._start_task = BackgroundTask(START_DELAY) if self._trials else None
         self._timing_task = self._timing_task if timing is None else None
-        twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
-        is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
-        if not is_other_start and (timing is None or _are_alike(timing, self._path.timing)):
+        twists = self._searched()
+        self._last = deque([one for one in self._last if one[0].stamp >= self._path.stamps[0]], maxlen=REMADE)
+        is_other = timing is not None and not _are_alike(timing, self._path.timing)
+        second = self._last[1]
+        if second[0].stamp not in twists and not is_other:
             return None
-        return self._follow_again(timing or self._path.timing, twist if start is None else start)
+        measured = se3_log(inverse(self._last[0][1]) @ second[1]) / second[0].gap if is_other else None
+        return self._follow_again(timing or self._path.timing, twists.get(second[0].stamp, measured))
+
+    def _searched(self) -> dict[float, npt.NDArray[np.float64]]:
+        """Return the motion to each of the last scans, by stamp, if a search has found another; and plan the next."""
+        twists = self._speed_task.result(self._stamp)
+        if twists is None:
+            return {}
+        self._pause = 0.0 if twists else min(max(2.0 * self._pause, SPEED_DELAY), SELDOM)
+        self._speed_task, self._search_at = BackgroundTask(SPEED_DELAY), self._stamp + self._pause
+        return twists
 
     def _follow_again(self, timing: SweepTiming, twist: npt.NDArray[np.float64]) -> _Correction:
         """Return a new path through the last scans, with an initial motion of `twist` per usual gap."""
-        path = Odometry(self._settings, timing, twist, self._last[0][1])
+        path = FixedLag(self._settings, timing, twist, self._last[0][1])
         return _Correction(path, [timed for timed, _ in self._last], self._pool)
 
     @property
