@@ -7,11 +7,11 @@ from raw_worlds import TOWN, curve, sweep
 from worlds import SCAN_GAP, street
 
 from automos import load_settings
-from automos.geometry import inverse, se3_log
+from automos.core.geometry import inverse, se3_log
+from automos.core.scan import Scan
 from automos.odometry.background import BackgroundTask
 from automos.odometry.causal import AT_ONCE, Odometry
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.simulation import Convention, record, simulate
 
 SETTINGS = load_settings("default").odometry

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_log
+from automos.core.geometry import inverse, se3_log
+from automos.core.scan import Pose, Scan
 from automos.odometry.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.fixed_lag import FixedLag, Posed, TimedScan
 from automos.odometry.moving_windows import MIN_BEND
-from automos.scan import Pose, Scan
-from automos.sensor.sweep_timing import SAME_TIME, SweepTiming
+from automos.odometry.sweep_timing import SAME_TIME, SweepTiming
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16

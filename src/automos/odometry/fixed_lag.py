@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array, inverse, se3_exp, se3_log, transform
+from automos.core.geometry import Array, inverse, se3_exp, se3_log, transform
+from automos.core.scan import Pose, Scan
 from automos.odometry.kiss import START_SCANS, UNKNOWN_MOTION, empty_map
 from automos.odometry.links import MIN_MATCHED, Alignment, Window, fit_links, half_width, submap_around
 from automos.odometry.motion import MIN_POINTS, usable_points
@@ -25,8 +26,7 @@ from automos.odometry.refine import CONVERGED, at_likely_speed, solve_links
 from automos.odometry.registration import Icp
 from automos.odometry.submap import Submap
 from automos.odometry.surfels import Surfels, surfels_of
-from automos.scan import Pose, Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 FREE = 1.5

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space import SPAN_TOLERANCE, ask, partners_of
-from automos.candidates.observations import Seen, View
-from automos.geometry import inverse
-from automos.scan import Pose
+from automos.core.geometry import inverse
+from automos.core.scan import Pose
+from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
+from automos.evidence.observations import Seen, View
 from automos.settings import FreeSpaceSettings
 
 
