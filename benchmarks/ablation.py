@@ -173,8 +173,10 @@ def scores(
 
 def stages_from(place: str) -> tuple[str, ...]:
     """Return the stages that a constant, by "module:NAME", shapes."""
-    stages, room = ("candidates", "instances", "tracking", "labels"), place.split(".")[1]
-    return stages[stages.index("candidates" if room in ("ground", "sensor") else room) :]
+    _, room, module = place.partition(":")[0].split(".")[:3]
+    stages = ("candidates", "instances", "tracking", "labels")
+    of_objects = "instances" if module in ("boxes", "detect", "segments") else "tracking"
+    return stages[stages.index("candidates" if room == "evidence" else of_objects) :]
 
 
 def _forget(folder: Path, constants: dict[str, Any]) -> None:

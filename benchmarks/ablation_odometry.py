@@ -23,7 +23,8 @@ from trust import OFF, SAYS_SO, speed_error
 from automos import ArraySequence, load_settings
 from automos.core.progress import StageProgress
 from automos.core.scan import Sequence
-from automos.odometry import estimate_trajectory, facing, kiss, missing_scans, refine, speed
+from automos.odometry import facing, kiss, missing_scans, refine, speed
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 
 SCENARIOS = ("motorway", "canyon", "slowdown", "avenue")

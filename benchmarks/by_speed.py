@@ -26,7 +26,7 @@ from automos import load_settings
 from automos.baselines import m_detector, methods
 from automos.baselines.m_detector_parameters import KITTI
 from automos.core.labels import Label, to_mos
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.simulation import simulate
 from automos.simulation.sequence import SimulatedSequence

@@ -9,7 +9,7 @@ ONLINE_NETWORK_ROOMS = (
     *("learning/online", "learning/segment", "learning/recordings", "network/", "settings/network", "online/"),
     *ODOMETRY_ROOMS,
 )
-TRAINING_ROOMS = ("learning/", "network/")
+TRAINING_ROOMS = ("network/",)
 """What networks are trained with; what they learn from are labels, so all that shapes these counts as well."""
 EVERYTHING = ("",)
 
@@ -114,7 +114,7 @@ JOBS_BESIDE_LABELS = (
         "scale.py",
         ("--cache", "CACHE/scale"),
         ("--cache", "CACHE/scale", "--recordings", "4", "--scans", "12", "--skip-ray"),
-        also=("scale/",),
+        also=("fleet/",),
         is_timed=True,
     ),
     Job(
@@ -122,7 +122,7 @@ JOBS_BESIDE_LABELS = (
         "libraries.py",
         (),
         ("--only", "files", "images"),
-        also=("export/", "datasets/", "evaluation/", "scale/"),
+        also=("writers/", "readers/", "evaluation/", "fleet/"),
         is_timed=True,
     ),
 )

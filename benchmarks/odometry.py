@@ -28,7 +28,7 @@ from automos import open_sequence
 from automos.core.progress import StageProgress
 from automos.core.scan import Sequence
 from automos.evaluation.trajectory import RelativeErrors, errors_over_distance, errors_over_time
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory
 from automos.settings import OdometrySettings
 from automos.simulation import simulate, write

@@ -34,7 +34,7 @@ from automos.core.errors import MissingExtraError
 from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.online.segment import stamped
+from automos.live.segment import stamped
 
 WARM_UP = 12
 """Scans whose times do not count."""
@@ -81,7 +81,7 @@ def by_network(sequence: Sequence) -> Labelled:
 def by_rival(sequence: Sequence, method: str, poses: npt.NDArray) -> Labelled:
     """Yield the scans as an online method that ours is compared with labels them, at given poses."""
     from automos.baselines.methods import BASELINES
-    from automos.odometry import estimate_trajectory
+    from automos.odometry.estimate import estimate_trajectory
     from automos.odometry.trajectory import SequenceFrames
 
     settings = load_settings("default")

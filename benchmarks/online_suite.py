@@ -25,7 +25,7 @@ from suite import STATIC_WORLDS, cell_text
 from automos import Labeler
 from automos.core.atomic import write_text
 from automos.evaluation.moving import Counts, count
-from automos.online.segment import stamped
+from automos.live.segment import stamped
 from automos.simulation import SCENARIOS
 
 SENSORS = ("HDL-64E", "OS1-128", "VLP-16")

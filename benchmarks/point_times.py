@@ -23,8 +23,9 @@ from lines import show_lines
 
 from automos import load_settings, open_sequence
 from automos.core.scan import Sequence
-from automos.odometry import estimate, estimate_trajectory
+from automos.odometry import estimate
 from automos.odometry.compensation import settled_times
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory
 from automos.simulation import SCENARIOS, write_recorded
 from automos.simulation.recorders import Recorded

@@ -28,7 +28,7 @@ from store import real_drive, stored_world
 from automos import load_settings, open_sequence
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Sequence
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.motion import usable_points
 from automos.odometry.trajectory import Trajectory
 from automos.settings import OdometrySettings

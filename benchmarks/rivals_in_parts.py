@@ -31,7 +31,7 @@ from automos.core.labels import Label
 from automos.core.scan import Mask, Sequence
 from automos.evaluation.moving import Counts, count
 from automos.labeling import label_recording
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 from automos.results.open_run import open_run
 

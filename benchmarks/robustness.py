@@ -26,7 +26,7 @@ from automos.core.geometry import make_transform, transform
 from automos.core.progress import StageProgress
 from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, count
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.settings import Settings
 
 

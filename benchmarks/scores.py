@@ -86,8 +86,8 @@ class First(Sequence):
 
 
 BESIDE_THE_METHOD = (
-    *("cli", "simulation/", "datasets/", "export/", "evaluation/", "review/", "visualization/", "results/"),
-    *("live/", "network/", "learning/", "scale/", "demo"),
+    *("cli/", "simulation/", "readers/", "writers/", "evaluation/", "review/", "views/", "results/"),
+    *("live/", "network/", "fleet/"),
 )
 """What shapes no labels: how recordings are read and what becomes of labels has tests of its own."""
 

@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 
 from automos import ArraySequence, load_settings, open_sequence
 from automos.core.parallel import available_cores
-from automos.odometry import estimate_trajectory
 from automos.odometry.clock import read_clock
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import SequenceFrames
 from automos.simulation import Convention, record

@@ -19,7 +19,7 @@ from automos import load_settings
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import inverse
 from automos.evaluation.trajectory import errors_over_time, path_length, rotation_angle
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.settings import PRESETS
 from automos.simulation import SCENARIOS, SENSORS, simulate
 from automos.simulation.sequence import SimulatedSequence

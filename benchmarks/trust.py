@@ -28,7 +28,7 @@ from automos import load_settings, open_sequence
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.scan import Sequence
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.simulation import SCENARIOS, Conditions, Convention, record
 from automos.simulation.recorders import write_recorded
 

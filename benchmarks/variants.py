@@ -24,7 +24,7 @@ from automos.baselines import methods
 from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames
 
 

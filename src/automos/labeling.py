@@ -53,9 +53,9 @@ def label_recording(
         The recording, the poses or the folder cannot be used.
     """
     sequence = as_sequence(sequence)
+    poses = given_poses(sequence, pose_file, calib_file)
     require_room(folder, sequence)
     refuse_unrepeatable(folder)
-    poses = given_poses(sequence, pose_file, calib_file)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)

@@ -191,7 +191,7 @@ class Kinds:
         self._requests.ask(rng)
 
     def _edits(self, rng: random.Random, work: Path) -> None:
-        sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
+        sys.path.insert(0, str(Path(__file__).parents[1] / "writers"))
         from made_run import make_run
 
         fuzz_edits(rng, work, make_run(work / "run"))

@@ -142,20 +142,15 @@ def _runs(
     **more: Any,
 ) -> Iterator[Any]:
     """Give the runs of methods in a folder that no other process writes into meanwhile."""
-    from automos.baselines.comparison.labelers import TITLES
     from automos.baselines.comparison.runs import MethodRuns
     from automos.core.atomic import held
     from automos.labeling import given_poses
     from automos.readers import open_sequence
-    from automos.results.claiming import refuse_folders_of, refuse_inner, refuse_scans
     from automos.settings import read_overrides
 
     sequence = open_sequence(recording, format)
     given = given_poses(sequence, poses, calib)
     folder = out / sequence.name if is_default else out
-    refuse_folders_of(sequence, folder)
-    refuse_scans(folder)
-    refuse_inner(folder, TITLES)
     chosen = read_overrides(overrides)
     with held(folder):
         yield MethodRuns(sequence, folder, chosen, given, workers, _say_when_started(), **more)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automos.core.arguments import require_own_names
+from automos.core.claims import RESULTS, held_by
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.scan import Sequence
@@ -181,7 +182,7 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
 
 def _require_finished(folder: Path) -> None:
     """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
-    is_ours = any((folder / name).exists() for name in ONLY_OURS)
+    is_ours = held_by(folder) == RESULTS or any((folder / name).exists() for name in ONLY_OURS)
     in_fleet = (folder.parent / "ledger").is_dir()
     last = COMPLETE if in_fleet else RUN_FILE
     if (is_ours or in_fleet) and not (folder / last).exists():

@@ -25,7 +25,7 @@ from automos.evidence.network_cue import cue_fingerprint
 from automos.fleet.cache import Cache
 from automos.fleet.machine import cpu_seconds, peak_megabytes, place
 from automos.fleet.orders import Job, Kind, Order, Recording, Report, State
-from automos.fleet.publishing import Marker, publish, read_marker, refuse_foreign, withdraw
+from automos.fleet.publishing import Marker, publish, read_marker, require_ours, withdraw
 from automos.fleet.storage import StoreError, is_url, key_of
 from automos.fleet.work_folder import claim
 from automos.labeling import given_poses, label_recording
@@ -90,7 +90,7 @@ def _do(order: Order, cache: Cache) -> Report:
         if marked is not None and marked.source == stamp:
             return _report_of(marked, is_fresh=False)
         if order.unit.kind is Kind.START:
-            refuse_foreign(recording.target(job.target))
+            require_ours(recording.target(job.target))
             withdraw(recording.target(job.target))
             if len(sequence) <= 2 * job.chunk or job.settings.candidates.method not in CUTTABLE:
                 return _finish(order, sequence, stamp)

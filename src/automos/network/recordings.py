@@ -26,7 +26,7 @@ from automos.evaluation.report import find_predictions
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.readers import open_recordings
 from automos.settings import ImageSettings, Settings

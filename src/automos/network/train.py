@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automos.core.atomic import write_text
+from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.run import Progress
@@ -56,7 +57,7 @@ def train(
     require_training()
     from automos.network.training import train_network
 
-    out.mkdir(parents=True, exist_ok=True)
+    claim(out, TRAINING)
     _claim(out, data, settings, init)
     network = settings.network
     recordings = open_labeled(list(data.train), settings, poses or out / "poses", progress)

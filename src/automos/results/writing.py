@@ -22,13 +22,14 @@ from typing import Any
 
 from automos import __version__
 from automos.core.atomic import remove_parts, write_text
+from automos.core.claims import remove
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.result import Result
-from automos.results.claiming import PER_SCAN
+from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.settings import OutputSettings, Settings, dump_yaml
@@ -54,10 +55,9 @@ def write_results(
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
-        for marker in (COMPLETE, RUN_FILE):  # a recording that was cut into units has both
-            (folder / marker).unlink(missing_ok=True)
-        for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
-            stale.unlink()
+        # A recording that was cut into units has both of the former.
+        for stale in (folder / COMPLETE, folder / RUN_FILE, *per_scan_files(folder)):
+            remove(stale)
     elif not is_whole or "review" in before:
         write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
     counts, n_body = _write_scans(folder, result, output, progress)
