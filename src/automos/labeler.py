@@ -25,6 +25,7 @@ import numpy.typing as npt
 from automos.core.arguments import require_kind
 from automos.core.array_sequence import as_scan
 from automos.core.errors import InputError
+from automos.core.made_up_sweep import made_up_sweep
 from automos.core.parallel import available_cores, checked_workers, one_ahead
 from automos.core.scan import Pose, Scan
 from automos.online.guard import Guard
@@ -45,7 +46,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """Scan number `index`, how the stream should treat it, and its segments; objects are tracked later."""
+    """Scan number `index`, its role, and its segments; objects are tracked later."""
 
     index: int
     scan: Scan
@@ -115,12 +116,7 @@ class Labeler:
         self._begin()
 
     def warm_up(self) -> None:
-        """Load and compile what labelling needs, so that the first scan takes no longer than later ones.
-
-        The first time on a machine it takes up to a minute.
-        """
-        from automos.compiling import made_up_sweep
-
+        """Load what labelling needs, or compile it (up to a minute): then the first scan is as fast as others."""
         labeler = Labeler(self.settings, lag=self.lag, threads=self._threads)
         for i in range(WARM_UP):
             labeler.push(made_up_sweep(0.1 * i).astype(np.float32), 0.1 * i)
@@ -200,7 +196,7 @@ class Labeler:
 
     def _begin(self) -> None:
         """Forget all scans: the next one is the first."""
-        # A recording that is labelled as a whole may have gaps: `label` compares scans before and after one.
+        # A recording labelled as a whole may have gaps: `label` compares scans before and after one.
         self._intake = Intake(LONGEST_GAP if math.isfinite(self.lag) else math.inf)
         self._order, self._n = ReturnOrder(), 0
         self._stream: Stream | WholeRecording | None = None
@@ -208,7 +204,6 @@ class Labeler:
         self._arrived.clear()
 
     def _take(self) -> list[LabelledScan]:
-        """Return the scans that are ready; all of them at `finish` if the lag is infinite."""
         return self._order.take() if math.isfinite(self.lag) else []
 
     def _arrive(self, one: Scan | npt.ArrayLike, stamp: float | None = None) -> _Arrived:

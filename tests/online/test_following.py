@@ -59,7 +59,7 @@ def test_who_was_asked_shifts_what_is_believed():
     assert Comparisons(FEW - 2, is_far=False, is_past=True).shift == 2 * TOO_FEW
 
 
-def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_asked_too():
+def test_a_car_that_one_scan_sees_to_move_is_believed_to_move_more_once_later_scans_were_asked_too():
     few, more = Comparisons(1, False, True), Comparisons(FEW, False, True)
     following = Following(SETTINGS, 0.0)
     for k in range(2):
@@ -67,7 +67,7 @@ def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_a
     before = probability(following, 0.1)
     for k in range(2):
         following.renew(0.1 * k, cars(1.0 * k), more)
-    assert before < SETTINGS.judge.min_probability < probability(following, 0.1)
+    assert before < probability(following, 0.1) > SETTINGS.judge.min_probability
 
 
 def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():

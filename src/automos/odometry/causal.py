@@ -178,7 +178,7 @@ class Odometry:
         second = self._last[1]
         if second[0].stamp not in twists and not is_other:
             return None
-        measured = se3_log(inverse(self._last[0][1]) @ second[1]) / second[0].gap if is_other else None
+        measured = se3_log(inverse(self._last[0][1]) @ second[1]) / second[0].gap
         return self._follow_again(timing or self._path.timing, twists.get(second[0].stamp, measured))
 
     def _searched(self) -> dict[float, npt.NDArray[np.float64]]:

@@ -12,27 +12,26 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse, se3_exp, se3_log, transform
 from automos.core.scan import Pose, Scan
+from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import START_SCANS, UNKNOWN_MOTION, empty_map
-from automos.odometry.links import MIN_MATCHED, Alignment, Window, fit_links, half_width, submap_around
+from automos.odometry.links import MIN_MATCHED, Window, fit_links
 from automos.odometry.motion import MIN_POINTS, usable_points
+from automos.odometry.recent_submaps import ABOUT, RecentSubmaps
 from automos.odometry.refine import CONVERGED, at_likely_speed, solve_links
 from automos.odometry.registration import Icp
-from automos.odometry.submap import Submap
 from automos.odometry.surfels import Surfels, surfels_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 FREE = 1.5
 """Seconds after which a pose is final."""
-ABOUT = Alignment(kernels=(0.5, 0.2, 0.1), submap_every=0.2)
-"""Submaps are cheap, since most are those of the scan before; the more of them, the sooner a path has some."""
 AROUND = 10
 """Scans that a scan which does not fit is registered to."""
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
@@ -41,7 +40,6 @@ DOUBTFUL = 0.7
 """Factor on the usual share of matched surfels, below which an alignment may be wrong."""
 OTHER_SPEED = 0.3
 """Metres per scan from which two speeds are different."""
-Links = list[tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +97,17 @@ class FixedLag:
         self.timing, self._settings, self._pool = timing, settings, pool
         self._is_start_known, self._twist = twist is not None, np.zeros(6) if twist is None else twist
         self._T_first: Pose = np.eye(4) if T_world_first is None else T_world_first
-        self._window: Window | None = None
+        nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
+        self._window = Window([], *nothing, USUAL_PERIOD, 0.0)
         self.stamps: list[float] = []
         self._n = 0  # scans pushed
         self._shares = deque[float](maxlen=20)
-        self._submaps: dict[int, tuple[Pose, Submap]] = {}  # by number of the middle scan: its parts' poses, and itself
+        self._submaps = RecentSubmaps()
 
     @property
     def T_world_sensor(self) -> Pose:
         """(4, 4) pose of the newest scan."""
-        return self._T_first if self._window is None else self._window.T_world_sensor[-1]
+        return self._window.T_world_sensor[-1] if len(self._window) else self._T_first
 
     @property
     def twist(self) -> Array:
@@ -118,7 +117,7 @@ class FixedLag:
     @property
     def poses(self) -> dict[float, Pose]:
         """(4, 4) poses of the newest scans, by stamp; those of earlier ones are final."""
-        return {} if self._window is None else dict(zip(self.stamps, self._window.T_world_sensor, strict=True))
+        return dict(zip(self.stamps, self._window.T_world_sensor, strict=True))
 
     def push(self, timed: TimedScan) -> Posed:
         """Return the pose of the next scan; those of the last `FREE` seconds are refined, see `poses`."""
@@ -126,7 +125,7 @@ class FixedLag:
         during = share * self._twist
         points, times = usable_points(timed.scan, self.timing, during, self._settings)
         surfels = surfels_of(points, times, self.timing.has_seam)
-        is_alone = self._window is None
+        is_alone = len(self._window) == 0
         step = np.eye(4) if is_alone else se3_exp(timed.gap * self._twist)
         self._append(timed, surfels, during, self.T_world_sensor @ step)
         if not is_alone and len(points) >= MIN_POINTS:
@@ -161,28 +160,17 @@ class FixedLag:
         """Add a scan to the window, and drop those of which nothing is needed any more."""
         self._n += 1
         self.stamps.append(timed.stamp)
-        if self._window is None:
-            self._window = Window([surfels], twist[None], T[None], np.zeros(0), timed.period, self.timing.share)
-            return
-        w, first = (
-            self._window,
-            max(len(self._window) + 1 - self._scans(FREE + max(ABOUT.lags) + ABOUT.submap_every), 0),
-        )
+        w = self._window = replace(self._window, period=timed.period, share=self.timing.share)
+        first = max(len(w) + 1 - self._scans(FREE + max(ABOUT.lags) + ABOUT.submap_every), 0)
         self.stamps = self.stamps[first:]
-        self._window = Window(
-            [*w.surfels[first:], surfels],
-            np.vstack([w.twists[first:], twist]),
-            np.concatenate([w.T_world_sensor[first:], T[None]]),
-            np.append(w.gaps, timed.gap)[first:],
-            timed.period,
-            self.timing.share,
+        self._window = replace(
+            w,
+            surfels=[*w.surfels, surfels][first:],
+            twists=np.vstack([w.twists, twist])[first:],
+            T_world_sensor=np.concatenate([w.T_world_sensor, T[None]])[first:],
+            gaps=np.append(w.gaps, timed.gap)[first if len(w) else 1 :],
         )
-        self._submaps = {c: made for c, made in self._submaps.items() if c >= self._first}
-
-    @property
-    def _first(self) -> int:
-        """Number of the window's first scan."""
-        return self._n - len(self._window)
+        self._submaps.forget(first)
 
     def _scans(self, seconds: float) -> int:
         return max(round(seconds / self._window.period), 1)
@@ -219,8 +207,8 @@ class FixedLag:
         T = self._window.T_world_sensor.copy()
         T[-1] = guess
         window, n = self._window.moved(T), len(T)
-        links = self._links(window, [n - 1])
-        submaps = self._submaps_of(window, links)
+        links = self._submaps.links(window, [n - 1])
+        submaps = self._submaps.of(window, links)
         for kernel in ABOUT.kernels:
             fits, _ = fit_links(window, links, kernel, ABOUT, None, submaps)
             if max((fit.n_matched for fit in fits), default=0) < MIN_MATCHED:
@@ -235,43 +223,10 @@ class FixedLag:
         """Refine the scans whose poses are not final."""
         window, n = self._window, len(self._window)
         n_fixed = max(n - self._scans(FREE), 1)
-        links = [link for link in self._links(window, range(n)) if max(link) >= n_fixed]
+        links = [link for link in self._submaps.links(window, range(n)) if max(link) >= n_fixed]
         for kernel in ABOUT.kernels[1:]:
-            fits, _ = fit_links(window, links, kernel, ABOUT, self._pool, self._submaps_of(window, links))
+            fits, _ = fit_links(window, links, kernel, ABOUT, self._pool, self._submaps.of(window, links))
             window, moved = solve_links(window, links, fits, self._settings, n_fixed)
             if moved < CONVERGED:
                 break
         self._window = window
-
-    def _links(self, window: Window, scans: range | list[int]) -> Links:
-        """Return (scan, middle scan of a submap): for each lag, the nearest submaps before and after.
-
-        Where the path is shorter than a lag, its first submap stands for an earlier one.
-        """
-        half, every, n = half_width(window, ABOUT), self._scans(ABOUT.submap_every), len(window)
-        last = max(n - half, 1)
-        centers = np.array([c for c in range(last) if (self._first + c) % every == 0 or self._first + c == half])
-        if len(centers) == 0:
-            centers = np.zeros(1, int)
-        position = window.T_world_sensor[:, :3, 3]
-        links = set()
-        for i in scans:
-            for lag in (sign * self._scans(lag) for lag in ABOUT.lags for sign in (-1, 1)):
-                center = int(centers[np.argmin(np.abs(centers - (i + lag)))])
-                is_near = abs(center - (i + lag)) <= every or i + lag < 0
-                is_apart = abs(center - i) > half
-                if is_near and is_apart and np.linalg.norm(position[center] - position[i]) < ABOUT.max_distance:
-                    links.add((i, center))
-        return sorted(links)
-
-    def _submaps_of(self, window: Window, links: Links) -> dict[int, Submap]:
-        """Return the submaps of the links' middle scans, made again if their scans moved against each other."""
-        half, T, found = half_width(window, ABOUT), window.T_world_sensor, {}
-        for center in sorted({center for _, center in links}):
-            parts = inverse(T[center]) @ T[max(center - half, 0) : center + half + 1]
-            made = self._submaps.get(self._first + center)
-            if made is None or made[0].shape != parts.shape or np.abs(made[0] - parts)[:, :3, 3].max() > CONVERGED:
-                made = parts, submap_around(window, center, half)
-                self._submaps[self._first + center] = made
-            found[center] = made[1]
-        return found
