@@ -32,7 +32,7 @@ AT_ONCE = 8
 SPEED_SCANS, SPEED_DELAY = 5, 0.5
 """Scans in which the speed is first searched, and seconds until the result is used."""
 SELDOM = 4.0
-"""Seconds between searches for the speed, at most: about what one sees. They begin with none, and double in between."""
+"""Seconds between searches for the speed, at most: about what one sees. At first there are none, later they double."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,8 @@ class Odometry:
         twists = self._speed_task.result(self._stamp)
         if twists is None:
             return {}
-        self._pause = 0.0 if twists else min(max(2.0 * self._pause, SPEED_DELAY), SELDOM)
+        is_new = bool(twists) or self._n < REMADE
+        self._pause = 0.0 if is_new else min(max(2.0 * self._pause, SPEED_DELAY), SELDOM)
         self._speed_task, self._search_at = BackgroundTask(SPEED_DELAY), self._stamp + self._pause
         return twists
 
