@@ -29,8 +29,8 @@ REMADE = 40
 """Scans that are registered again, at most."""
 AT_ONCE = 8
 """Of them, per new scan: beside the stream on another core, in about the time of one scan."""
-SPEED_SCANS, SPEED_DELAY = 5, 0.5
-"""Scans in which the speed is first searched, and seconds until the result is used."""
+SPEED_SCANS, SPEED_DELAY = 3, 0.5
+"""Scans in which the speed is first searched, and seconds until a result is used, at most: few scans take less."""
 SELDOM = 4.0
 """Seconds between searches for the speed, at most: about what one sees. At first there are none, later they double."""
 
@@ -141,6 +141,7 @@ class Odometry:
         """Start the background tasks for which there are enough scans."""
         is_settled, settings = self._correction is None, self._settings
         if is_settled and not self._speed_task.is_started and self._n >= SPEED_SCANS and self._stamp >= self._search_at:
+            self._speed_task = BackgroundTask(min(SPEED_DELAY, 0.5 * self._n * self._period))
             self._speed_task.start(self._path.speed_search(), self._stamp)
         if self._timing_task is not None and not self._timing_task.is_started and self._n >= TIMING_SCANS:
             last = list(self._last)[-TIMING_SCANS:]
