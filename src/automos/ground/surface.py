@@ -2,8 +2,9 @@
 
 Each sector is followed from the sensor outwards: a cell whose lowest point continues the ground found so far is ground.
 What rises faster is an object. What lies below a sight line over nearer ground is a mirror image. Occluded cells are
-bridged, and a long even run at another height is accepted as ground again. The ground cells become a height map whose
-gaps are filled from increasingly coarse averages (pull-push). No sensor height, tilt or plane is assumed.
+bridged, and a long even run at another height is accepted as ground again. Ground lies: where nearly all of these cells
+stand, they are the feet of walls and people, and no ground is seen. The others become a height map whose gaps are
+filled from increasingly coarse averages (pull-push). No sensor height, tilt or plane is assumed.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
 PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
 """Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
+LYING = 0.25  # share of the ground's cells that lie, no higher than a step, beyond which they are more than the feet of walls
 MAX_DEPTH = 0.3  # metres: points further below the surface than this are not ground
 
 
@@ -37,7 +39,7 @@ def find_ground(points_level: npt.NDArray, origin_level: Array, settings: Ground
     """Return which of a scan's points are ground, and the height of all above it.
 
     Points far below the surface, which is uncertain beyond a crest, and points beyond `settings.max_range` are not
-    ground.
+    ground. Where no ground is seen at all, none is, and heights are those above the lowest points.
 
     Parameters
     ----------
@@ -52,6 +54,9 @@ def find_ground(points_level: npt.NDArray, origin_level: Array, settings: Ground
     n_rings = int(np.ceil(settings.max_range / cell))
     lowest, highest = _fill_sectors(points_level, origin, cell, n_rings)
     is_ground = _walk_outwards(lowest, highest, *_start(lowest, cell), cell)
+    if np.count_nonzero(highest[is_ground] - lowest[is_ground] < STEP) <= LYING * np.count_nonzero(is_ground):
+        bottom = origin[2] + lowest.min(where=np.isfinite(lowest), initial=0.0)
+        return np.zeros(len(points_level), np.bool_), points_level[:, 2] - np.float32(bottom)
     # A whole number of cells, so that the map has the same cells in every scan.
     corner = (np.floor(origin[:2] / cell) - n_rings) * cell
     sums, counts = _add_ground_points(points_level, origin, lowest, is_ground, corner, cell)

@@ -11,14 +11,14 @@ import numpy as np
 
 from automos.errors import InputError
 from automos.geometry import Array, checked_poses
-from automos.ground.level import MIN_POINTS, level_frame
+from automos.ground.level import MIN_SURFELS, Level, level_frame
 from automos.odometry.clock import Clock, read_clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
-from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists, usable_points
+from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
-from automos.odometry.surfels import surfels_of
+from automos.odometry.surfels import scan_surfels, surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
 from automos.parallel import available_cores
 from automos.scan import Pose, Sequence
@@ -85,23 +85,32 @@ def estimate_trajectory(
             timing = estimate.timing_at(poses).timing
         motion = timing.share * step_twists(poses, estimate.clock.gaps)
         estimate.check(poses, timing)  # step 5
-        T_level_world, has_ground = _find_level(sequence, poses, timing, motion, settings)  # step 6
-    if not has_ground:
-        estimate.warnings.append(
-            "no ground found near the sensor; its z axis is used as vertical and its height as zero."
-        )
+        level = _find_level(sequence, poses, timing, motion, settings)  # step 6
+    estimate.warnings += vertical_doubts(level)
     diagnostics = {"warnings": estimate.warnings, **estimate.figures}
-    return Trajectory(poses, estimate.clock.stamps, motion, timing, T_level_world, diagnostics)
+    return Trajectory(poses, estimate.clock.stamps, motion, timing, level.T_level_world, diagnostics)
 
 
 def _find_level(
     sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
-) -> tuple[Pose, bool]:
-    """Return `T_level_world` and whether ground was found, from a few scans of the recording."""
+) -> Level:
+    """Return the level frame, from a few scans of the recording."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
-    clouds = {i: usable_points(sequence[i], timing, motion[i], settings)[0] for i in ids}
-    used = [i for i in ids if len(clouds[i]) >= MIN_POINTS]
-    return level_frame([clouds[i] for i in used], poses[used], settings)
+    surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
+    used = [i for i in ids if len(surfels[i]) >= MIN_SURFELS]
+    return level_frame([surfels[i] for i in used], poses[used], settings)
+
+
+def vertical_doubts(level: Level) -> list[str]:
+    """Return the warnings, in sentences, that follow from the vertical found."""
+    if level.is_doubtful:
+        return [
+            "which way is up is in doubt: a plane that fits as well lies elsewhere than below an upright sensor. The "
+            "sensor is taken to stand upright; if it hangs, turn the points by 180 degrees about its x axis."
+        ]
+    if not level.has_ground:
+        return ["no ground found near the sensor; its z axis is used as vertical and its height as zero."]
+    return []
 
 
 @dataclass
