@@ -72,7 +72,8 @@ def box(x, y, low, high, half=0.5, spacing=0.1):
     """Points of the sides of an upright box."""
     u, z = (grid.ravel() for grid in np.meshgrid(np.arange(-half, half, spacing), np.arange(low, high, spacing)))
     sides = [np.stack([side * half + 0.0 * u, u, z], axis=1) for side in (-1, 1)]
-    return np.concatenate([*sides, *(of[:, [1, 0, 2]] for of in sides)]) + [x, y, 0.0]
+    around = np.concatenate([*sides, *(of[:, [1, 0, 2]] for of in sides)])
+    return around + np.array([x, y, 0.0])
 
 
 def hall(n_desks):

@@ -31,7 +31,7 @@ PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
 PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
 """Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
-LYING = 0.25  # share of the ground's cells that lie, no higher than a step, beyond which they are more than the feet of walls
+LYING = 0.25  # share of its cells that lie, no higher than a step, above which ground is more than the feet of walls
 MAX_DEPTH = 0.3  # metres: points further below the surface than this are not ground
 
 
