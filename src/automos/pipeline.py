@@ -31,7 +31,7 @@ from automos.recording_warnings import recording_warnings
 from automos.result import Result
 from automos.run import Progress, Run, Tick
 from automos.scan import Pose, Sequence
-from automos.settings import Settings, given_settings
+from automos.settings import Settings, given_settings, rate_of
 from automos.stages.candidates import add_network_cue, find_candidates
 from automos.stages.instances import find_segments
 from automos.stages.labels import label_scans
@@ -98,7 +98,8 @@ def label(
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
     path, found, run = steps.trajectory, steps.objects, steps.run
-    warnings = [*recording_warnings(steps.sequence), *path.diagnostics.get("warnings", [])]
+    rate = rate_of(steps.settings.recording, steps.sequence.name)
+    warnings = [*recording_warnings(steps.sequence, rate), *path.diagnostics.get("warnings", [])]
     return Result(path, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels, warnings)
 
 
@@ -131,7 +132,8 @@ class Steps:
 
         def estimate(tick: Tick) -> Arrays:
             about = self.settings.odometry
-            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers)
+            rate = rate_of(self.settings.recording, self.sequence.name)
+            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers, rate)
             if about.loop_closure:
                 found = close_loops(SequenceFrames(self.sequence, found), found, about.loops)
             return found.to_arrays()
@@ -175,7 +177,8 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
         given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     except (TypeError, ValueError) as error:
         raise InputError(f"poses must be (N, 4, 4) numbers, T_world_sensor of each scan: {error}") from None
-    key = fingerprint(__version__, sequence.fingerprint(), given)
+    rate = rate_of(settings.recording, sequence.name) if sequence.stamps is None else None
+    key = fingerprint(__version__, sequence.fingerprint(), given, *([] if rate is None else [rate]))
     keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))

@@ -13,7 +13,8 @@ SETTINGS = OdometrySettings()
 
 
 def level_of(clouds, poses):
-    return level_frame([surfels_of(cloud, None) for cloud in clouds], poses, SETTINGS)
+    surfels = [surfels_of(cloud, None) for cloud in clouds]
+    return level_frame([(of_scan.mean, of_scan.covariance) for of_scan in surfels], poses, SETTINGS)
 
 
 def mounted(R_ground_sensor, n=4):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+from automos.cli.options import Calib, Format, Overrides, Poses, Preset, Rate, SettingsFile, Workers
 
 if TYPE_CHECKING:
     from automos.scale.label import Resources
@@ -34,6 +34,7 @@ def label(
     format: Format = None,
     poses: Poses = None,
     calib: Calib = None,
+    rate: Rate = None,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
     confidence: Annotated[bool, typer.Option("--confidence", help="write the confidence of each label")] = False,
@@ -66,9 +67,9 @@ def label(
     from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
 
-    given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
-    values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
-    chosen = load_settings(preset, settings, values)
+    names = ("recording.rate", "labels.moving", "labels.unsure", "output.confidence")
+    given = {n: v for n, v in zip(names, (rate, moving, unsure, confidence or None), strict=True) if v is not None}
+    chosen = load_settings(preset, settings, {**given, **read_overrides(set_)})
     part = parse_shard(shard)
     found = alone(find_all(recording, format), part, out)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"

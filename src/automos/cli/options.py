@@ -19,6 +19,7 @@ SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
 ]
+Rate = Annotated[float | None, typer.Option(min=0.1, max=1000, help="scans a second, if none has a time; assumed: 10")]
 Poses = Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")]
 Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")]
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]

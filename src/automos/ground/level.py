@@ -8,7 +8,7 @@ by what stands on them. Where nothing lies, no ground is claimed, and the sensor
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +16,11 @@ import numpy.typing as npt
 from automos.covariances import variance_along
 from automos.geometry import Array, make_transform, rotation_between
 from automos.kernels import kernel
-from automos.scan import Pose
+from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
-if TYPE_CHECKING:
-    from automos.odometry.surfels import Surfels
+Shapes = tuple[Points, npt.NDArray[np.float32]]
+"""Of the surfels of a scan: means (n, 3), metres, and covariances (n, 6), xx, xy, xz, yy, yz, zz."""
 
 RANGE = 20.0
 """Metres around the sensor in which the ground is searched: farther away, its slope may differ."""
@@ -50,16 +50,17 @@ class Level(NamedTuple):
     is_doubtful: bool  # whether only the prior speaks against another vertical
 
 
-def level_frame(scans: list[Surfels], poses: Pose, settings: OdometrySettings) -> Level:
+def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) -> Level:
     """Return the level frame of a recording.
 
     Parameters
     ----------
-    scans : list of M Surfels, sensor frame, of a few scans; the first is the recording's first usable scan.
+    scans : M pairs of the means and covariances of surfels, sensor frame; the first is the first usable scan's.
     poses : (M, 4, 4) their T_world_sensor.
     settings : OdometrySettings
     """
-    near = [(s.mean[is_near], s.covariance[is_near]) for s in scans for is_near in [_is_near(s)]]
+    rows = [np.einsum("ij,ij->i", mean, mean) < RANGE * RANGE for mean, _ in scans]
+    near = [(mean[keep], covariance[keep]) for (mean, covariance), keep in zip(scans, rows, strict=True)]
     if sum(len(mean) for mean, _ in near) < MIN_SURFELS:
         return Level(np.eye(4), False, False)
     mean, covariance = (np.concatenate(part).astype(np.float64) for part in zip(*near, strict=True))
@@ -77,10 +78,6 @@ def level_frame(scans: list[Surfels], poses: Pose, settings: OdometrySettings) -
     T = make_transform(R)
     T[2, 3] = height - (R @ poses[0][:3, 3])[2]
     return Level(T, True, is_doubtful)
-
-
-def _is_near(surfels: Surfels) -> npt.NDArray[np.bool_]:
-    return np.einsum("ij,ij->i", surfels.mean, surfels.mean) < RANGE * RANGE
 
 
 def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) -> tuple[Array | None, bool]:

@@ -49,6 +49,7 @@ def estimate_trajectory(
     poses: Pose | None = None,
     progress: Progress | None = None,
     workers: int = 0,
+    rate: float | None = None,
 ) -> Trajectory:
     """Return the poses and the motion of the sensor at every scan of `sequence`.
 
@@ -60,6 +61,7 @@ def estimate_trajectory(
         sweep and the ground are estimated.
     progress : callable, optional, receives the number of processed scans and their total.
     workers : int, threads, 0: one per core; the result does not depend on it.
+    rate : float, optional, scans a second of a recording without stamps.
 
     Raises
     ------
@@ -72,11 +74,11 @@ def estimate_trajectory(
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one scan.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
-        distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers)
+        distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers, rate)
         return distinct.with_repeats(is_repeat)
     # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
-        estimate = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
+        estimate = _Estimate(sequence, settings, read_clock(sequence, rate), pool, progress)
         # Steps 1 to 4 of docs/odometry.md: timing of the points, initial poses, speed, refinement.
         if poses is None:
             poses, timing = estimate.from_scans()
@@ -98,7 +100,7 @@ def _find_level(
     ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
     surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
     used = [i for i in ids if len(surfels[i]) >= MIN_SURFELS]
-    return level_frame([surfels[i] for i in used], poses[used], settings)
+    return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)
 
 
 def vertical_doubts(level: Level) -> list[str]:

@@ -89,7 +89,7 @@ class Sightings:
     def _find_level(self, scan: Scan, posed: Posed) -> None:
         """Level the world frame at the first scan with ground."""
         surfels = scan_surfels(scan, posed.sweep_motion, posed.timing, self._settings.odometry)
-        T, found, _ = level_frame([surfels], np.eye(4)[None], self._settings.odometry)
+        T, found, _ = level_frame([(surfels.mean, surfels.covariance)], np.eye(4)[None], self._settings.odometry)
         if found:
             before = self._T_level_world @ posed.T_world_sensor
             turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])

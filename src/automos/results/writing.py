@@ -23,13 +23,13 @@ from typing import Any
 from automos import __version__
 from automos.atomic import remove_parts, write_text
 from automos.pose_writers import write_kitti, write_tum
-from automos.recording_warnings import recording_warnings
+from automos.recording_warnings import recording_warnings, scan_rate
 from automos.result import Result
 from automos.results.claiming import PER_SCAN
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.scan import Sequence
-from automos.settings import OutputSettings, Settings, dump_yaml
+from automos.settings import OutputSettings, Settings, dump_yaml, rate_of
 from automos.tracking.verdict import Verdict
 from automos.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 
@@ -60,6 +60,7 @@ def write_results(
             stale.unlink()
     elif not is_whole or "review" in before:
         write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
+    rate = rate_of(settings.recording, sequence.name)
     counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
     write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
@@ -74,7 +75,8 @@ def write_results(
             "scans": len(result),
             "input": sequence.fingerprint(),
             "source": None if sequence.address is None else str(sequence.address.absolute()),
-            "warnings": recording_warnings(sequence),
+            **scan_rate(sequence, rate),
+            "warnings": recording_warnings(sequence, rate),
         },
         "points": counts,
         "points_riding_along": n_body,
