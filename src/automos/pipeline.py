@@ -27,11 +27,11 @@ from automos.errors import InputError
 from automos.loop_closure import close_loops
 from automos.odometry import estimate_trajectory
 from automos.parallel import checked_workers
-from automos.recording_warnings import recording_warnings
+from automos.recording_warnings import rate_of, recording_warnings
 from automos.result import Result
 from automos.run import Progress, Run, Tick
 from automos.scan import Pose, Sequence
-from automos.settings import Settings, given_settings, rate_of
+from automos.settings import Settings, given_settings
 from automos.stages.candidates import add_network_cue, find_candidates
 from automos.stages.instances import find_segments
 from automos.stages.labels import label_scans

@@ -16,7 +16,7 @@ from automos.settings.instances import DetectSettings, HdbscanSettings, Instance
 from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
 from automos.settings.network import ImageSettings, ModelSettings, NetworkSettings, TrainingSettings
 from automos.settings.odometry import LoopSettings, OdometrySettings
-from automos.settings.recording import RecordingSettings, rate_of
+from automos.settings.recording import RecordingSettings
 from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
 from automos.settings.tracking import (
     AssociationSettings,
@@ -39,5 +39,5 @@ __all__ = [
     "OdometrySettings", "OutputSettings", "RecordingSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
     "TrackingSettings", "TrainingSettings", "VerdictSettings",
-    "dump_yaml", "given_settings", "keys_of", "load_settings", "rate_of", "read_overrides",
+    "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

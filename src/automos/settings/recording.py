@@ -22,8 +22,3 @@ class RecordingSettings(Group):
         default_factory=dict,
         description="scans a second of single recordings, by name ({log_1: 5}), instead of rate",
     )
-
-
-def rate_of(about: RecordingSettings, name: str) -> float | None:
-    """Return the scans a second of the recording `name` if it has no times, None if that is not known."""
-    return about.rates.get(name, about.rate)
