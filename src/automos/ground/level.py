@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.covariances import variance_along
-from automos.geometry import Array, make_transform, rotation_between
+from automos.geometry import Array, inverse, make_transform, rotation_between, transform
 from automos.kernels import kernel
 from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
@@ -65,6 +65,8 @@ def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) ->
         return Level(np.eye(4), False, False)
     mean, covariance = (np.concatenate(part).astype(np.float64) for part in zip(*near, strict=True))
     mount, is_doubtful = _find_plane(mean, covariance, settings)  # common to most scans: the mounting of the sensor
+    if mount is None and len(near) > 1:  # carried by hand: what the first scan would have seen of all
+        return level_frame([_as_seen_first(near, poses)], poses[:1], settings)
     if mount is None:
         return Level(np.eye(4), False, is_doubtful)
     planes = [_fit_plane(points.astype(np.float64), of_points, mount) for points, of_points in near]
@@ -78,6 +80,16 @@ def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) ->
     T = make_transform(R)
     T[2, 3] = height - (R @ poses[0][:3, 3])[2]
     return Level(T, True, is_doubtful)
+
+
+def _as_seen_first(scans: list[Shapes], poses: Pose) -> Shapes:
+    """Return all surfels in the frame of the first scan."""
+    means, covariances = [], []
+    for (mean, c), T in zip(scans, inverse(poses[0]) @ poses, strict=True):
+        turned = T[:3, :3] @ c[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]] @ T[:3, :3].T
+        means.append(transform(T, mean))
+        covariances.append(turned[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+    return np.concatenate(means), np.concatenate(covariances)
 
 
 def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) -> tuple[Array | None, bool]:

@@ -10,18 +10,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automos.errors import InputError
-from automos.geometry import Array, checked_poses
+from automos.geometry import Array, checked_poses, inverse
 from automos.ground.level import MIN_SURFELS, Level, level_frame
 from automos.odometry.clock import Clock, read_clock
+from automos.odometry.elevation import find_elevation, longest_path
 from automos.odometry.kiss import register_scans
-from automos.odometry.links import measure_consistency, summarize
+from automos.odometry.links import Window, measure_consistency, summarize
 from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
-from automos.odometry.surfels import scan_surfels, surfels_of
+from automos.odometry.surfels import Surfels, scan_surfels, surfels_of
 from automos.odometry.timing import TimingChoice, choose_timing
 from automos.parallel import available_cores
 from automos.scan import Pose, Sequence
+from automos.sensor.elevation import Raised
 from automos.sensor.sweep_timing import SweepTiming
 from automos.sensor.views import distinct_scans
 from automos.settings import OdometrySettings
@@ -80,17 +82,21 @@ def estimate_trajectory(
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
         estimate = _Estimate(sequence, settings, read_clock(sequence, rate), pool, progress)
         # Steps 1 to 4 of docs/odometry.md: timing of the points, initial poses, speed, refinement.
+        is_given = poses is not None
         if poses is None:
             poses, timing = estimate.from_scans()
         else:
             poses = checked_poses(poses, len(sequence))
             timing = estimate.timing_at(poses).timing
+        elevation = estimate.raise_beams(poses, timing)
+        if elevation and settings.refine and not is_given:
+            poses = estimate.refined_again(poses, timing)
         motion = timing.share * step_twists(poses, estimate.clock.gaps)
         estimate.check(poses, timing)  # step 5
-        level = _find_level(sequence, poses, timing, motion, settings)  # step 6
+        level = _find_level(estimate.sequence, poses, timing, motion, settings)  # step 6
     estimate.warnings += vertical_doubts(level)
     diagnostics = {"warnings": estimate.warnings, **estimate.figures}
-    return Trajectory(poses, estimate.clock.stamps, motion, timing, level.T_level_world, diagnostics)
+    return Trajectory(poses, estimate.clock.stamps, motion, timing, level.T_level_world, diagnostics, elevation)
 
 
 def _find_level(
@@ -145,6 +151,35 @@ class _Estimate:
                 poses = self._poses_under(better.timing)
             choice = better
         return poses, choice.timing
+
+    def raise_beams(self, poses: Pose, timing: SweepTiming) -> float:
+        """Return the radians by which all beams point higher than the scans say, and raise those of `sequence`."""
+        part = longest_path(poses[:, :3, 3])
+        if len(poses) < 3 or self.sequence[0].n_sensors > 1:  # several LiDARs need not have the same
+            return 0.0
+        gaps = self.clock.gaps[part.start : part.stop - 1]
+        twists = timing.share * step_twists(poses, self.clock.gaps)[part]
+        surfels = list(self.pool.map(lambda i, twist: self._surfels(i, twist, timing), range(len(poses))[part], twists))
+        angle = find_elevation(Window(surfels, twists, poses[part], gaps, self.clock.period, timing.share), self.pool)
+        if angle:
+            self.sequence = Raised(self.sequence, angle)
+        self.figures["beams_raised_deg"] = round(float(np.degrees(angle)), 3)
+        return angle
+
+    def refined_again(self, poses: Pose, timing: SweepTiming) -> Pose:
+        """Return (N, 4, 4) poses refined once more, of the same steps between other points."""
+        twists, steps = timing.share * step_twists(poses, self.clock.gaps), inverse(poses[:-1]) @ poses[1:]
+        refinement = RollingRefinement(self.clock, timing.share, self.settings, self.pool)
+        for i, twist in enumerate(twists):
+            surfels = self.pool.submit(self._surfels, i, twist, timing)
+            step, gap = (steps[i - 1], self.clock.gaps[i - 1]) if i else (np.eye(4), 1.0)
+            refinement.add(surfels, twist, step, gap)
+        refined, consistency = refinement.finish()
+        self.figures |= {**summarize(consistency), **speed_figures(refinement.searches)}
+        return refined
+
+    def _surfels(self, i: int, twist: Array, timing: SweepTiming) -> Surfels:
+        return scan_surfels(self.sequence[i], twist, timing, self.settings)
 
     def check(self, poses: Pose, timing: SweepTiming) -> None:
         """Measure how well scans align with (N, 4, 4) `poses`, and add the warnings that follow."""

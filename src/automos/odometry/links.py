@@ -119,7 +119,12 @@ def _half_width(window: Window, about: Alignment) -> int:
 
 
 def fit_links(
-    window: Window, links: list[tuple[int, int]], kernel: float, about: Alignment, pool: ThreadPoolExecutor | None
+    window: Window,
+    links: list[tuple[int, int]],
+    kernel: float,
+    about: Alignment,
+    pool: ThreadPoolExecutor | None,
+    with_elevation: bool = False,
 ) -> tuple[list[Fit], Consistency]:
     """Return the fit of each of `links` (from `choose_links`), and their consistency."""
     T, clock, half = window.T_world_sensor, window.clock, _half_width(window, about)
@@ -138,12 +143,14 @@ def fit_links(
         i, center = links[k]
         surfels = window.surfels[i]
         every = max(-(-len(surfels) // about.max_surfels), 1)  # a different subset for each link
-        return fit_surfels(submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise)
+        return fit_surfels(
+            submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise, with_elevation
+        )
 
     fits = list(each(fit, range(len(links))))
     kept = [k for k, f in enumerate(fits) if f.n_matched >= MIN_MATCHED]
     good, (scan, center) = [fits[k] for k in kept], ids[kept].T
-    solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for f in good]
+    solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(len(f.H)), f.g)[:3] for f in good]
     return fits, Consistency(
         lag=np.abs(clock[scan] - clock[center]),
         thickness=np.array([f.thickness for f in good]),
