@@ -12,8 +12,8 @@ import numpy as np
 from automos.errors import InputError
 from automos.geometry import Array, checked_poses, inverse
 from automos.ground.level import MIN_SURFELS, Level, level_frame
+from automos.odometry.beam_offset import find_elevation, longest_path
 from automos.odometry.clock import Clock, read_clock
-from automos.odometry.elevation import find_elevation, longest_path
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import Window, measure_consistency, summarize
 from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists

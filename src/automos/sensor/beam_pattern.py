@@ -219,11 +219,11 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
         density /= full
         # Motion that cannot be undone smears angles into the gaps between beams; a sector's total is unchanged.
         density *= min(1.0, np.percentile(per_bin.sum(axis=0), 95) / full / density.sum())
-    # Beams apart from others are counted: a lens beside the axis makes rays less steep close by, which smears a beam.
+    # A beam apart from others is one: a lens beside the axis makes rays less steep close by, which smears it.
     for a, b in _runs(density > 0.0):
         beams = round(float(np.percentile(per_bin[a:b].sum(axis=0), 95)) / full)
-        if beams and (b - a) * _ELEVATION_BIN <= _LONGEST_GAP:
-            density[a:b] *= beams / density[a:b].sum()
+        if beams == 1:
+            density[a:b] /= density[a:b].sum()
     # Long runs of empty bins (beams into the sky) get the mean density, so that rows keep their spacing there.
     mean = density[density > 0.0].mean() * (density > 0.0).mean() if (density > 0.0).any() else 0.0
     for a, b in _runs(density == 0.0):

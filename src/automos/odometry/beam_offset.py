@@ -20,8 +20,8 @@ from automos.odometry.surfels import Surfels
 
 STEEP = 8.0
 """Metres from the sensor's axis within which beams that see the ground are steep."""
-ROUNDS = 2
-"""Estimates, each from the surfels that the one before has raised."""
+ROUNDS, CONVERGED_DEG = 4, 0.01
+"""Estimates at most, each from the surfels that the one before has raised, and the change that ends them."""
 SCANS = 100
 """Scans that are compared, those of the longest path."""
 ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0)
@@ -35,6 +35,8 @@ def find_elevation(window: Window, pool: ThreadPoolExecutor | None = None) -> fl
     for _ in range(ROUNDS):
         step, error = _estimate(replace(window, surfels=[_raised(s, angle) for s in window.surfels]), pool)
         angle += step
+        if abs(step) < np.radians(CONVERGED_DEG):
+            break
     return angle if abs(angle) > max(np.radians(LEAST_DEG), CERTAIN * error) else 0.0
 
 
