@@ -4,14 +4,14 @@ from raw_worlds import TOWN, curve, true_poses
 from scipy.spatial.transform import Rotation
 from worlds import record
 
-from automos.array_sequence import ArraySequence
+from automos.core.array_sequence import ArraySequence
 from automos.odometry import estimate_trajectory
 from automos.odometry.beam_offset import SCANS, find_elevation, longest_path
+from automos.odometry.elevation import raised, raised_scan
 from automos.odometry.links import Window
 from automos.odometry.surfels import surfels_of
-from automos.sensor.elevation import raised, raised_scan
+from automos.odometry.trajectory import Trajectory, make_frame
 from automos.settings import OdometrySettings
-from automos.trajectory import Trajectory, make_frame
 
 # a few streets: estimates are good to 0.05 degrees
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from automos.core.scan import Scan
 from automos.online.intake import Intake, Kind
-from automos.scan import Scan
 
 
 def taken(stamps, **about):

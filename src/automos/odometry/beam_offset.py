@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from automos.geometry import Array
+from automos.core.geometry import Array
 from automos.odometry.links import Alignment, Window, choose_links, fit_links
 from automos.odometry.refine import INFORMATION
 from automos.odometry.surfels import Surfels
