@@ -24,7 +24,7 @@ from automos.core.arguments import require_kind
 from automos.core.array_sequence import as_sequence
 from automos.core.errors import InputError
 from automos.core.parallel import checked_workers
-from automos.core.recording_warnings import rate_of, recording_warnings
+from automos.core.recording_warnings import recording_warnings
 from automos.core.run import Progress, Run, Tick
 from automos.core.scan import Pose, Sequence
 from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
@@ -34,6 +34,7 @@ from automos.evidence.stage import add_network_cue, find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
+from automos.odometry.clock import rate_of
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory

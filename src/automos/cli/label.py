@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Calib, Format, Overrides, Poses, Preset, Rate, SettingsFile, Workers
+from automos.cli.options import Calib, Format, Overrides, Poses, Preset, Rate, Recordings, SettingsFile, Workers
 
 if TYPE_CHECKING:
     from automos.fleet.label import Resources
@@ -24,9 +24,7 @@ NOT_ALL = 3
 
 @label_app.command()
 def label(
-    recording: Annotated[
-        str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
-    ],
+    recording: Recordings,
     out: Annotated[str | None, typer.Option(help="results folder or URL; default: automos_runs/NAME")] = None,
     preset: Preset = "default",
     settings: SettingsFile = None,

@@ -13,6 +13,9 @@ import typer
 from automos.core.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
+Recordings = Annotated[
+    str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
+]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, if it is not recognised")]
 Preset = Annotated[str, typer.Option(help="paper: as in the paper; default: the best labels")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.scan import Sequence
-from automos.settings import RecordingSettings
 
 GAP = 1.5
 """Times the usual step of the clock from which scans are missing."""
@@ -33,11 +32,6 @@ def recording_warnings(sequence: Sequence, rate: float | None = None) -> list[st
         *([] if sequence.stamps is None else _missing(sequence.stamps, sequence.names)),
         *_foreign_poses(sequence),
     ]
-
-
-def rate_of(about: RecordingSettings, name: str) -> float | None:
-    """Return the scans a second of the recording `name` where it has no times, None if nobody said."""
-    return about.rates.get(name, about.rate)
 
 
 def scan_rate(sequence: Sequence, rate: float | None = None) -> dict[str, float | str]:

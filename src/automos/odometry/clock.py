@@ -10,6 +10,7 @@ from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.geometry import Array
 from automos.core.scan import LATEST, Sequence
+from automos.settings import RecordingSettings
 
 USUAL_PERIOD = 0.1  # seconds between scans if the recording has no clock
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both
@@ -34,6 +35,11 @@ class Clock:
     def with_gaps(self, gaps: Array) -> Clock:
         """Return the clock of the same scans if they are `gaps` (N - 1,) periods apart."""
         return replace(self, stamps=self.stamps[0] + self.period * np.append(0.0, np.cumsum(gaps)), gaps=gaps)
+
+
+def rate_of(about: RecordingSettings, name: str) -> float | None:
+    """Return the scans a second of the recording `name` where it has no times, None if nobody said."""
+    return about.rates.get(name, about.rate)
 
 
 def read_clock(sequence: Sequence, rate: float | None = None) -> Clock:

@@ -16,10 +16,11 @@ from automos.core.scan import Pose, Sequence
 from automos.core.views import distinct_scans
 from automos.odometry.beam_offset import find_elevation, longest_path
 from automos.odometry.clock import Clock, read_clock
+from automos.odometry.doubts import doubts, vertical_doubts
 from automos.odometry.elevation import Raised
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import Window, measure_consistency, summarize
-from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists
+from automos.odometry.motion import chain, greatest_acceleration, step_twists
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import Surfels, scan_surfels, surfels_of
@@ -30,8 +31,6 @@ from automos.odometry.vertical import MIN_SURFELS, Level, level_frame
 from automos.settings import OdometrySettings
 
 GROUND_SCANS = 20  # scans of a recording in which the ground is searched
-WITHOUT_CLOCK = 4.0
-"""Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 Progress = Callable[[int, int], None]
 MOST_PASSES = 2  # times that all scans are registered, at most: again, if scans turn out to be missing
 
@@ -107,18 +106,6 @@ def _find_level(
     surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
     used = [i for i in ids if len(surfels[i]) >= MIN_SURFELS]
     return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)
-
-
-def vertical_doubts(level: Level) -> list[str]:
-    """Return the warnings, in sentences, that follow from the vertical found."""
-    if level.is_doubtful:
-        return [
-            "which way is up is in doubt: a plane that fits as well lies elsewhere than below an upright sensor. The "
-            "sensor is taken to stand upright; if it hangs, turn the points by 180 degrees about its x axis."
-        ]
-    if not level.has_ground:
-        return ["no ground found near the sensor; its z axis is used as vertical and its height as zero."]
-    return []
 
 
 @dataclass
@@ -237,30 +224,3 @@ class _Estimate:
             if settings.refine:
                 poses, figures = refined, {**summarize(consistency), **speed_figures(refinement.searches)}
         return Registration(poses, gaps, held, figures)
-
-
-def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:
-    """Return the warnings, in sentences, that follow from the `figures` of a run."""
-    found = []
-    if figures.get("is_speed_doubted", False):
-        faster, here, there = (figures[k] for k in ("rival_faster_m_s", "landmarks_refound", "refound_at_rival"))
-        found.append(
-            "the speed is in doubt: of the landmarks that cannot be traffic (higher than any vehicle, far beside the "
-            f"road), {here:.0f} are re-observed at the estimated speed, {there:.0f} if the sensor is {abs(faster):.0f} "
-            f"m/s {'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world; do not "
-            "trust the labels: give your own poses (--poses)."
-        )
-    acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
-    if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
-        found.append(
-            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s per "
-            "second, more than any vehicle can. The poses before or after it are wrong and may follow traffic rather "
-            "than the world; do not trust the labels there: give your own poses (--poses)."
-        )
-    thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
-    if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):
-        found.append(
-            f"scans a second apart do not align with each other: walls are {100 * thickness:.0f} cm thick and poses "
-            f"disagree by {100 * disagreement:.0f} cm. Poses or point times are inaccurate, so labels will be, too."
-        )
-    return found

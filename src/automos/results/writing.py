@@ -24,10 +24,11 @@ from automos import __version__
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import remove
 from automos.core.pose_writers import write_kitti, write_tum
-from automos.core.recording_warnings import rate_of, recording_warnings, scan_rate
+from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
+from automos.odometry.clock import rate_of
 from automos.result import Result
 from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
