@@ -25,7 +25,7 @@ ROUNDS, CONVERGED_DEG = 4, 0.01
 SCANS = 100
 """Scans that are compared, those of the longest path."""
 ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0)
-LEAST_DEG, CERTAIN = 0.05, 2.0
+LEAST_DEG, CERTAIN = 0.05, 5.0
 """Degrees, and standard errors, from which an estimate is not that of a sensor without an offset."""
 
 
