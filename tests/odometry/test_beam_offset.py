@@ -5,9 +5,9 @@ from scipy.spatial.transform import Rotation
 from worlds import record
 
 from automos.core.array_sequence import ArraySequence
-from automos.odometry import estimate_trajectory
 from automos.odometry.beam_offset import SCANS, find_elevation, longest_path
 from automos.odometry.elevation import raised, raised_scan
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.links import Window
 from automos.odometry.surfels import surfels_of
 from automos.odometry.trajectory import Trajectory, make_frame
