@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.core import covariances, directions
+from automos.core import directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.core.scan import Scan
@@ -123,8 +123,8 @@ def _odometry(points: np.ndarray) -> None:
         drifting_seam.drifting_times(points, 1, turns)
     compensate(points, points[:, 0].copy(), np.ones(6))
     usable_points(Scan(points), SweepTiming(), np.zeros(6), about)
-    level._thin(points)
-    level._score_planes(points.astype(float), points.astype(float), points[:, 0].astype(float), 0.15)
+    shapes = np.ones((len(points), 6))
+    level._score_planes(points.astype(float), shapes, points.astype(float), points[:, 0].astype(float))
     matrix, along, out = np.resize(points, 6).astype(float), np.resize(points, 3).astype(float), np.zeros((2, 3))
     covariances.eigenvalues(matrix)
     covariances.eigenvector(matrix, covariances.variance_along(matrix, along), out[0])
