@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.core import directions
+from automos.core import covariances, directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.core.scan import Scan

@@ -69,7 +69,8 @@ def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) ->
         return level_frame([_as_seen_first(near, poses)], poses[:1], settings)
     if mount is None:
         return Level(np.eye(4), False, is_doubtful)
-    planes = [_fit_plane(points.astype(np.float64), of_points, mount) for points, of_points in near]
+    # rounded, so that the order of summation does not show
+    planes = [np.round(_fit_plane(mean.astype(np.float64), around, mount), 9) for mean, around in near]
     ups = np.array([T[:3, :3] @ plane[:3] for T, plane in zip(poses, planes, strict=True)])
     up = np.median(ups, axis=0)
     R = rotation_between(up / np.linalg.norm(up), [0.0, 0.0, 1.0])
