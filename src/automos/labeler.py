@@ -131,7 +131,8 @@ class Labeler:
             Points in metres in the sensor frame; the fourth column is the intensity. They are copied, so the next
             scan may be written into the same array.
         stamp : float, optional
-            Seconds. If not given, the scan's own stamp; if it has none, 0.1 s after the scan before.
+            Seconds. If not given, the scan's own stamp; if it has none, a period after the scan before (0.1 s; see
+            `recording.rate`).
 
         Returns
         -------
@@ -197,7 +198,8 @@ class Labeler:
     def _begin(self) -> None:
         """Forget all scans: the next one is the first."""
         # A recording labelled as a whole may have gaps: `label` compares scans before and after one.
-        self._intake = Intake(LONGEST_GAP if math.isfinite(self.lag) else math.inf)
+        longest = LONGEST_GAP if math.isfinite(self.lag) else math.inf
+        self._intake = Intake(longest, self.settings.recording.rate)
         self._order, self._n = ReturnOrder(), 0
         self._stream: Stream | WholeRecording | None = None
         self._guard.is_broken = False

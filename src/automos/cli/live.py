@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Format, Overrides, SettingsFile
+from automos.cli.options import Format, Overrides, Rate, SettingsFile
 
 if TYPE_CHECKING:
     from automos.live.feed import Feed
@@ -36,6 +36,7 @@ def live(
     speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay; 0: fastest, nothing left out")] = 1.0,
     timeout: Annotated[float, typer.Option(min=0.1, help="seconds without packets after which it ends")] = 10.0,
     format: Format = None,
+    rate: Rate = None,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -59,7 +60,7 @@ def live(
 
     if not 0.0 <= lag < float("inf"):
         raise InputError(f"--lag is {lag:g}: give 0 or some seconds")
-    chosen = load_settings("default", settings, read_overrides(set_))
+    chosen = load_settings("default", settings, {**({"recording.rate": rate} if rate else {}), **read_overrides(set_)})
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
     with ExitStack() as stack:

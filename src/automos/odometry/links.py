@@ -132,10 +132,12 @@ def fit_links(
     about: Alignment,
     pool: ThreadPoolExecutor | None,
     submaps: Mapping[int, Submap] | None = None,
+    with_elevation: bool = False,
 ) -> tuple[list[Fit], Consistency]:
     """Return the fit of each of `links` (from `choose_links`), and their consistency.
 
     submaps : optional, those of the links' middle scans; made of the window if not given.
+    with_elevation : whether the fits have the elevation of the beams as a seventh unknown.
     """
     T, clock = window.T_world_sensor, window.clock
     each: Callable = map if pool is None else pool.map
@@ -150,12 +152,14 @@ def fit_links(
         i, center = links[k]
         surfels = window.surfels[i]
         every = max(-(-len(surfels) // about.max_surfels), 1)  # a different subset for each link
-        return fit_surfels(submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise)
+        return fit_surfels(
+            submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise, with_elevation
+        )
 
     fits = list(each(fit, range(len(links))))
     kept = [k for k, f in enumerate(fits) if f.n_matched >= MIN_MATCHED]
     good, (scan, center) = [fits[k] for k in kept], ids[kept].T
-    solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(6), f.g)[:3] for f in good]
+    solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(len(f.H)), f.g)[:3] for f in good]
     return fits, Consistency(
         lag=np.abs(clock[scan] - clock[center]),
         thickness=np.array([f.thickness for f in good]),

@@ -14,7 +14,7 @@ from automos.evidence.observations import Seen, look
 from automos.odometry.causal import Odometry
 from automos.odometry.compensation import frame_of
 from automos.odometry.fixed_lag import Posed
-from automos.odometry.motion import usable_points
+from automos.odometry.surfels import scan_surfels
 from automos.odometry.vertical import level_frame
 from automos.online.lidars import LidarLearner
 from automos.settings import Settings
@@ -92,8 +92,8 @@ class Sightings:
 
     def _find_level(self, scan: Scan, posed: Posed) -> None:
         """Level the world frame at the first scan with ground."""
-        points, _ = usable_points(scan, posed.timing, posed.sweep_motion, self._settings.odometry)
-        T, found = level_frame([points], np.eye(4)[None], self._settings.odometry)
+        surfels = scan_surfels(scan, posed.sweep_motion, posed.timing, self._settings.odometry)
+        T, found, _ = level_frame([(surfels.mean, surfels.covariance)], np.eye(4)[None], self._settings.odometry)
         if found:
             before = self._T_level_world @ posed.T_world_sensor
             turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])
