@@ -24,6 +24,9 @@ from automos.settings import TrackingSettings
 
 MEMORY = 8.0
 """Seconds of a track on which its verdict is based; as many as the lag if that is longer."""
+PAST_ALONE = 0.5
+"""Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. With
+twice as much, poses that are off by decimetres at a gap make walls move; without any, movers are missed."""
 TOO_FEW = -1.0
 """Added log-odds of moving per scan short of `FEW`: a single one would decide, and its pose may soon be corrected."""
 FEW = 3
@@ -42,15 +45,20 @@ class Comparisons:
         Their number.
     is_far : bool
         Whether some are a second or more away.
+    is_past : bool
+        Whether all are earlier.
     """
 
     n: int
     is_far: bool
+    is_past: bool
 
     @property
     def shift(self) -> float:
         """Log-odds to add to those of moving."""
-        return TOO_FEW * max(FEW - self.n, 0)
+        if self.n < FEW:
+            return TOO_FEW * (FEW - self.n)
+        return PAST_ALONE if self.is_past and self.is_far else 0.0
 
 
 @dataclass(frozen=True, eq=False)

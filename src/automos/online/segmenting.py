@@ -164,7 +164,7 @@ class Segmenting:
         renewed = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
-            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True))
+            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True, is_past=False))
         return renewed
 
     def _update_doubted(self) -> list[Future[Found]]:
@@ -174,7 +174,7 @@ class Segmenting:
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
         for held in few or doubted:
             held.n_compared = n
-            renewed += self._start_update(held, Comparisons(n, self._is_far(held)))
+            renewed += self._start_update(held, Comparisons(n, self._is_far(held), is_past=True))
         return renewed
 
     def _start_update(self, held: _Held, compared: Comparisons) -> list[Future[Found]]:
@@ -223,5 +223,5 @@ class Segmenting:
             return []
         if self._settle < GROWN:
             self._growing.append(held)
-        compared = Comparisons(held.n_compared, self._is_far(held))
+        compared = Comparisons(held.n_compared, self._is_far(held), is_past=self._settle == 0.0)
         return [(held.stamp, held.detections, compared)]
