@@ -34,6 +34,7 @@ from automos.evidence.stage import add_network_cue, find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
+from automos.odometry.clock import rate_of
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory
@@ -98,7 +99,8 @@ def label(
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
     path, found, run = steps.trajectory, steps.objects, steps.run
-    warnings = [*recording_warnings(steps.sequence), *path.diagnostics.get("warnings", [])]
+    rate = rate_of(steps.settings.recording, steps.sequence.name)
+    warnings = [*recording_warnings(steps.sequence, rate), *path.diagnostics.get("warnings", [])]
     return Result(path, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels, warnings)
 
 
@@ -131,7 +133,8 @@ class Steps:
 
         def estimate(tick: Tick) -> Arrays:
             about = self.settings.odometry
-            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers)
+            rate = rate_of(self.settings.recording, self.sequence.name)
+            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers, rate)
             if about.loop_closure:
                 found = close_loops(SequenceFrames(self.sequence, found), found, about.loops)
             return found.to_arrays()
@@ -175,7 +178,8 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
         given = None if poses is None else np.ascontiguousarray(poses, np.float64).tobytes().hex()
     except (TypeError, ValueError) as error:
         raise InputError(f"poses must be (N, 4, 4) numbers, T_world_sensor of each scan: {error}") from None
-    key = fingerprint(__version__, sequence.fingerprint(), given)
+    rate = rate_of(settings.recording, sequence.name) if sequence.stamps is None else None
+    key = fingerprint(__version__, sequence.fingerprint(), given, *([] if rate is None else [rate]))
     keys, chosen = {}, settings.model_dump(mode="json")
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))

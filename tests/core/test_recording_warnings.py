@@ -2,7 +2,7 @@ import numpy as np
 from forks import peak_memory
 
 from automos.core.array_sequence import ArraySequence
-from automos.core.recording_warnings import recording_warnings
+from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
 
 
@@ -24,7 +24,7 @@ def test_missing_scans_are_counted_and_found():
 def test_doubled_scans_are_recognised_by_their_points():
     doubled = scans(20)
     doubled[5], doubled[11] = doubled[4], doubled[10]
-    (sentence,) = recording_warnings(ArraySequence(doubled))
+    (sentence,) = recording_warnings(ArraySequence(doubled), rate=10.0)
     assert sentence == "2 scans are the one before them once more (first: 000005)."
 
 
@@ -32,15 +32,25 @@ def test_doubled_scans_are_recognised_though_rays_return_nothing():
     doubled = [np.vstack([scan, np.full((2, 3), np.nan, np.float32)]) for scan in scans(20)]
     doubled[5] = doubled[4].copy()
     doubled[8] = doubled[9] = np.full((5, 3), np.nan, np.float32)  # without a point there is nothing to repeat
-    (sentence,) = recording_warnings(ArraySequence(doubled))
+    (sentence,) = recording_warnings(ArraySequence(doubled), rate=10.0)
     assert sentence == "1 scans are the one before them once more (first: 000005)."
 
 
 def test_too_few_scans_to_decide_anything_are_told_in_figures():
-    (sentence,) = recording_warnings(ArraySequence(scans(2)))
+    (sentence,) = recording_warnings(ArraySequence(scans(2)), rate=10.0)
     assert sentence.startswith("2 scans over 0.1 s are too few to decide what moves")
     assert "there are 0 here and should be 8 or more" in sentence
     assert recording_warnings(ArraySequence(scans(12), stamps=np.arange(12.0))) == []
+
+
+def test_a_rate_that_is_only_assumed_is_said_and_one_that_is_known_is_not():
+    untimed, timed = ArraySequence(scans(20)), ArraySequence(scans(20), stamps=0.2 * np.arange(20))
+    (sentence,) = recording_warnings(untimed)
+    assert sentence.startswith("No scan has a time: 10 scans a second are assumed.")
+    assert recording_warnings(untimed, rate=20.0) == []
+    assert scan_rate(untimed) == {"rate_hz": 10.0, "rate_from": "assumed"}
+    assert scan_rate(untimed, 20.0) == {"rate_hz": 20.0, "rate_from": "given"}
+    assert scan_rate(timed, 20.0) == {"rate_hz": 5.0, "rate_from": "times"}
 
 
 class Long(Sequence):

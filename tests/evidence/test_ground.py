@@ -85,3 +85,27 @@ def test_heights_are_measured_from_the_ground_under_each_point():
 
 def test_no_points_no_ground():
     assert find_ground(np.zeros((0, 3), np.float32), ORIGIN, S)[0].shape == (0,)
+
+
+def wall(x, half=3.0, low=-0.9, high=0.9):
+    """The points of an upright wall across the x axis, as rings of a spinning sensor meet it."""
+    y, z = (grid.ravel() for grid in np.meshgrid(np.arange(-half, half, 0.02), np.arange(low, high, 0.15)))
+    return np.stack([np.full(len(y), x), y, z], axis=1).astype(np.float32)
+
+
+def test_the_feet_of_walls_and_people_are_no_ground_where_none_is_seen():
+    room = np.concatenate([wall(3.0), wall(-3.0), wall(3.0)[:, [1, 0, 2]], wall(-3.0)[:, [1, 0, 2]]])
+    person = block(1.5, 0.5, -0.6, 0.8, half=0.2)
+    is_ground, height = find_ground(np.concatenate([room, person]), np.zeros(3), S)
+    assert not is_ground.any()
+    assert height.min() == pytest.approx(0.0, abs=1e-6)
+    assert find_ground(np.zeros((0, 3), np.float32), np.zeros(3), S)[0].shape == (0,)
+
+
+def test_boats_on_water_beside_a_quay_are_no_ground_though_the_quay_is():
+    quay = rings()
+    quay = quay[quay[:, 0] < -4.0]
+    boats = np.concatenate([block(x, y, 0.0, 0.3) for x, y in ((15, 2), (12, -6), (25, 10))])
+    is_ground = find_ground(np.concatenate([quay, boats]), ORIGIN, S)[0]
+    assert is_ground[: len(quay)].mean() > 0.97
+    assert not is_ground[len(quay) :].any()

@@ -7,7 +7,8 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.scan import Scan
 from automos.odometry import estimate
-from automos.odometry.estimate import doubts, estimate_trajectory
+from automos.odometry.doubts import doubts
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice
 from automos.settings import OdometrySettings

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
+from automos.cli.options import Calib, Format, Overrides, Poses, Preset, Rate, Recordings, SettingsFile, Workers
 
 if TYPE_CHECKING:
     from automos.fleet.label import Resources
@@ -24,9 +24,7 @@ NOT_ALL = 3
 
 @label_app.command()
 def label(
-    recording: Annotated[
-        str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
-    ],
+    recording: Recordings,
     out: Annotated[str | None, typer.Option(help="results folder or URL; default: automos_runs/NAME")] = None,
     preset: Preset = "default",
     settings: SettingsFile = None,
@@ -34,6 +32,7 @@ def label(
     format: Format = None,
     poses: Poses = None,
     calib: Calib = None,
+    rate: Rate = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace results with other poses")] = False,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
@@ -67,9 +66,9 @@ def label(
     from automos.labeling import require_poses_of_one
     from automos.settings import load_settings, read_overrides
 
-    given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
-    values = {**{key: value for key, value in given.items() if value is not None}, **read_overrides(set_)}
-    chosen = load_settings(preset, settings, values)
+    names = ("recording.rate", "labels.moving", "labels.unsure", "output.confidence")
+    given = {n: v for n, v in zip(names, (rate, moving, unsure, confidence or None), strict=True) if v is not None}
+    chosen = load_settings(preset, settings, {**given, **read_overrides(set_)})
     part = parse_shard(shard)
     found = alone(find_all(recording, format), part, out)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from automos.cli.consoles import console, output
-from automos.cli.options import Format, Lag, Overrides, SettingsFile
+from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile
 
 if TYPE_CHECKING:
     from automos.live.feed import Feed
@@ -38,6 +38,7 @@ def live(
     speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay; 0: fastest, nothing left out")] = 1.0,
     timeout: Annotated[float, typer.Option(min=0.1, help="seconds without packets after which it ends")] = 10.0,
     format: Format = None,
+    rate: Rate = None,
     settings: SettingsFile = None,
     set_: Overrides = None,
 ) -> None:
@@ -54,11 +55,11 @@ def live(
     import automos
     from automos.compiling import LINE, is_cold
     from automos.live.opening import open_feed
-    from automos.live.run import get_ready, run_live
+    from automos.live.run import run_live
     from automos.live.segment import results_writer
     from automos.settings import load_settings, read_overrides
 
-    chosen = load_settings("default", settings, read_overrides(set_))
+    chosen = load_settings("default", settings, {**({"recording.rate": rate} if rate else {}), **read_overrides(set_)})
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
     with ExitStack() as stack:
@@ -72,8 +73,8 @@ def live(
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))
         console.print(LINE if is_cold() else "getting ready", markup=False)
-        get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
+        labeler.warm_up()
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
             writer.finish(_about(feed, tally, lag))

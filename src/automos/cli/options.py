@@ -13,6 +13,9 @@ import typer
 from automos.core.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
+Recordings = Annotated[
+    str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
+]
 Format = Annotated[
     str | None,
     typer.Option(
@@ -26,6 +29,7 @@ SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="one setting, e.g. tracking.max_misses=3; repeatable")
 ]
+Rate = Annotated[float | None, typer.Option(min=0.1, max=1000, help="scans a second, if none has a time; assumed: 10")]
 Poses = Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")]
 Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")]
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]

@@ -31,7 +31,7 @@ def ros2(
     from automos.compiling import LINE, is_cold
     from automos.live.ros2.feed import RosFeed
     from automos.live.ros2.publishing import Publisher
-    from automos.live.run import get_ready, run_live
+    from automos.live.run import run_live
     from automos.settings import load_settings, read_overrides
 
     chosen = load_settings("default", settings, read_overrides(set_))
@@ -39,9 +39,10 @@ def ros2(
     try:
         publish = Publisher(feed)
         console.print(LINE if is_cold() else "getting ready", markup=False)
-        get_ready(automos.Labeler(chosen, lag=lag))
+        labeler = automos.Labeler(chosen, lag=lag)
+        labeler.warm_up()
         console.print(f"waiting for clouds on {feed.topic} (Ctrl-C ends it)", markup=False)
-        tally = run_live(feed, automos.Labeler(chosen, lag=lag), [publish])
+        tally = run_live(feed, labeler, [publish])
     finally:
         feed.close()
     for sentence in (tally.sentence(feed.name), feed.summary()):

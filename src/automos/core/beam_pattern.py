@@ -219,10 +219,19 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
         density /= full
         # Motion that cannot be undone smears angles into the gaps between beams; a sector's total is unchanged.
         density *= min(1.0, np.percentile(per_bin.sum(axis=0), 95) / full / density.sum())
+    # A beam apart from others is one: a lens beside the axis makes rays less steep close by, which smears it.
+    for a, b in _runs(density > 0.0):
+        beams = round(float(np.percentile(per_bin[a:b].sum(axis=0), 95)) / full)
+        if beams == 1:
+            density[a:b] /= density[a:b].sum()
     # Long runs of empty bins (beams into the sky) get the mean density, so that rows keep their spacing there.
-    is_empty = np.concatenate([[False], density == 0.0, [False]])
     mean = density[density > 0.0].mean() * (density > 0.0).mean() if (density > 0.0).any() else 0.0
-    for a, b in np.flatnonzero(np.diff(is_empty.astype(np.int8))).reshape(-1, 2):
+    for a, b in _runs(density == 0.0):
         if (b - a) * _ELEVATION_BIN > _LONGEST_GAP:
             density[a:b] = mean
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
+
+
+def _runs(flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Return (K, 2) the start and the end of each run of true `flags`."""
+    return np.flatnonzero(np.diff(flags, prepend=False, append=False)).reshape(-1, 2)

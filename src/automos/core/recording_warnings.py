@@ -15,25 +15,44 @@ NEAREST, FARTHEST = 0.15, 10.0
 """Seconds between a scan and those that can show what moved: the spans of the evidence, with their tolerance."""
 ENOUGH = 8
 """Such scans that it takes: with fewer, what drives and rides past in the open is not found reliably."""
-USUAL_PERIOD = 0.1
-"""Seconds between scans where the recording has no clock."""
+USUAL_RATE = 10.0
+"""Scans a second where nobody says how many there are."""
 
 
-def recording_warnings(sequence: Sequence) -> list[str]:
-    """Return what a reader of labels of `sequence` should know of the recording; nothing where it is regular."""
+def recording_warnings(sequence: Sequence, rate: float | None = None) -> list[str]:
+    """Return what a reader of labels of `sequence` should know of the recording; nothing where it is regular.
+
+    `rate` : scans a second of a recording without times, if known.
+    """
     return [
         *sequence.warnings,
-        *_few(sequence),
+        *_assumed(sequence, rate),
+        *_few(sequence, rate),
         *_doubled(sequence),
         *([] if sequence.stamps is None else _missing(sequence.stamps, sequence.names)),
         *_foreign_poses(sequence),
     ]
 
 
-def _few(sequence: Sequence) -> list[str]:
+def scan_rate(sequence: Sequence, rate: float | None = None) -> dict[str, float | str]:
+    """Return how many scans a second there usually are, `rate` without times, and how that is known."""
+    if sequence.stamps is not None and len(sequence.stamps) > 1:
+        usual = float(np.median(np.diff(sequence.stamps)))
+        return {"rate_hz": round(1.0 / max(usual, 1e-9), 3), "rate_from": "times"}
+    return {"rate_hz": rate or USUAL_RATE, "rate_from": "assumed" if rate is None else "given"}
+
+
+def _assumed(sequence: Sequence, rate: float | None) -> list[str]:
+    """Where nothing tells the time, speeds are a guess."""
+    if sequence.stamps is not None or rate is not None or len(sequence) < 2:
+        return []
+    return [f"No scan has a time: {USUAL_RATE:g} scans a second are assumed. If it is another number, give --rate HZ."]
+
+
+def _few(sequence: Sequence, rate: float | None) -> list[str]:
     """Where hardly another scan can be asked about a scan, nothing moving is not a finding."""
     n = len(sequence)
-    stamps = USUAL_PERIOD * np.arange(n) if sequence.stamps is None else sequence.stamps
+    stamps = np.arange(n) / (rate or USUAL_RATE) if sequence.stamps is None else sequence.stamps
     asked = np.array(evenly_spread(stamps, 50))  # all pairs of scans would fill the memory
     apart = np.abs(asked[:, None] - stamps[None])
     others = int(np.median(((apart >= NEAREST) & (apart <= FARTHEST)).sum(axis=1))) if n else 0

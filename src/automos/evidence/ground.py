@@ -2,8 +2,10 @@
 
 Each sector is followed from the sensor outwards: a cell whose lowest point continues the ground found so far is ground.
 What rises faster is an object. What lies below a sight line over nearer ground is a mirror image. Occluded cells are
-bridged, and a long even run at another height is accepted as ground again. The ground cells become a height map whose
-gaps are filled from increasingly coarse averages (pull-push). No sensor height, tilt or plane is assumed.
+bridged, and a long even run at another height is accepted as ground again. Ground lies: where hardly any sector has
+flat cells at two ranges, these are the feet of walls, people and boats, and no ground is seen. The others become a
+height map whose gaps are filled from increasingly coarse averages (pull-push). No sensor height, tilt or plane is
+assumed.
 """
 
 from __future__ import annotations
@@ -30,6 +32,9 @@ PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
 PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
 """Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
+LYING, BESIDE = 0.1, 15
+"""Least share of sectors, of all and of those that many sectors beside one, in which ground lies at two ranges: it is
+flat there, and not the feet of things that stand on what is not seen."""
 MAX_DEPTH = 0.3  # metres: points further below the surface than this are not ground
 
 
@@ -37,7 +42,7 @@ def find_ground(points_level: npt.NDArray, origin_level: Array, settings: Ground
     """Return which of a scan's points are ground, and the height of all above it.
 
     Points far below the surface, which is uncertain beyond a crest, and points beyond `settings.max_range` are not
-    ground.
+    ground. Where no ground is seen at all, none is, and heights are those above the lowest points.
 
     Parameters
     ----------
@@ -52,12 +57,17 @@ def find_ground(points_level: npt.NDArray, origin_level: Array, settings: Ground
     n_rings = int(np.ceil(settings.max_range / cell))
     lowest, highest = _fill_sectors(points_level, origin, cell, n_rings)
     is_ground = _walk_outwards(lowest, highest, *_start(lowest, cell), cell)
+    is_seen = _sees_ground(is_ground, is_ground & (highest - lowest < STEP))
+    is_ground &= is_seen[:, None]
+    if not is_ground.any():
+        bottom = origin[2] + lowest.min(where=np.isfinite(lowest), initial=0.0)
+        return np.zeros(len(points_level), np.bool_), points_level[:, 2] - np.float32(bottom)
     # A whole number of cells, so that the map has the same cells in every scan.
     corner = (np.floor(origin[:2] / cell) - n_rings) * cell
     sums, counts = _add_ground_points(points_level, origin, lowest, is_ground, corner, cell)
     surface = _fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
     tolerances = (settings.tolerance, settings.tolerance_per_metre)
-    return _measure(points_level, origin, corner, 1.0 / cell, surface, *tolerances)
+    return _measure(points_level, origin, corner, 1.0 / cell, surface, is_seen, *tolerances)
 
 
 def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
@@ -84,6 +94,17 @@ def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
     if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
         return float(plane[2]), directions @ plane[:2]
     return start, level
+
+
+def _sees_ground(is_ground: Mask, is_lying: Mask) -> Mask:
+    """Return the sectors (S,) beside which enough of those with ground have some that lies at two ranges or more."""
+    found = np.array([is_lying.sum(axis=1) > 1, is_ground.any(axis=1)], np.float64)
+    if found[0].sum() < LYING * found[1].sum():
+        return np.zeros(SECTORS, np.bool_)
+    around = np.cumsum(np.concatenate([found, found, found], axis=1), axis=1)
+    here = np.arange(SECTORS, 2 * SECTORS)
+    lying, some = around[:, here + BESIDE] - around[:, here - BESIDE - 1]
+    return (lying >= LYING * some) & (lying > 0.0)
 
 
 def _directions() -> Array:
@@ -209,7 +230,7 @@ def _add_ground_points(points, origin, lowest, is_ground, corner, cell):  # type
 
 
 @kernel
-def _measure(points, origin, corner, per_cell, surface, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
+def _measure(points, origin, corner, per_cell, surface, is_seen, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
     """Return which points are on the `surface`, and the heights of all above it."""
     h, w = surface.shape
     is_ground, height = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
@@ -218,6 +239,6 @@ def _measure(points, origin, corner, per_cell, surface, tolerance, tolerance_per
         x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
         beneath = _sample(surface, u - 0.5, v - 0.5)
         is_low = -MAX_DEPTH < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
-        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h
+        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h and is_seen[int(rough_turn_of(x, y) * SECTORS)]
         height[i] = points[i, 2] - np.float32(beneath)
     return is_ground, height

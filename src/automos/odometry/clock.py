@@ -9,11 +9,14 @@ import numpy as np
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.geometry import Array
+from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import LATEST, Sequence
+from automos.settings import RecordingSettings
 
-USUAL_PERIOD = 0.1  # seconds between scans if the recording has no clock
+USUAL_PERIOD = 1.0 / USUAL_RATE  # seconds
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both
 SHORTEST_PERIOD = 1e-3  # seconds: no sensor has a shorter period
+LONGEST_GAP = 10.0  # seconds that a gap counts at most: over a longer pause, the motion before it says nothing
 STAMP_DIGITS = 9
 """Decimals of a stamp (nanoseconds), so that the same clock read from two formats is identical to the last bit."""
 
@@ -27,7 +30,7 @@ class Clock:
 
     stamps: Array  # (N,) seconds
     period: float  # seconds, the usual time between scans
-    gaps: Array  # (N - 1,) time between neighbouring scans over `period`
+    gaps: Array  # (N - 1,) time between neighbouring scans over `period`, that of a pause cut short
     has_stamps: bool  # False if scans are only counted: then `find_missing` estimates how many are missing
 
     def with_gaps(self, gaps: Array) -> Clock:
@@ -35,22 +38,27 @@ class Clock:
         return replace(self, stamps=self.stamps[0] + self.period * np.append(0.0, np.cumsum(gaps)), gaps=gaps)
 
 
-def read_clock(sequence: Sequence) -> Clock:
-    """Return the clock of `sequence`; ten scans per second if it has none.
+def rate_of(about: RecordingSettings, name: str) -> float | None:
+    """Return the scans a second of the recording `name` where it has no times, None if nobody said."""
+    return about.rates.get(name, about.rate)
+
+
+def read_clock(sequence: Sequence, rate: float | None = None) -> Clock:
+    """Return the clock of `sequence`; `rate` scans a second if it has none, ten if that is not known either.
 
     Raises
     ------
     InputError
         The stamps are not one per scan, do not increase, or are not seconds.
     """
-    n, given = len(sequence), sequence.stamps
-    stamps = USUAL_PERIOD * np.arange(n, dtype=np.float64) if given is None else as_array(given, "f8", (n,), "stamps")
+    n, given, period = len(sequence), sequence.stamps, USUAL_PERIOD if rate is None else 1.0 / rate
+    stamps = period * np.arange(n, dtype=np.float64) if given is None else as_array(given, "f8", (n,), "stamps")
     if not (np.abs(stamps) < LATEST).all():
         odd = stamps[int(np.argmin(np.abs(stamps) < LATEST))]
         raise InputError(f"{sequence.name} has an invalid stamp of {odd:g} s: give stamps in seconds, or none")
     stamps = np.round(stamps, STAMP_DIGITS)
     if len(stamps) < 2:
-        return Clock(stamps, USUAL_PERIOD, np.ones(0), given is not None)
+        return Clock(stamps, period, np.ones(0), given is not None)
     steps = np.diff(stamps)
     usual = float(np.median(steps))
     if not (steps > MOST_UNEVEN * usual).all() or usual < SHORTEST_PERIOD:
@@ -61,4 +69,5 @@ def read_clock(sequence: Sequence) -> Clock:
         )
     is_gap = steps > 1.5 * usual
     period = float(steps[~is_gap].mean())
-    return Clock(stamps, period, np.where(is_gap, steps / period, 1.0), given is not None)
+    gaps = np.where(is_gap, np.minimum(steps, max(LONGEST_GAP, period)) / period, 1.0)
+    return Clock(stamps, period, gaps, given is not None)

@@ -10,26 +10,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.geometry import Array, checked_poses
+from automos.core.geometry import Array, checked_poses, inverse
 from automos.core.parallel import available_cores
 from automos.core.scan import Pose, Sequence
 from automos.core.views import distinct_scans
+from automos.odometry.beam_offset import find_elevation, longest_path
 from automos.odometry.clock import Clock, read_clock
+from automos.odometry.doubts import doubts, vertical_doubts
+from automos.odometry.elevation import Raised
 from automos.odometry.kiss import register_scans
-from automos.odometry.links import measure_consistency, summarize
-from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_acceleration, step_twists, usable_points
+from automos.odometry.links import Window, measure_consistency, summarize
+from automos.odometry.motion import chain, greatest_acceleration, step_twists
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
-from automos.odometry.surfels import surfels_of
+from automos.odometry.surfels import Surfels, scan_surfels, surfels_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice, choose_timing
 from automos.odometry.trajectory import Trajectory
-from automos.odometry.vertical import MIN_POINTS, level_frame
+from automos.odometry.vertical import MIN_SURFELS, Level, level_frame
 from automos.settings import OdometrySettings
 
 GROUND_SCANS = 20  # scans of a recording in which the ground is searched
-WITHOUT_CLOCK = 4.0
-"""Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
 Progress = Callable[[int, int], None]
 MOST_PASSES = 2  # times that all scans are registered, at most: again, if scans turn out to be missing
 
@@ -49,6 +50,7 @@ def estimate_trajectory(
     poses: Pose | None = None,
     progress: Progress | None = None,
     workers: int = 0,
+    rate: float | None = None,
 ) -> Trajectory:
     """Return the poses and the motion of the sensor at every scan of `sequence`.
 
@@ -60,6 +62,7 @@ def estimate_trajectory(
         sweep and the ground are estimated.
     progress : callable, optional, receives the number of processed scans and their total.
     workers : int, threads, 0: one per core; the result does not depend on it.
+    rate : float, optional, scans a second of a recording without stamps.
 
     Raises
     ------
@@ -72,36 +75,37 @@ def estimate_trajectory(
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one scan.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
-        distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers)
+        distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers, rate)
         return distinct.with_repeats(is_repeat)
     # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
     with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
-        estimate = _Estimate(sequence, settings, read_clock(sequence), pool, progress)
+        estimate = _Estimate(sequence, settings, read_clock(sequence, rate), pool, progress)
         # Steps 1 to 4 of docs/odometry.md: timing of the points, initial poses, speed, refinement.
+        is_given = poses is not None
         if poses is None:
             poses, timing = estimate.from_scans()
         else:
             poses = checked_poses(poses, len(sequence))
             timing = estimate.timing_at(poses).timing
+        elevation = estimate.raise_beams(poses, timing)
+        if elevation and settings.refine and not is_given:
+            poses = estimate.refined_again(poses, timing)
         motion = timing.share * step_twists(poses, estimate.clock.gaps)
         estimate.check(poses, timing)  # step 5
-        T_level_world, has_ground = _find_level(sequence, poses, timing, motion, settings)  # step 6
-    if not has_ground:
-        estimate.warnings.append(
-            "no ground found near the sensor; its z axis is used as vertical and its height as zero."
-        )
+        level = _find_level(estimate.sequence, poses, timing, motion, settings)  # step 6
+    estimate.warnings += vertical_doubts(level)
     diagnostics = {"warnings": estimate.warnings, **estimate.figures}
-    return Trajectory(poses, estimate.clock.stamps, motion, timing, T_level_world, diagnostics)
+    return Trajectory(poses, estimate.clock.stamps, motion, timing, level.T_level_world, diagnostics, elevation)
 
 
 def _find_level(
     sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
-) -> tuple[Pose, bool]:
-    """Return `T_level_world` and whether ground was found, from a few scans of the recording."""
+) -> Level:
+    """Return the level frame, from a few scans of the recording."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
-    clouds = {i: usable_points(sequence[i], timing, motion[i], settings)[0] for i in ids}
-    used = [i for i in ids if len(clouds[i]) >= MIN_POINTS]
-    return level_frame([clouds[i] for i in used], poses[used], settings)
+    surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
+    used = [i for i in ids if len(surfels[i]) >= MIN_SURFELS]
+    return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)
 
 
 @dataclass
@@ -134,6 +138,35 @@ class _Estimate:
                 poses = self._poses_under(better.timing)
             choice = better
         return poses, choice.timing
+
+    def raise_beams(self, poses: Pose, timing: SweepTiming) -> float:
+        """Return the radians by which all beams point higher than the scans say, and raise those of `sequence`."""
+        part = longest_path(poses[:, :3, 3])
+        if len(poses) < 3 or self.sequence[0].n_sensors > 1:  # several LiDARs need not have the same
+            return 0.0
+        gaps = self.clock.gaps[part.start : part.stop - 1]
+        twists = timing.share * step_twists(poses, self.clock.gaps)[part]
+        surfels = list(self.pool.map(lambda i, twist: self._surfels(i, twist, timing), range(len(poses))[part], twists))
+        angle = find_elevation(Window(surfels, twists, poses[part], gaps, self.clock.period, timing.share), self.pool)
+        if angle:
+            self.sequence = Raised(self.sequence, angle)
+        self.figures["beams_raised_deg"] = round(float(np.degrees(angle)), 3)
+        return angle
+
+    def refined_again(self, poses: Pose, timing: SweepTiming) -> Pose:
+        """Return (N, 4, 4) poses refined once more, of the same steps between other points."""
+        twists, steps = timing.share * step_twists(poses, self.clock.gaps), inverse(poses[:-1]) @ poses[1:]
+        refinement = RollingRefinement(self.clock, timing.share, self.settings, self.pool)
+        for i, twist in enumerate(twists):
+            surfels = self.pool.submit(self._surfels, i, twist, timing)
+            step, gap = (steps[i - 1], self.clock.gaps[i - 1]) if i else (np.eye(4), 1.0)
+            refinement.add(surfels, twist, step, gap)
+        refined, consistency = refinement.finish()
+        self.figures |= {**summarize(consistency), **speed_figures(refinement.searches)}
+        return refined
+
+    def _surfels(self, i: int, twist: Array, timing: SweepTiming) -> Surfels:
+        return scan_surfels(self.sequence[i], twist, timing, self.settings)
 
     def check(self, poses: Pose, timing: SweepTiming) -> None:
         """Measure how well scans align with (N, 4, 4) `poses`, and add the warnings that follow."""
@@ -191,30 +224,3 @@ class _Estimate:
             if settings.refine:
                 poses, figures = refined, {**summarize(consistency), **speed_figures(refinement.searches)}
         return Registration(poses, gaps, held, figures)
-
-
-def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool = True) -> list[str]:
-    """Return the warnings, in sentences, that follow from the `figures` of a run."""
-    found = []
-    if figures.get("is_speed_doubted", False):
-        faster, here, there = (figures[k] for k in ("rival_faster_m_s", "landmarks_refound", "refound_at_rival"))
-        found.append(
-            "the speed is in doubt: of the landmarks that cannot be traffic (higher than any vehicle, far beside the "
-            f"road), {here:.0f} are re-observed at the estimated speed, {there:.0f} if the sensor is {abs(faster):.0f} "
-            f"m/s {'faster' if faster > 0.0 else 'slower'}. The poses may follow traffic rather than the world; do not "
-            "trust the labels: give your own poses (--poses)."
-        )
-    acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
-    if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
-        found.append(
-            f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s per "
-            "second, more than any vehicle can. The poses before or after it are wrong and may follow traffic rather "
-            "than the world; do not trust the labels there: give your own poses (--poses)."
-        )
-    thickness, disagreement = figures["wall_thickness_m"], figures["baseline_disagreement_m"]
-    if thickness is not None and (thickness > settings.max_wall_thickness or disagreement > settings.max_disagreement):
-        found.append(
-            f"scans a second apart do not align with each other: walls are {100 * thickness:.0f} cm thick and poses "
-            f"disagree by {100 * disagreement:.0f} cm. Poses or point times are inaccurate, so labels will be, too."
-        )
-    return found

@@ -151,7 +151,7 @@ def _measure_misfits(
 
 def _mean_misfit(misfits: Array) -> Array:
     """Return the mean misfit of links (..., L), in which those without enough matches count as a bad fit."""
-    return np.where(np.isfinite(misfits), misfits, 0.0).mean(axis=-1)
+    return np.where(np.isfinite(misfits), misfits, 0.0).sum(axis=-1) / max(misfits.shape[-1], 1)
 
 
 class Search:

@@ -41,7 +41,10 @@ class Submap(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Fit of surfels to a submap, to second order in a small motion (translation, rotation) of the submap's frame."""
+    """Fit of surfels to a submap, to second order in a small motion (translation, rotation) of the submap's frame.
+
+    On demand, also in the elevation of all beams, those of the submap included: the seventh unknown, radians.
+    """
 
     H: Array  # (6, 6)
     g: Array  # (6,); moving the surfels by -inv(H) @ g in the submap's frame aligns them best
@@ -65,7 +68,14 @@ def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
     return Submap(keys, rows, mean, axes, variance)
 
 
-def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel: float, noise: float = NOISE) -> Fit:
+def fit_surfels(
+    submap: Submap,
+    surfels: Surfels,
+    T_submap_surfels: Pose,
+    kernel: float,
+    noise: float = NOISE,
+    with_elevation: bool = False,
+) -> Fit:
     """Return the fit of `surfels`, moved by `T_submap_surfels`, to `submap`.
 
     Parameters
@@ -76,7 +86,8 @@ def fit_surfels(submap: Submap, surfels: Surfels, T_submap_surfels: Pose, kernel
     kernel : float, metres; much larger residuals have little weight (Geman and McClure).
     noise : float, metres, deviation of a surfel on a perfect surface.
     """
-    H, g = np.zeros((6, 6)), np.zeros(6)
+    n = 7 if with_elevation else 6
+    H, g = np.zeros((n, n)), np.zeros(n)
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
     mean, covariance = np.ascontiguousarray(surfels.mean), np.ascontiguousarray(surfels.covariance)
     n_matched, n_close, thickness = _fit(submap, mean, covariance, T, (kernel, noise), H, g)
@@ -157,6 +168,14 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _rise(nx, ny, nz, p):  # type: ignore[no-untyped-def]
+    """Return the metres along the direction n that a point `p` moves for each radian that its beam points higher."""
+    x, y, z = float(p[0]), float(p[1]), float(p[2])
+    level = np.sqrt(x * x + y * y)
+    return nz * level - z * (nx * x + ny * y) / max(level, 1e-3)
+
+
+@kernel
 def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
     """Add to the normal equations `H`, `g`; return the matched and the close surfels and the thickness, see `Fit`."""
     keys, rows, mean, axes, variance = submap
@@ -165,7 +184,8 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
     squares = weights = 0.0
     inverse_voxel = 1.0 / VOXEL
     R = T[:3, :3]
-    J, a = np.empty(6), np.empty(3)
+    n = len(g)
+    J, a = np.empty(7), np.empty(3)
     for i in range(len(points)):
         x, y, z = moved(T, points[i])
         slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
@@ -188,7 +208,10 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
             w = robust * robust / (variance[row, k] + own + noise * noise)
             J[0], J[1], J[2] = nx, ny, nz
             J[3], J[4], J[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-            for p in range(6):
+            if n == 7:
+                m = mean[row]
+                J[6] = _rise(a[0], a[1], a[2], points[i]) - _rise(nx, ny, nz, m)
+            for p in range(n):
                 g[p] += w * r * J[p]
                 for q in range(p + 1):
                     H[p, q] += w * J[p] * J[q]
@@ -199,7 +222,7 @@ def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untype
         n_matched += 1
         if worst < CLOSE:
             n_close += 1
-    for p in range(6):
+    for p in range(n):
         for q in range(p):
             H[q, p] = H[p, q]
     return n_matched, n_close, np.sqrt(squares / max(weights, 1e-12))

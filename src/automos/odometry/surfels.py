@@ -18,6 +18,7 @@ from automos.core.kernels import kernel
 from automos.core.scan import Points, Scan
 from automos.core.voxels import find_slot, voxel_key
 from automos.odometry.compensation import compensate
+from automos.odometry.elevation import raised
 from automos.odometry.motion import usable_points
 from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
@@ -71,6 +72,10 @@ class Surfels(TimedPoints):
         """Return them compensated for the motion `twist` (6,), the sparse ones, too."""
         sparse = None if self.sparse is None else self.sparse.compensated(twist)
         return replace(super().compensated(twist), sparse=sparse)
+
+    def raised(self, angle: float) -> Surfels:
+        """Return them as if the beams pointed `angle` radians higher; their shapes are kept."""
+        return replace(self, mean=raised(self.mean, angle))
 
     def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Surfels:
         """Return them with the times that `times_of` gives, the sparse ones, too."""

@@ -13,6 +13,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import Array
 from automos.core.scan import Frame, Mask, Pose, Scan, Sequence
 from automos.odometry.compensation import frame_of
+from automos.odometry.elevation import raised_scan
 from automos.odometry.sweep_timing import SweepTiming
 
 ARRAYS = ("T_world_sensor", "stamps", "sweep_motion", "T_level_world")
@@ -35,6 +36,7 @@ class Trajectory:
     timing : SweepTiming, the source of the point times.
     T_level_world : (4, 4) float64; the level frame has z up and the ground under the first scan at z = 0.
     diagnostics : dict, quality figures of the poses, and warnings in sentences.
+    elevation : float, radians by which all beams point higher than the scans say.
     """
 
     T_world_sensor: Pose
@@ -43,6 +45,7 @@ class Trajectory:
     timing: SweepTiming
     T_level_world: Pose
     diagnostics: dict[str, Any] = field(default_factory=dict)
+    elevation: float = 0.0
 
     def __repr__(self) -> str:
         path = np.linalg.norm(np.diff(self.T_world_sensor[:, :3, 3], axis=0), axis=1).sum()
@@ -77,8 +80,8 @@ class Trajectory:
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return everything as arrays, for `numpy.savez` and `from_arrays`."""
-        notes = json.dumps({"timing": self.timing.to_dict(), "diagnostics": self.diagnostics})
-        return {**{name: getattr(self, name) for name in ARRAYS}, "notes": np.array(notes)}
+        notes = {"timing": self.timing.to_dict(), "diagnostics": self.diagnostics, "elevation": self.elevation}
+        return {**{name: getattr(self, name) for name in ARRAYS}, "notes": np.array(json.dumps(notes))}
 
     @staticmethod
     def from_arrays(arrays: dict[str, npt.NDArray]) -> Trajectory:
@@ -86,11 +89,15 @@ class Trajectory:
         notes = json.loads(str(arrays["notes"]))
         timing = SweepTiming.from_dict(notes["timing"])
         parts = {name: np.asarray(arrays[name]) for name in ARRAYS}
-        return Trajectory(**parts, timing=timing, diagnostics=notes["diagnostics"])
+        return Trajectory(**parts, timing=timing, diagnostics=notes["diagnostics"], elevation=notes["elevation"])
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:
-    """Return the valid points of `scan`, number `index` of the recording, compensated for the sensor's motion."""
+    """Return the valid points of `scan`, number `index` of the recording, compensated for the sensor's motion.
+
+    Its beams point where the trajectory has found that they do.
+    """
+    scan = raised_scan(scan, trajectory.elevation)
     T_level_sensor = trajectory.T_level_world @ trajectory.T_world_sensor[index]
     stamp = float(trajectory.stamps[index])
     return frame_of(scan, trajectory.timing, trajectory.sweep_motion[index], T_level_sensor, stamp)

@@ -1,52 +1,76 @@
 """The vertical and the height of the sensor, from the ground near it, for any mounting orientation.
 
-In a few scans spread over the recording, the ground is the plane near the sensor that contains most of the observed
-surface and has almost nothing behind it. It lies below the sensor, or above if the sensor is mounted upside down.
+The ground is the plane near the sensor, below it, on which most of the surface around lies, and which has almost
+nothing behind it. Walls pass through a plane; only what lies in it speaks for it. Most sensors stand upright or nearly
+so: another plane must be much better, such as the road above a sensor that hangs. A floor and a ceiling are told apart
+by what stands on them. Where nothing lies, no ground is claimed, and the sensor's own z axis is the vertical.
 """
 
 from __future__ import annotations
 
-import logging
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from automos.core.geometry import Array, make_transform, rotation_between
+from automos.core.covariances import variance_along
+from automos.core.geometry import Array, inverse, make_transform, rotation_between, transform
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
-from automos.core.voxels import find_slot, voxel_key
 from automos.settings import OdometrySettings
 
-_log = logging.getLogger(__name__)
+Shapes = tuple[Points, npt.NDArray[np.float32]]
+"""Of the surfels of a scan: means (n, 3), metres, and covariances (n, 6), xx, xy, xz, yy, yz, zz."""
 
 RANGE = 20.0
 """Metres around the sensor in which the ground is searched: farther away, its slope may differ."""
-VOXEL = 0.5
-"""Metres; one point per voxel is used, so that all surfaces have equal weight."""
 TRIALS = 1000
-"""Planes through three points that are tried: if a fifth of the surface is ground, eight of them lie on it."""
+"""Planes through three surfels that are tried: if a fifth of the surface is ground, eight of them lie on it."""
 DISTANCE = 0.15
 """Metres between a plane and its inliers, at most: allows for kerbs and ruts."""
+FLAT = DISTANCE / 3.0
+"""Metres, deviation along the normal of a surfel that lies in a plane, at most; one that stands has more."""
+STANDING = 1.0
+"""Metres above a plane in which things stand on it."""
 SHARE = 0.1
 """Least share of the near surface that must be ground."""
-MIN_POINTS = 50
-"""Points that a plane needs, and so a scan in which the ground is searched."""
+MIN_SURFELS = 50
+"""Surfels in which the ground is searched, at least."""
+UPRIGHT_DEG = 25.0
+"""Degrees, usual tilt of a sensor at most."""
+UNUSUAL = 0.5
+"""Prior of every other orientation, relative to an upright one."""
 
 
-def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -> tuple[Pose, bool]:
-    """Return `T_level_world` and whether ground was found (else the identity).
+class Level(NamedTuple):
+    """The vertical and the ground under the first scan."""
+
+    T_level_world: Pose  # (4, 4) float64; the identity if no ground was found
+    has_ground: bool
+    is_doubtful: bool  # whether only the prior speaks against another vertical
+
+
+def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) -> Level:
+    """Return the level frame of a recording.
 
     Parameters
     ----------
-    clouds : list of M arrays (n, 3) float32, metres, sensor frame; the first is the recording's first usable scan.
+    scans : M pairs of the means and covariances of surfels, sensor frame; the first is the first usable scan's.
     poses : (M, 4, 4) their T_world_sensor.
     settings : OdometrySettings
     """
-    near = [_thin(cloud) for cloud in clouds]
-    everything = np.concatenate(near) if near else np.zeros((0, 3))
-    mount = _find_plane(everything, settings)  # common to most scans: the mounting of the sensor
+    rows = [np.einsum("ij,ij->i", mean, mean) < RANGE * RANGE for mean, _ in scans]
+    near = [(mean[keep], covariance[keep]) for (mean, covariance), keep in zip(scans, rows, strict=True)]
+    if sum(len(mean) for mean, _ in near) < MIN_SURFELS:
+        return Level(np.eye(4), False, False)
+    mean, covariance = (np.concatenate(part).astype(np.float64) for part in zip(*near, strict=True))
+    mount, is_doubtful = _find_plane(mean, covariance, settings)  # common to most scans: the mounting of the sensor
+    if mount is None and len(near) > 1:  # carried by hand: what the first scan would have seen of all
+        return level_frame([_as_seen_first(near, poses)], poses[:1], settings)
     if mount is None:
-        return np.eye(4), False
-    planes = [_fit_plane(points, mount) for points in near]
+        return Level(np.eye(4), False, is_doubtful)
+    # rounded, so that the order of summation does not show
+    planes = [np.round(_fit_plane(mean.astype(np.float64), around, mount), 9) for mean, around in near]
     ups = np.array([T[:3, :3] @ plane[:3] for T, plane in zip(poses, planes, strict=True)])
     up = np.median(ups, axis=0)
     R = rotation_between(up / np.linalg.norm(up), [0.0, 0.0, 1.0])
@@ -56,42 +80,27 @@ def level_frame(clouds: list[Points], poses: Pose, settings: OdometrySettings) -
     height = offset / max(-float(down @ normal), 0.5)
     T = make_transform(R)
     T[2, 3] = height - (R @ poses[0][:3, 3])[2]
-    return T, True
+    return Level(T, True, is_doubtful)
 
 
-def _thin(points: Points) -> Array:
-    """Return one point per voxel near the sensor, so that all surfaces have equal weight."""
-    keys, rows = _nearest_to_middle(points, RANGE, VOXEL, 1 << max(2 * len(points), 8).bit_length())
-    return points[rows[np.argsort(keys)]].astype(np.float64)  # independent of the input order
+def _as_seen_first(scans: list[Shapes], poses: Pose) -> Shapes:
+    """Return all surfels in the frame of the first scan."""
+    means, covariances = [], []
+    for (mean, c), T in zip(scans, inverse(poses[0]) @ poses, strict=True):
+        turned = T[:3, :3] @ c[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]] @ T[:3, :3].T
+        means.append(transform(T, mean))
+        covariances.append(turned[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+    return np.concatenate(means), np.concatenate(covariances)
 
 
-@kernel
-def _nearest_to_middle(points, reach, voxel, size):  # type: ignore[no-untyped-def]
-    """Return the keys of voxels, and the row of the point nearest to the centre of each."""
-    keys, found = np.full(size, -1, np.int64), np.zeros(size, np.int32)
-    best = np.full(size, np.inf)
-    for i in range(len(points)):
-        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        if not x * x + y * y + z * z < reach * reach:
-            continue
-        key = voxel_key(x, y, z, 1.0 / voxel)
-        slot = find_slot(keys, key)
-        off = 0.0
-        for c in (x / voxel, y / voxel, z / voxel):
-            off += (c - np.floor(c) - 0.5) ** 2
-        if off < best[slot]:
-            keys[slot], found[slot], best[slot] = key, i, off
-    used = keys != -1
-    return keys[used], found[used]
+def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) -> tuple[Array | None, bool]:
+    """Return (4,) unit normal towards the sensor and its height above the plane, None if there is no ground.
 
-
-def _find_plane(points: Array, settings: OdometrySettings) -> Array | None:
-    """Return (4,) unit normal towards the sensor and its height above the plane, or None if there is no ground."""
-    if len(points) < MIN_POINTS:
-        return None
+    Also whether a plane of unusual orientation is as good: only the prior decides then.
+    """
     rng = np.random.default_rng(0)
     triples = rng.integers(0, len(points), (TRIALS, 3))
-    points_tested = points[rng.permutation(len(points))[:5000]]
+    tested = rng.permutation(len(points))[:5000]
     a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
@@ -105,40 +114,52 @@ def _find_plane(points: Array, settings: OdometrySettings) -> Array | None:
         & (heights > settings.min_height)
         & (heights < settings.max_height)
     )
-    if not is_possible.any():
-        return None
     normals, heights = normals[is_possible], heights[is_possible]
-    scores = _score_planes(points_tested, normals, heights, DISTANCE)
-    best = int(np.argmax(scores))
-    if scores[best] < SHARE * len(points_tested):
-        return None
-    return _fit_plane(points, np.append(normals[best], heights[best]))
+    lying, standing = _score_planes(points[tested], covariance[tested], normals, heights)
+    is_upright = normals[:, 2] > np.cos(np.radians(UPRIGHT_DEG))
+    prior = np.where(is_upright, 1.0, UNUSUAL)
+    best = [max(rows, key=lying.__getitem__) for k in (True, False) if len(rows := np.flatnonzero(is_upright == k))]
+    best = [k for k in best if prior[k] * lying[k] >= SHARE * len(tested)]
+    if not best:
+        return None, False
+    score = lying + standing
+    chosen = max(best, key=(prior * score).__getitem__)
+    is_doubtful = bool(is_upright[chosen] and score[best[-1]] > score[chosen])
+    return _fit_plane(points, covariance, np.append(normals[chosen], heights[chosen])), is_doubtful
 
 
 @kernel
-def _score_planes(points, normals, heights, distance):  # type: ignore[no-untyped-def]
-    """Return inliers of each plane minus twice the points clearly behind it (roofs have some, valley walls none)."""
-    scores = np.zeros(len(normals))
+def _score_planes(points, covariance, normals, heights):  # type: ignore[no-untyped-def]
+    """Return the surfels that lie in each plane minus twice those clearly behind it, and those that stand on it.
+
+    Roofs have some behind them, valley walls none.
+    """
+    lying, standing = np.zeros(len(normals)), np.zeros(len(normals))
     for j in range(len(normals)):
-        score = 0.0
         for i in range(len(points)):
             d = heights[j]
             for k in range(3):
                 d += normals[j, k] * points[i, k]
-            if abs(d) < distance:
-                score += 1.0
-            elif d < -3.0 * distance:
-                score -= 2.0
-        scores[j] = score
-    return scores
+            if d < -3.0 * DISTANCE:
+                lying[j] -= 2.0
+            elif abs(d) < STANDING:
+                is_flat = variance_along(covariance[i], normals[j]) < FLAT * FLAT
+                if is_flat and abs(d) < DISTANCE:
+                    lying[j] += 1.0
+                elif d > 0.0 and not is_flat:
+                    standing[j] += 1.0
+    return lying, standing
 
 
-def _fit_plane(points: Array, plane: Array) -> Array:
-    """Return `plane` (4,) fitted to the points near it, with a decreasing distance (reweighted least squares)."""
+def _fit_plane(points: Array, covariance: Array, plane: Array) -> Array:
+    """Return `plane` (4,) fitted to what lies near it, with a decreasing distance (reweighted least squares)."""
+    normal = plane[:3]
+    spread = covariance @ (normal[[0, 0, 0, 1, 1, 2]] * normal[[0, 1, 2, 1, 2, 2]] * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+    lying = points[spread < FLAT * FLAT]
     for reach in (4.0, 2.0, 1.0, 1.0):
-        residual = points @ plane[:3] + plane[3]
-        near = points[np.abs(residual) < reach * DISTANCE]
-        if len(near) < MIN_POINTS:
+        residual = lying @ plane[:3] + plane[3]
+        near = lying[np.abs(residual) < reach * DISTANCE]
+        if len(near) < MIN_SURFELS:
             return plane
         centre = near.mean(axis=0)
         _, vectors = np.linalg.eigh(np.cov((near - centre).T))

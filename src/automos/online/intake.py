@@ -1,7 +1,8 @@
 """Checks each arriving scan: whether it is the next one, unusable, or the start of a new stream.
 
 Drivers send scans twice, late or empty; cables are unplugged, clocks are set, sensors are replaced. None of this may
-stop a robot: unusable scans are skipped, and after an interruption a new stream starts.
+stop a robot: unusable scans are skipped, and after an interruption a new stream starts. One scan with a wrong stamp is
+no interruption: a pause is believed once a second scan confirms it. A clock that stands still is replaced by counting.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ MOST_LATE = 5
 class Kind(Enum):
     """Role of a scan in the stream."""
 
-    NEXT, RESTART, REPEAT, LATE, EMPTY = auto(), auto(), auto(), auto(), auto()
+    NEXT, RESTART, REPEAT, LATE, EMPTY = auto(), auto(), auto(), auto(), auto()  # a scan far ahead of its time is LATE
 
 
 @dataclass(frozen=True)
@@ -43,19 +44,23 @@ class Taken:
 class Intake:
     """Checks every scan before it is processed."""
 
-    def __init__(self, longest_gap: float = LONGEST_GAP) -> None:
-        """Take the seconds without scans after which a new stream starts."""
-        self._longest_gap = longest_gap
+    def __init__(self, longest_gap: float = LONGEST_GAP, rate: float | None = None) -> None:
+        """Take the seconds without scans after which a new stream starts, and the scans a second without stamps."""
+        self._longest_gap, self._period = longest_gap, USUAL_PERIOD if rate is None else 1.0 / rate
         self._stamp: float | None = None
+        self._own: float | None = None  # of the last scan, as it came
+        self._ahead: float | None = None  # of a scan after a pause that no other scan has confirmed
         self._points: Points | None = None
         self._n_lidars = 0
         self._steps: deque[float] = deque(maxlen=20)
         self._n_late = 0
         self._trouble: Kind | None = None
+        self._is_stopped = False
 
     def take(self, scan: Scan) -> Taken:
         """Return the role of the scan. A lasting problem is reported once."""
-        stamp, own = self._stamp_of(scan), scan.stamp
+        own = scan.stamp
+        stamp, is_stopped = self._stamp_of(scan)
         kind, why = self._judge(scan, stamp)
         if kind in (Kind.NEXT, Kind.RESTART):
             if self._stamp is not None and kind is Kind.NEXT:
@@ -67,13 +72,20 @@ class Intake:
         self._trouble = None if kind is Kind.NEXT else kind
         if own is not None and not abs(own) < LATEST and not why:
             why = f"its stamp {own} is invalid; the usual period after the previous scan is assumed"
+        if is_stopped and kind is Kind.NEXT and not self._is_stopped:
+            why = f"its clock stands still at {own} s; the usual period after the previous scan is assumed"
+        self._is_stopped = is_stopped
         return Taken(kind, stamp, why if is_new else "")
 
-    def _stamp_of(self, scan: Scan) -> float:
-        if scan.stamp is not None and abs(scan.stamp) < LATEST:
-            return float(scan.stamp)
-        period = float(np.median(self._steps)) if self._steps else USUAL_PERIOD
-        return 0.0 if self._stamp is None else self._stamp + period
+    def _stamp_of(self, scan: Scan) -> tuple[float, bool]:
+        """Return the time of the scan, and whether its clock stands still."""
+        own, before = scan.stamp, self._own
+        self._own = own
+        is_stopped = own is not None and before is not None and abs(own - before) < LEAST_STEP
+        if own is not None and abs(own) < LATEST and not is_stopped:
+            return float(own), False
+        period = float(np.median(self._steps)) if self._steps else self._period
+        return 0.0 if self._stamp is None else self._stamp + period, is_stopped
 
     def _judge(self, scan: Scan, stamp: float) -> tuple[Kind, str]:
         if not scan.is_valid.any():
@@ -94,6 +106,14 @@ class Intake:
             return Kind.RESTART, f"the clock was set back to {stamp:.3f} s; a new stream starts"
         gap = stamp - self._stamp
         usual = float(np.median(self._steps)) if self._steps else LONGEST_GAP
-        if gap > max(self._longest_gap, USUAL_GAPS * usual):
-            return Kind.RESTART, f"no scans for {gap:.1f} s; a new stream starts"
-        return Kind.NEXT, ""
+        longest, ahead = max(self._longest_gap, USUAL_GAPS * usual), self._ahead
+        self._ahead = stamp if gap > longest else None
+        if self._ahead is None:
+            return Kind.NEXT, ""
+        if ahead is not None and LEAST_STEP <= stamp - ahead <= longest:
+            self._ahead = None
+            return Kind.RESTART, f"no scans for {ahead - self._stamp:.1f} s; a new stream starts"
+        return (
+            Kind.LATE,
+            f"it is {gap:.1f} s later than the previous scan; skipped, unlabelled, unless it goes on there",
+        )

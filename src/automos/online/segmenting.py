@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automos.core.beam_pattern import Lidar, ray_steps
+from automos.core.geometry import inverse
 from automos.core.scan import Frame, Pose, Scan
 from automos.core.workspace import Arrays
 from automos.evidence.observations import Seen
@@ -122,12 +123,13 @@ class Segmenting:
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)
         self._renew(sighted)
+        self._place(sighted.refined)
         renewed += self._update_doubted()
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
-            self._window.add(held.stamp, held.seen)
+            self._window.add(held.stamp, held.seen, held.frame.T_level_sensor)
         self._find_segments(held)
         return self._release(held.stamp, renewed)
 
@@ -147,6 +149,15 @@ class Segmenting:
             if held.stamp in frames:
                 held.frame, held.seen = frames[held.stamp]
         self._doubted = deque(self._growing)
+
+    def _place(self, poses: dict[float, Pose]) -> None:
+        """Move the last scans to their refined poses."""
+        self._window.place(poses)
+        for held in (*self._held, *self._growing):
+            if (T := poses.get(held.stamp)) is not None:
+                change = T @ inverse(held.frame.T_level_sensor)
+                held.frame = replace(held.frame, T_level_sensor=T)
+                held.seen = None if held.seen is None else held.seen.moved(change)
 
     def _update_grown(self, now: float | None) -> list[Future[Found]]:
         """Update the evidence of earlier scans in the background."""

@@ -41,7 +41,7 @@ def find(path: Path) -> list[Path]:
 
 
 class FolderSequence(Sequence):
-    """Scans that lie as one file each in one folder: of kind `codec`, and of `columns` where they do not name theirs."""
+    """Scans that lie as one file each in one folder: of kind `codec`, of `columns` where they do not name theirs."""
 
     source: Path
 

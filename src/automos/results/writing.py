@@ -24,10 +24,11 @@ from automos import __version__
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import remove
 from automos.core.pose_writers import write_kitti, write_tum
-from automos.core.recording_warnings import recording_warnings
+from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
+from automos.odometry.clock import rate_of
 from automos.result import Result
 from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
@@ -62,6 +63,7 @@ def write_results(
             remove(stale)
     elif not is_whole or "review" in before:
         write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
+    rate = rate_of(settings.recording, sequence.name)
     counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
     write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
@@ -76,7 +78,8 @@ def write_results(
             "scans": len(result),
             "input": sequence.fingerprint(),
             "source": None if sequence.address is None else str(sequence.address.absolute()),
-            "warnings": recording_warnings(sequence),
+            **scan_rate(sequence, rate),
+            "warnings": recording_warnings(sequence, rate),
         },
         "points": counts,
         "points_riding_along": n_body,

@@ -16,6 +16,7 @@ from automos.settings.instances import DetectSettings, HdbscanSettings, Instance
 from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
 from automos.settings.network import ImageSettings, ModelSettings, NetworkSettings, TrainingSettings
 from automos.settings.odometry import LoopSettings, OdometrySettings
+from automos.settings.recording import RecordingSettings
 from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
 from automos.settings.tracking import (
     AssociationSettings,
@@ -35,7 +36,7 @@ __all__ = [
     "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
     "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
-    "OdometrySettings", "OutputSettings",
+    "OdometrySettings", "OutputSettings", "RecordingSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
     "TrackingSettings", "TrainingSettings", "VerdictSettings",
     "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",

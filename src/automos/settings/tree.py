@@ -7,6 +7,7 @@ from automos.settings.group import Group
 from automos.settings.instances import InstancesSettings
 from automos.settings.network import NetworkSettings
 from automos.settings.odometry import OdometrySettings
+from automos.settings.recording import RecordingSettings
 from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
 from automos.settings.tracking import TrackingSettings
 
@@ -14,6 +15,7 @@ from automos.settings.tracking import TrackingSettings
 class Settings(Group):
     """All settings of one run."""
 
+    recording: RecordingSettings = RecordingSettings()
     odometry: OdometrySettings = OdometrySettings()
     candidates: CandidatesSettings = CandidatesSettings()
     instances: InstancesSettings = InstancesSettings()

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import AutomosError
-from automos.core.recording_warnings import GAP, USUAL_PERIOD, recording_warnings
+from automos.core.recording_warnings import GAP, USUAL_RATE, recording_warnings
 from automos.core.scan import Scan, Sequence
 from automos.readers import find_recordings, kind_of, open_sequence
 
@@ -146,7 +146,7 @@ def _check_one(place: Path, format: str | None) -> Check:
         found.what = ", ".join(part for part in (kind_of(place, format), sequence.about.get("files")) if part)
         scans = [sequence[i] for i in evenly_spread(range(len(sequence)), LOOKS)]
         _look_at(scans, found)
-        found.doubts = recording_warnings(sequence)
+        found.doubts = recording_warnings(sequence, USUAL_RATE)
         _look_beside(sequence, found)
     except AutomosError as error:
         found.error = str(error)
@@ -238,7 +238,7 @@ def _look_beside(sequence: Sequence, found: Check) -> None:
         found.gaps = int((steps > GAP * found.period).sum())
     else:
         found.assumed.append(
-            f"{1.0 / USUAL_PERIOD:.0f} scans a second, as nothing says when they were taken; times.txt would"
+            f"{USUAL_RATE:.0f} scans a second, as nothing says when they were taken; times.txt would, or label --rate"
         )
     if found.sweep is None and sequence.is_compensated is None:
         found.assumed.append("when in its sweep a point was measured is found from directions and from how scans fit")
