@@ -21,6 +21,8 @@ FOLDERS = {
     "label": "label LOG --out OUT --workers 1",
     "label of several": "label FLEET --out ABOVE --workers 1",
     "export": "export RUN LOG --to pcd --out OUT",
+    "clean": "clean RUN LOG --out OUT",
+    "dataset": "dataset RUN --recordings LOG --layout helimos --out OUT",
     "merge": "merge RUN LOG EDITS --out OUT",
     "compare": "compare LOG --method octomap --out OUT --workers 1",
     "map": "map LOG --method octomap --out OUT --workers 1",
@@ -43,8 +45,8 @@ FILES = {
     "export-network": "export-network NETWORK --out FILE.onnx",
 }
 """Words of the commands that write one file."""
-NOTHING = {"formats", "status", "settings", "drift"}
-"""Commands that only print."""
+NOTHING = {"check", "drift", "formats", "ros2", "settings", "status"}
+"""Commands that only print, or publish."""
 NEEDS = {"train": "pytorch_lightning", "reproduce": "pytorch_lightning", "export-network": "onnxscript"}
 
 THEIRS = {
