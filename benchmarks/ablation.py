@@ -39,11 +39,11 @@ from scores import code_digest
 from store import stored_world
 
 from automos import Workspace, label, load_settings, open_sequence
-from automos.atomic import write_text
+from automos.core.atomic import write_text
+from automos.core.beam_pattern import BeamPattern
+from automos.core.progress import StageProgress
+from automos.core.scan import Mask, Points, Sequence
 from automos.evaluation.moving import Counts, Scores, count
-from automos.progress import StageProgress
-from automos.scan import Mask, Points, Sequence
-from automos.sensor.beam_pattern import BeamPattern
 from automos.settings import PRESETS
 from automos.simulation import SCENARIOS, record, write_recorded
 from automos.simulation.recorders import Recorded, TurnsByAzimuth
@@ -52,7 +52,7 @@ NEVER = 1e9
 
 
 def no_clouds(points: Points, is_between: npt.NDArray, is_object: Mask) -> Mask:
-    """Return (M,) that no point is in a cloud, as `automos.candidates.clouds.in_clouds` does where there is none."""
+    """Return (M,) that no point is in a cloud, as `automos.evidence.clouds.in_clouds` does where there is none."""
     return np.zeros(len(points), np.bool_)
 
 
@@ -71,27 +71,27 @@ def everywhere(extents: list[npt.NDArray[np.float32]]) -> npt.NDArray[np.float32
     return np.full_like(extents[0], 10.0)
 
 
-JUDGE, PAIRS = "automos.tracking.judge", "automos.tracking.association"
-BODY = "automos.sensor.ego_body"
+JUDGE, PAIRS = "automos.objects.judge", "automos.objects.association"
+BODY = "automos.evidence.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
     "poses not refined": {"odometry.refine": False},
     "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0],
-                             "automos.candidates.free_space:FIRST_SPANS": (0.6, 1.0)},
+                             "automos.evidence.free_space:FIRST_SPANS": (0.6, 1.0)},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},
-    "clouds are objects": {"automos.candidates.observations:in_clouds": no_clouds},
+    "clouds are objects": {"automos.evidence.observations:in_clouds": no_clouds},
     "what rides along is an object": {f"{BODY}:MIN_SCANS": 10**9},
-    "nothing is connected to the body": {"automos.sensor.on_body:ATTACHED_SHARE": NEVER},
+    "nothing is connected to the body": {"automos.evidence.on_body:ATTACHED_SHARE": NEVER},
     "all that is connected is body": {f"{BODY}:extent_in_most": everywhere},
     "all that keeps its range is body": {f"{BODY}:decide_body": all_possible},
     "edges of the body may move": {f"{BODY}:_stays_put": all_constant},
     "grazed faces keep their range": {f"{BODY}:GRAZING": 0.0},
     "within arm's reach all may be objects": {f"{BODY}:NEAR_SHARE": NEVER},
-    "the walk on the ground begins level": {"automos.ground.surface:PLANE_SHARE": 2.0},
+    "the walk on the ground begins level": {"automos.evidence.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
-    "mixed segments stay whole": {"automos.instances.detect:MIXED_SHARE": 0.5},
+    "mixed segments stay whole": {"automos.objects.detect:MIXED_SHARE": 0.5},
     "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},
     "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},
     "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
@@ -105,9 +105,9 @@ CHOICES: dict[str, dict[str, Any]] = {
     "evidence does not choose": {f"{PAIRS}:EVIDENCE_WEIGHT": 0.0},
     "what was lost may have stayed": {f"{PAIRS}:OTHER_EVIDENCE": NEVER},
     "a lost mover may pass its length in a second": {f"{PAIRS}:EVIDENCE_TIME": 0.0},
-    "what has stayed is forgotten": {"automos.tracking.tracker:STAYED": -1.0},
+    "what has stayed is forgotten": {"automos.objects.tracker:STAYED": -1.0},
     "nothing is out of sight for long": {"tracking.max_gap": 0.0},
-    "what movers pass by moves, too": {"automos.tracking.places:OUTNUMBERED": NEVER},
+    "what movers pass by moves, too": {"automos.objects.places:OUTNUMBERED": NEVER},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},
     "the paper's tracker and verdict": {f"tracking.{k}": v for k, v in PRESETS["paper"]["tracking"].items()},
 }  # fmt: skip

@@ -21,10 +21,10 @@ from store import stored_world
 from trust import OFF, SAYS_SO, speed_error
 
 from automos import ArraySequence, load_settings
+from automos.core.progress import StageProgress
+from automos.core.scan import Sequence
 from automos.odometry import estimate_trajectory, facing, kiss, missing_scans, refine, speed
 from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
-from automos.progress import StageProgress
-from automos.scan import Sequence
 
 SCENARIOS = ("motorway", "canyon", "slowdown", "avenue")
 SENSORS = ("VLP-16", "HDL-64E")

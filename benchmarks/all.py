@@ -31,7 +31,7 @@ from rich.console import Console
 from scores import code_digest, commit
 from tables import RESULTS, ROOT, pages, read_result, state_of, with_tables
 
-from automos.atomic import write_text
+from automos.core.atomic import write_text
 
 HERE = Path(__file__).parent
 

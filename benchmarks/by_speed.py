@@ -25,11 +25,11 @@ from rich.table import Table
 from automos import load_settings
 from automos.baselines import m_detector, methods
 from automos.baselines.m_detector_parameters import KITTI
-from automos.labels import Label, to_mos
+from automos.core.labels import Label, to_mos
 from automos.odometry import estimate_trajectory
+from automos.odometry.trajectory import SequenceFrames
 from automos.simulation import simulate
 from automos.simulation.sequence import SimulatedSequence
-from automos.trajectory import SequenceFrames
 
 WARM_UP = 15
 EDGES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)

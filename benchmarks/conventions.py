@@ -24,8 +24,8 @@ from lines import show_lines
 from scores import Scores
 
 from automos import open_sequence
-from automos.progress import StageProgress
-from automos.scan import Scan, Sequence
+from automos.core.progress import StageProgress
+from automos.core.scan import Scan, Sequence
 from automos.simulation import SCENARIOS, Conditions, Convention, record, write_recorded
 from automos.simulation.recorders import Recorded
 

@@ -4,7 +4,7 @@
 
 Every recording is taken to tracks with the default preset; a track has moved where most of its points have. The weights
 are those of a logistic regression, a track counting by the square root of its points, so that neither scraps nor the
-longest tracks alone decide. Printed: prior and weights for `automos.tracking.judge`, and on both sets the share of
+longest tracks alone decide. Printed: prior and weights for `automos.objects.judge`, and on both sets the share of
 points that would be labelled rightly (IoU of moving over tracked points) and the expected calibration error, with the
 present weights and with the new ones.
 """
@@ -20,11 +20,11 @@ from scores import code_digest
 from sklearn.linear_model import LogisticRegression
 
 from automos import load_settings, open_sequence
-from automos.detections import Detections
-from automos.labels import Label, to_mos
+from automos.core.labels import Label, to_mos
+from automos.objects.detections import Detections
+from automos.objects.judge import PRIOR, WEIGHTS, segment_terms, track_terms
+from automos.objects.tracker import track_objects
 from automos.pipeline import Steps
-from automos.tracking.judge import PRIOR, WEIGHTS, segment_terms, track_terms
-from automos.tracking.tracker import track_objects
 
 Table = npt.NDArray[np.float64]
 """(T, len(WEIGHTS) + 2): the terms of tracks seen more than once, and how many of their points moved and did not."""

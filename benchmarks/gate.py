@@ -35,7 +35,7 @@ from scores import Scores, commit
 from store import stored_world
 
 from automos import open_sequence
-from automos.progress import StageProgress
+from automos.core.progress import StageProgress
 from automos.simulation import FORMAT, SCENARIOS
 from automos.simulation.recorders import Recorded, TurnsByAzimuth, write_recorded
 

@@ -191,5 +191,5 @@ JOBS = {
 }
 """Seed 60 of the simulator, the gate's seed 100, seeds 104 to 108 and 110 to 112, seed 30 of `trust.py` and 31 of
 `short_recordings.py` are for these tables: no choice was made on them. Choices were made on seed 17 of
-`conventions.py`, and on drive 0005. Networks have the seeds of `automos.learning.domains`; what scores no labels (the
+`conventions.py`, and on drive 0005. Networks have the seeds of `automos.network.domains`; what scores no labels (the
 simulator's statistics, reference poses) takes seeds 0 to 3."""

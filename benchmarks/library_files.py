@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.datasets import npy, pcd, ply
-from automos.datasets.columns import coordinates
-from automos.errors import InputError
-from automos.export.pcd import write_pcd
+from automos.core.errors import InputError
+from automos.readers import npy, pcd, ply
+from automos.readers.columns import coordinates
+from automos.writers.pcd import write_pcd
 
 N = 120_000
 _RNG = np.random.default_rng(0)
@@ -120,7 +120,7 @@ def _outcome(read: Callable, path: Path) -> str:
 
 def images() -> dict[str, dict[str, float]]:
     """Return time and bytes of a picture of a million pixels in eight colours, as the report's map is made of."""
-    from automos.visualization.png import palette_png
+    from automos.views.png import palette_png
 
     height, width, colors = 1000, 1000, _RNG.integers(0, 256, (8, 4), np.uint8)
     picture = (_RNG.random((height, width)) ** 4 * 8).astype(np.uint8)

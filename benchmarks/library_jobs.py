@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 from library_files import POINTS, best_ms
 
+from automos.core.geometry import se3_exp
 from automos.evaluation.trajectory import absolute_errors, errors_over_distance, rmse
-from automos.geometry import se3_exp
 
 POOLS = {
     "ours": """
 from pathlib import Path
-from automos.scale.local_pool import LocalPool
-from automos.scale.orders import Job, Order, Recording
+from automos.fleet.local_pool import LocalPool
+from automos.fleet.orders import Job, Order, Recording
 from automos.settings import load_settings
 pool = LocalPool(2, 2)
 for name in ("a", "b"):
@@ -130,9 +130,9 @@ def registration() -> dict[str, dict]:
     from kiss_icp.mapping import VoxelHashMap
     from kiss_icp.registration import Registration
 
+    from automos.core.voxels import rows_of_first_in_voxel
     from automos.odometry.registration import LocalMap, align
     from automos.simulation import simulate
-    from automos.voxels import rows_of_first_in_voxel
 
     first, second = (scan.points for scan in simulate("city", "HDL-64E", n_scans=2, compensated=True))
     source, guess = second[rows_of_first_in_voxel(second, 1.5)], np.eye(4)

@@ -17,9 +17,9 @@ from rich.console import Console
 from scores import finite
 
 from automos import open_sequence
-from automos.comparison.labelers import choose_methods
-from automos.comparison.runs import MethodRuns
-from automos.mapping.make_map import make_map, scores_by_name
+from automos.baselines.comparison.labelers import choose_methods
+from automos.baselines.comparison.runs import MethodRuns
+from automos.writers.maps.make_map import make_map, scores_by_name
 
 
 def map_scores(runs: MethodRuns, method: str) -> dict[str, float | None]:

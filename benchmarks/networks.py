@@ -23,12 +23,12 @@ from rich.console import Console
 from scores import ratios_of
 
 from automos import load_settings
-from automos.atomic import held
-from automos.learning.domains import DOMAINS, Domain, Part
-from automos.learning.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
-from automos.learning.tables import write_curves, write_table
-from automos.learning.train import TrainingData, device_note
-from automos.progress import StageProgress
+from automos.core.atomic import held
+from automos.core.progress import StageProgress
+from automos.network.domains import DOMAINS, Domain, Part
+from automos.network.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
+from automos.network.tables import write_curves, write_table
+from automos.network.train import TrainingData, device_note
 
 _SCHEDULE = ("network.training.batch", "network.training.validation_scans")
 """What the full network shares with the narrow one, beside the number of steps."""

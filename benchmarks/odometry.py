@@ -25,14 +25,14 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import open_sequence
+from automos.core.progress import StageProgress
+from automos.core.scan import Sequence
 from automos.evaluation.trajectory import RelativeErrors, errors_over_distance, errors_over_time
 from automos.odometry import estimate_trajectory
-from automos.progress import StageProgress
-from automos.scan import Sequence
+from automos.odometry.trajectory import Trajectory
 from automos.settings import OdometrySettings
 from automos.simulation import simulate, write
 from automos.simulation.sequence import FORMAT
-from automos.trajectory import Trajectory
 
 STANDING = 1.0
 """Metres of a stretch below which it has no error in percent."""

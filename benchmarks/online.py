@@ -30,11 +30,11 @@ from speed import MemoryWatch
 from store import stored_world
 
 from automos import Labeler, load_settings, open_sequence
-from automos.errors import MissingExtraError
+from automos.core.errors import MissingExtraError
+from automos.core.labels import Label
+from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.labels import Label
 from automos.online.segment import stamped
-from automos.scan import Sequence
 
 WARM_UP = 12
 """Scans whose times do not count."""
@@ -68,8 +68,8 @@ def scans_a_second(sequence: Sequence, lag: float) -> float:
 
 def by_network(sequence: Sequence) -> Labelled:
     """Yield the scans as the network that came along labels them."""
-    from automos.learning.online import OnlineSegmenter
-    from automos.learning.segment import open_network
+    from automos.network.online import OnlineSegmenter
+    from automos.network.segment import open_network
 
     segmenter = OnlineSegmenter(open_network(None), load_settings("default"), is_compensated=sequence.is_compensated)
     for i, scan in enumerate(stamped(sequence)):
@@ -82,7 +82,7 @@ def by_rival(sequence: Sequence, method: str, poses: npt.NDArray) -> Labelled:
     """Yield the scans as an online method that ours is compared with labels them, at given poses."""
     from automos.baselines.methods import BASELINES
     from automos.odometry import estimate_trajectory
-    from automos.trajectory import SequenceFrames
+    from automos.odometry.trajectory import SequenceFrames
 
     settings = load_settings("default")
     trajectory = estimate_trajectory(sequence, settings.odometry, poses)

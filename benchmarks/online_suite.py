@@ -23,7 +23,7 @@ from store import StoredWorld, stored_world
 from suite import STATIC_WORLDS, cell_text
 
 from automos import Labeler
-from automos.atomic import write_text
+from automos.core.atomic import write_text
 from automos.evaluation.moving import Counts, count
 from automos.online.segment import stamped
 from automos.simulation import SCENARIOS

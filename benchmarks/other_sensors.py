@@ -20,9 +20,9 @@ from rich.console import Console
 from scores import finite
 
 from automos import Workspace, label, open_sequence
+from automos.core.progress import StageProgress
 from automos.evaluation.moving import Counts, count
 from automos.evaluation.trajectory import path_length
-from automos.progress import StageProgress
 from automos.simulation import SCENARIOS, SENSORS, Convention, record, write_recorded
 
 OTHERS = ("HDL-32E", "OS1-64", "VLS-128", "Avia")

@@ -22,12 +22,12 @@ from conventions import CASES, Case, InMemory, drive_of, sweeps
 from lines import show_lines
 
 from automos import load_settings, open_sequence
+from automos.core.scan import Sequence
 from automos.odometry import estimate, estimate_trajectory
-from automos.scan import Sequence
-from automos.sensor.compensation import settled_times
+from automos.odometry.compensation import settled_times
+from automos.odometry.trajectory import Trajectory
 from automos.simulation import SCENARIOS, write_recorded
 from automos.simulation.recorders import Recorded
-from automos.trajectory import Trajectory
 
 RIGHT = 0.03
 """Metres by which the points of a drive may be displaced, on the mean."""

@@ -21,12 +21,12 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import open_sequence
-from automos.array_sequence import ArraySequence
-from automos.errors import MissingExtraError
-from automos.export import load_export
-from automos.export.point_columns import packed_rows, scan_columns
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import MissingExtraError
 from automos.results.run_files import RunFiles
 from automos.simulation import simulate
+from automos.writers import load_export
+from automos.writers.point_columns import packed_rows, scan_columns
 
 TARGET_MS = 10.0
 

@@ -26,12 +26,12 @@ from scipy.spatial import KDTree
 from store import real_drive, stored_world
 
 from automos import load_settings, open_sequence
-from automos.geometry import inverse, transform
+from automos.core.geometry import inverse, transform
+from automos.core.scan import Sequence
 from automos.odometry import estimate_trajectory
 from automos.odometry.motion import usable_points
-from automos.scan import Sequence
+from automos.odometry.trajectory import Trajectory
 from automos.settings import OdometrySettings
-from automos.trajectory import Trajectory
 
 DISTANCES = (2.0, 1.0, 0.5, 0.3)
 """Metres, one registration each: pairs further apart are left out."""

@@ -27,12 +27,12 @@ import numpy as np
 
 from automos import load_settings, open_sequence
 from automos.labeling import label_recording
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdicts
 from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdicts
 
 
 def multiply(folder: Path, n_objects: int) -> None:

@@ -17,8 +17,8 @@ from rich.console import Console
 from store import real_drive
 
 from automos import load_settings
+from automos.core.labels import Label, to_mos
 from automos.labeling import label_recording
-from automos.labels import Label, to_mos
 from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.stake import most_telling, weigh

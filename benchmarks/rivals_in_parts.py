@@ -27,13 +27,13 @@ from store import real_drive, stored_world
 from automos import load_settings
 from automos.baselines import hmm_mos, m_detector
 from automos.baselines.m_detector_parameters import KITTI
+from automos.core.labels import Label
+from automos.core.scan import Mask, Sequence
 from automos.evaluation.moving import Counts, count
 from automos.labeling import label_recording
-from automos.labels import Label
 from automos.odometry import estimate_trajectory
+from automos.odometry.trajectory import SequenceFrames
 from automos.results.open_run import open_run
-from automos.scan import Mask, Sequence
-from automos.trajectory import SequenceFrames
 
 PARTS = {
     "kitti_0005, first 30 scans": ("kitti_0005", range(30)),

@@ -22,11 +22,11 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from automos import label, load_settings, open_sequence
+from automos.core.geometry import make_transform, transform
+from automos.core.progress import StageProgress
+from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, count
-from automos.geometry import make_transform, transform
 from automos.odometry import estimate_trajectory
-from automos.progress import StageProgress
-from automos.scan import Scan, Sequence
 from automos.settings import Settings
 
 

@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 from store import stored_world
 
+from automos.core.labels import Label, to_mos
+from automos.core.scan import Sequence
 from automos.labeling import label_recording
-from automos.labels import Label, to_mos
 from automos.review.apply import Changes
 from automos.review.run_stages import RunStages
 from automos.review.sample import Sample, draw, estimate, strata
-from automos.scan import Sequence
 from automos.settings import load_settings
 
 ROUNDING = 5e-5

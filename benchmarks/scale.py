@@ -22,13 +22,13 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import load_settings
-from automos.parallel import map_in_order
-from automos.scale.executors import Executor
-from automos.scale.label import Resources, label_fleet
-from automos.scale.local_pool import LocalPool
-from automos.scale.ray_cluster import RayCluster
-from automos.scale.sources import find_all
-from automos.scale.status import read_status
+from automos.core.parallel import map_in_order
+from automos.fleet.executors import Executor
+from automos.fleet.label import Resources, label_fleet
+from automos.fleet.local_pool import LocalPool
+from automos.fleet.ray_cluster import RayCluster
+from automos.fleet.sources import find_all
+from automos.fleet.status import read_status
 from automos.simulation import simulate, write
 
 

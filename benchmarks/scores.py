@@ -16,11 +16,11 @@ from rich.console import Console
 from suite import measure
 
 import automos
-from automos.atomic import write_text
-from automos.errors import InputError
+from automos.core.atomic import write_text
+from automos.core.errors import InputError
+from automos.core.progress import StageProgress
+from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts
-from automos.progress import StageProgress
-from automos.scan import Sequence
 from automos.simulation import FORMAT
 
 PACKAGE = Path(automos.__file__).parent

@@ -22,11 +22,11 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import load_settings, open_sequence
-from automos.learning.online import STAGES, OnlineSegmenter
-from automos.learning.segment import latencies, open_network
+from automos.core.scan import Scan
 from automos.network.deployed import Deployed, load_network
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.network.online import STAGES, OnlineSegmenter
+from automos.network.segment import latencies, open_network
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import ImageSettings, ModelSettings, Settings
 
 WARM_UP = 10

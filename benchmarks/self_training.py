@@ -22,12 +22,12 @@ from rich.table import Table
 from scores import ratios_of
 
 from automos import load_settings, open_sequence
+from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts
 from automos.evaluation.report import evaluate_folder
 from automos.labeling import label_recording
-from automos.learning.segment import open_network, segment_recording
 from automos.network.deployed import Deployed
-from automos.scan import Sequence
+from automos.network.segment import open_network, segment_recording
 
 ROUNDS = ("labels", "network", "labels with the network")
 UNSEEN = ("city_HDL-64E_32", "avenue_HDL-64E_31", "junction_HDL-64E_31", "campus_HDL-64E_31")

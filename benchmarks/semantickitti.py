@@ -17,11 +17,11 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import open_sequence
-from automos.comparison.compare import Comparison, compare, write_comparison
-from automos.comparison.labelers import TITLES, choose_methods
-from automos.comparison.runs import MethodRuns
+from automos.baselines.comparison.compare import Comparison, compare, write_comparison
+from automos.baselines.comparison.labelers import TITLES, choose_methods
+from automos.baselines.comparison.runs import MethodRuns
+from automos.core.progress import StageProgress
 from automos.evaluation.moving import Scores
-from automos.progress import StageProgress
 
 SEQUENCES = ("00", "01", "02", "03", "04", "05", "06", "07", "09", "10")
 PAPER = {"octomap": 13.6, "removert": 15.7, "erasor": 19.1, "pfreundschuh": 34.5, "yoon": 15.1, "paper": 74.2}

@@ -14,9 +14,9 @@ from rich.console import Console
 from scores import ratios_of
 
 from automos import load_settings, open_sequence
+from automos.core.progress import StageProgress
 from automos.evaluation.report import evaluate_folder
-from automos.learning.segment import open_network, segment_recording
-from automos.progress import StageProgress
+from automos.network.segment import open_network, segment_recording
 
 
 def main() -> None:

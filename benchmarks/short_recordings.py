@@ -21,12 +21,12 @@ from lines import show_lines
 from threadpoolctl import threadpool_limits
 
 from automos import ArraySequence, load_settings, open_sequence
+from automos.core.parallel import available_cores
 from automos.odometry import estimate_trajectory
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
-from automos.parallel import available_cores
+from automos.odometry.trajectory import SequenceFrames
 from automos.simulation import Convention, record
-from automos.trajectory import SequenceFrames
 
 DRIVES = ("kitti_0005", "kitti_0027")
 SCENARIOS = ("city", "avenue", "hills", "motorway", "campus")

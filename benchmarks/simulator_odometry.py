@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from automos import load_settings
-from automos.array_sequence import ArraySequence
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import inverse
 from automos.evaluation.trajectory import errors_over_time, path_length, rotation_angle
-from automos.geometry import inverse
 from automos.odometry import estimate_trajectory
 from automos.settings import PRESETS
 from automos.simulation import SCENARIOS, SENSORS, simulate

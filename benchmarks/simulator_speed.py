@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from automos.labels import Label
+from automos.core.labels import Label
 from automos.simulation import SCENARIOS, SENSORS, SimulatedSequence, simulate
 
 REACH = 120.0

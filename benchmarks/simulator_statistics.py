@@ -18,8 +18,8 @@ import numpy as np
 from scores import finite
 
 from automos import simulation
-from automos.datasets import open_recordings
-from automos.scan import Sequence
+from automos.core.scan import Sequence
+from automos.readers import open_recordings
 
 PAIRS = (("kitti_0005", "city"), ("kitti_0027", "country"))
 MAX_RANGE = 80.0

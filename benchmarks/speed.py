@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import Workspace, label, load_settings, open_sequence
-from automos.scan import Scan, Sequence
+from automos.core.scan import Scan, Sequence
 
 
 class ForthAndBack(Sequence):

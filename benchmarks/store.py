@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import open_sequence
-from automos.atomic import atomic_path
-from automos.scan import Scan, Sequence
+from automos.core.atomic import atomic_path
+from automos.core.scan import Scan, Sequence
 from automos.simulation import FORMAT, simulate
 
 

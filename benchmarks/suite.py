@@ -23,12 +23,12 @@ from rich.table import Table
 from speed import MemoryWatch, cpu_seconds
 
 from automos import Workspace, label, load_settings, open_sequence
-from automos.atomic import write_text
+from automos.core.atomic import write_text
+from automos.core.labels import OUTLIER, Label, to_mos
+from automos.core.progress import StageProgress
+from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.labels import OUTLIER, Label, to_mos
 from automos.pipeline import stage_keys
-from automos.progress import StageProgress
-from automos.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
 STATIC_WORLDS = ("country",)

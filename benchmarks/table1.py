@@ -23,11 +23,11 @@ from store import stored_world
 from suite import STATIC_WORLDS
 
 from automos import open_sequence
-from automos.comparison.compare import Comparison, compare, write_comparison
-from automos.comparison.labelers import TITLES, choose_methods
-from automos.comparison.runs import MethodRuns
-from automos.progress import StageProgress
-from automos.scan import Sequence
+from automos.baselines.comparison.compare import Comparison, compare, write_comparison
+from automos.baselines.comparison.labelers import TITLES, choose_methods
+from automos.baselines.comparison.runs import MethodRuns
+from automos.core.progress import StageProgress
+from automos.core.scan import Sequence
 from automos.simulation import FORMAT, SCENARIOS, simulate, write
 
 

@@ -25,10 +25,10 @@ from rich.table import Table
 from scores import code_digest
 
 from automos import load_settings, open_sequence
-from automos.atomic import write_text
-from automos.errors import InputError
+from automos.core.atomic import write_text
+from automos.core.errors import InputError
+from automos.core.scan import Sequence
 from automos.odometry import estimate_trajectory
-from automos.scan import Sequence
 from automos.simulation import SCENARIOS, Conditions, Convention, record
 from automos.simulation.recorders import write_recorded
 

@@ -21,11 +21,11 @@ from robustness import Altered
 
 from automos import load_settings, open_sequence
 from automos.baselines import methods
+from automos.core.labels import Label
+from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.labels import Label
 from automos.odometry import estimate_trajectory
-from automos.scan import Sequence
-from automos.trajectory import SequenceFrames
+from automos.odometry.trajectory import SequenceFrames
 
 
 def with_change(parameters: Any, change: str) -> Any:

@@ -20,19 +20,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from automos import simulation
-from automos.datasets import open_sequence
+from automos.core.labels import to_mos
+from automos.core.scan import OBJECT
 from automos.labeling import label_recording
-from automos.labels import to_mos
+from automos.objects.verdict import Verdict
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
-from automos.scan import OBJECT
 from automos.settings import load_settings
-from automos.tracking.verdict import Verdict
-from automos.visualization.report import write_report
-from automos.visualization.topdown import COLORS, View
-from automos.visualization.viewer import Viewer
+from automos.views.report import write_report
+from automos.views.topdown import COLORS, View
+from automos.views.viewer import Viewer
 
 IMAGES = Path(__file__).parent / "images"
 SCANS, SCAN, RADIUS = 50, 14, 38.0

@@ -74,8 +74,8 @@ def _unpack_once(packed: Path) -> Path:
 @pytest.fixture(scope="session")
 def lane_run(tmp_path_factory) -> Path:
     """Return a results folder of a small world, labelled by one command; the recording has truth. Copy to change it."""
-    from automos.datasets import open_sequence
     from automos.labeling import label_recording
+    from automos.readers import open_sequence
     from automos.settings import load_settings
 
     folder = tmp_path_factory.mktemp("lane")

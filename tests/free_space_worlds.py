@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from worlds import Block, cast
 
-from automos.geometry import make_transform
-from automos.scan import Frame
+from automos.core.geometry import make_transform
+from automos.core.scan import Frame
 
 HEIGHT = 1.8  # m, of the sensor
 REACH = 70.0  # m

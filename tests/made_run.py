@@ -3,19 +3,19 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from automos.array_sequence import ArraySequence
-from automos.export import export_run
-from automos.geometry import make_transform
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import make_transform
+from automos.core.scan import Scan
+from automos.core.workspace import Workspace
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.trajectory import Trajectory
 from automos.result import Result
 from automos.results.run_files import RunFiles
 from automos.results.writing import write_results
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import load_settings
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.trajectory import Trajectory
-from automos.workspace import Workspace
+from automos.writers import export_run
 
 STAMPS = 1_500_000_000.0 + 0.1 * np.arange(3)
 LABELS = [[9, 251, 251, 0, 9, 251], [], [251, 9, 9, 0]]

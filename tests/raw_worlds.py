@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from worlds import SCAN_GAP, SENSOR_HEIGHT, Block, cast, van
 
-from automos.geometry import make_transform
-from automos.scan import Scan
+from automos.core.geometry import make_transform
+from automos.core.scan import Scan
 
 N_COLUMNS = 360
 N_SECTORS = 60

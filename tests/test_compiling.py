@@ -11,7 +11,7 @@ import pytest
 
 from automos import compiling
 from automos.compiling import LINE, SHARES, compiling_beside
-from automos.tracking import object_points
+from automos.objects import object_points
 
 AFTER = """
 from automos import compiling

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from automos import label_files, reading
-from automos.atomic import held
 from automos.cli import app
-from automos.datasets import find_recordings, open_sequence
-from automos.errors import InputError, SettingsError
+from automos.core import label_files, reading
+from automos.core.atomic import held
+from automos.core.errors import InputError, SettingsError
+from automos.core.pose_files import read_poses
 from automos.evaluation.report import find_predictions
-from automos.pose_files import read_poses
+from automos.fleet import work_folder
+from automos.readers import find_recordings, open_sequence
 from automos.results.run_files import RunFiles
-from automos.scale import work_folder
 from automos.settings import load_settings, read_overrides
 
 linux = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a system with pipes and owners")
@@ -221,7 +221,7 @@ def test_a_run_that_did_not_end_is_no_result(tmp_path):
 
 @linux
 def test_two_processes_do_not_write_into_one_folder(tmp_path):
-    code = f"from pathlib import Path; from automos.atomic import held\nwith held(Path({str(tmp_path)!r})): pass"
+    code = f"from pathlib import Path; from automos.core.atomic import held\nwith held(Path({str(tmp_path)!r})): pass"
     with held(tmp_path):
         other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "another process writes into" in other.stderr

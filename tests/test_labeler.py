@@ -9,9 +9,9 @@ import pytest
 from worlds import iou_of_moving, lane, street
 
 import automos
-from automos.errors import InputError
-from automos.labels import Label
-from automos.scan import Scan
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.core.scan import Scan
 
 STREET = street(24)
 SCANS = list(STREET.sequence)

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from worlds import World, lane, write_bins
 
-from automos.array_sequence import ArraySequence
-from automos.datasets import open_sequence
-from automos.errors import InputError
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.pose_writers import write_kitti
+from automos.core.workspace import RUN_FILE, Workspace
 from automos.labeling import label_recording, summary
 from automos.online.segment import segment_recording
 from automos.pipeline import label
-from automos.pose_writers import write_kitti
+from automos.readers import open_sequence
 from automos.settings import load_settings
-from automos.workspace import RUN_FILE, Workspace
 
 PAPER = load_settings("paper")
 

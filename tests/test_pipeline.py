@@ -7,16 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from worlds import World, iou_of_moving, lane, street
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
-from automos.geometry import make_transform
-from automos.labels import Label
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.geometry import make_transform
+from automos.core.labels import Label
+from automos.core.scan import Scan
+from automos.core.workspace import Workspace
+from automos.objects.verdict import Verdict
 from automos.pipeline import label, stage_keys
 from automos.result import Result
-from automos.scan import Scan
 from automos.settings import LabelsSettings, Settings, load_settings
-from automos.tracking.verdict import Verdict
-from automos.workspace import Workspace
 
 PAPER, DEFAULT = load_settings("paper"), load_settings("default")
 

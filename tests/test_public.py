@@ -11,8 +11,8 @@ import pytest
 from worlds import lane
 
 import automos
+from automos.objects.verdict import Verdict
 from automos.settings import Settings
-from automos.tracking.verdict import Verdict
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference" / "python.md"
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from worlds import street
 
-from automos.candidates.free_space import FreeSpace
+from automos.core.workspace import Workspace
+from automos.evidence.free_space import FreeSpace
 from automos.pipeline import Steps, label, stage_keys
 from automos.settings import load_settings
-from automos.workspace import Workspace
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from worlds import SENSOR_HEIGHT, Block, cast, drive, record, rider
 
-from automos.geometry import transform
-from automos.labels import Label
-from automos.upright_boxes import Boxes, points_in_boxes
+from automos.core.geometry import transform
+from automos.core.labels import Label
+from automos.core.upright_boxes import Boxes, points_in_boxes
 
 ORIGIN = np.array([0.0, 0.0, SENSOR_HEIGHT])
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.array_sequence import ArraySequence
-from automos.geometry import inverse, make_transform
-from automos.labels import Label
-from automos.scan import Scan
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import inverse, make_transform
+from automos.core.labels import Label
+from automos.core.scan import Scan
 
 SCAN_GAP = 0.1  # s
 SENSOR_HEIGHT = 1.8  # m

@@ -9,47 +9,47 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from automos.working_folder import ignore_settings_here
+from automos.core.working_folder import ignore_settings_here
 
 __version__ = "0.6.0"
 
 if TYPE_CHECKING:
-    from automos.array_sequence import ArraySequence as ArraySequence
-    from automos.datasets import open_recordings as open_recordings
-    from automos.datasets import open_sequence as open_sequence
-    from automos.errors import AutomosError as AutomosError
-    from automos.errors import InputError as InputError
-    from automos.export import export_run as export_run
+    from automos.core.array_sequence import ArraySequence as ArraySequence
+    from automos.core.errors import AutomosError as AutomosError
+    from automos.core.errors import InputError as InputError
+    from automos.core.labels import Label as Label
+    from automos.core.scan import Scan as Scan
+    from automos.core.scan import Sequence as Sequence
+    from automos.core.workspace import Workspace as Workspace
     from automos.labeler import Labeler as Labeler
     from automos.labeler import LabelledScan as LabelledScan
-    from automos.labels import Label as Label
     from automos.pipeline import label as label
+    from automos.readers import open_recordings as open_recordings
+    from automos.readers import open_sequence as open_sequence
     from automos.result import Result as Result
     from automos.results.open_run import open_run as open_run
-    from automos.scan import Scan as Scan
-    from automos.scan import Sequence as Sequence
     from automos.settings import load_settings as load_settings
-    from automos.visualization.report import write_report as write_report
-    from automos.workspace import Workspace as Workspace
+    from automos.views.report import write_report as write_report
+    from automos.writers import export_run as export_run
 
 _HOME = {
     "label": "pipeline",
     "Result": "result",
     "Labeler": "labeler",
     "LabelledScan": "labeler",
-    "Label": "labels",
-    "open_sequence": "datasets",
-    "open_recordings": "datasets",
-    "ArraySequence": "array_sequence",
-    "Sequence": "scan",
-    "Scan": "scan",
+    "Label": "core.labels",
+    "open_sequence": "readers",
+    "open_recordings": "readers",
+    "ArraySequence": "core.array_sequence",
+    "Sequence": "core.scan",
+    "Scan": "core.scan",
     "load_settings": "settings",
-    "Workspace": "workspace",
+    "Workspace": "core.workspace",
     "open_run": "results.open_run",
-    "export_run": "export",
-    "write_report": "visualization.report",
-    "AutomosError": "errors",
-    "InputError": "errors",
+    "export_run": "writers",
+    "write_report": "views.report",
+    "AutomosError": "core.errors",
+    "InputError": "core.errors",
 }
 __all__ = [*_HOME, "__version__"]
 

@@ -18,17 +18,17 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from automos.array_sequence import ArraySequence
-from automos.geometry import make_transform
-from automos.parallel import available_cores
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import make_transform
+from automos.core.parallel import available_cores
+from automos.core.scan import GROUND, OBJECT
+from automos.core.working_folder import SAFE_PATH
+from automos.core.workspace import Arrays
+from automos.evidence.stage import candidates_of
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Steps
-from automos.scan import GROUND, OBJECT
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import load_settings
-from automos.stages.candidates import candidates_of
-from automos.trajectory import Trajectory
-from automos.working_folder import SAFE_PATH
-from automos.workspace import Arrays
 
 SHARES = ("poses", "candidates", "objects")
 """What is compiled apart, each about a third: odometry; free space; segments, tracks, verdicts and labels."""
@@ -75,7 +75,7 @@ def is_cold() -> bool:
 
     Numba is asked, which knows of what source, by which version and for which processor each file on disk is.
     """
-    from automos.tracking import object_points
+    from automos.objects import object_points
 
     kernel = object_points._find_near
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)

@@ -22,17 +22,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.arguments import require_kind
-from automos.array_sequence import as_scan
-from automos.errors import InputError
+from automos.core.arguments import require_kind
+from automos.core.array_sequence import as_scan
+from automos.core.errors import InputError
+from automos.core.parallel import available_cores, checked_workers, one_ahead
+from automos.core.scan import Pose, Scan
 from automos.online.intake import LONGEST_GAP, Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan
 from automos.online.return_order import ReturnOrder
 from automos.online.segmenting import Segmented
 from automos.online.stream import Stream, require_online_methods
 from automos.online.whole import WholeRecording
-from automos.parallel import available_cores, checked_workers, one_ahead
-from automos.scan import Pose, Scan
 from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan"]

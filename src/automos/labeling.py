@@ -7,12 +7,14 @@ from typing import Any
 
 from rich.console import Console
 
-from automos.array_sequence import as_sequence
-from automos.atomic import held
-from automos.errors import InputError
+from automos.core.array_sequence import as_sequence
+from automos.core.atomic import held
+from automos.core.errors import InputError
+from automos.core.pose_files import read_calib, read_poses
+from automos.core.progress import StageProgress
+from automos.core.scan import Pose, Sequence
+from automos.core.workspace import Workspace
 from automos.pipeline import label
-from automos.pose_files import read_calib, read_poses
-from automos.progress import StageProgress
 from automos.results.claiming import refuse_unrepeatable, require_room
 from automos.results.run_warnings import sentences_of
 from automos.results.writing import declare_whole, write_results
@@ -21,9 +23,7 @@ from automos.review.concerns import note_concerns
 from automos.review.log import key_of_changes
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
-from automos.scan import Pose, Sequence
 from automos.settings import Settings
-from automos.workspace import Workspace
 
 
 def label_recording(

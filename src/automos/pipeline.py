@@ -20,25 +20,25 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
-from automos.arguments import require_kind
-from automos.array_sequence import as_sequence
 from automos.baselines.methods import published
-from automos.errors import InputError
-from automos.loop_closure import close_loops
+from automos.core.arguments import require_kind
+from automos.core.array_sequence import as_sequence
+from automos.core.errors import InputError
+from automos.core.parallel import checked_workers
+from automos.core.recording_warnings import recording_warnings
+from automos.core.run import Progress, Run, Tick
+from automos.core.scan import Pose, Sequence
+from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
+from automos.evidence.network_cue import cue_fingerprint
+from automos.evidence.stage import add_network_cue, find_candidates
+from automos.objects.instances import find_segments
+from automos.objects.labels import label_scans
+from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
 from automos.odometry import estimate_trajectory
-from automos.parallel import checked_workers
-from automos.recording_warnings import recording_warnings
+from automos.odometry.loops import close_loops
+from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.result import Result
-from automos.run import Progress, Run, Tick
-from automos.scan import Pose, Sequence
 from automos.settings import Settings, given_settings
-from automos.stages.candidates import add_network_cue, find_candidates
-from automos.stages.instances import find_segments
-from automos.stages.labels import label_scans
-from automos.stages.network_cue import cue_fingerprint
-from automos.stages.tracking import Scans, TrackedObjects, follow_and_judge
-from automos.trajectory import SequenceFrames, Trajectory
-from automos.workspace import Arrays, Stage, Workspace, fingerprint
 
 
 def label(

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.trajectory import Trajectory
-from automos.workspace import Stage
+from automos.core.workspace import Stage
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.odometry.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from worlds import Block, cast
 
-from automos.geometry import make_transform
-from automos.scan import Frame
+from automos.core.geometry import make_transform
+from automos.core.scan import Frame
 
 GROUND = -1
 WALLS = (

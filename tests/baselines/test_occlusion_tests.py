@@ -8,7 +8,7 @@ from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector import _Tests
 from automos.baselines.m_detector_parameters import KITTI
 from automos.baselines.range_image import image_shape
-from automos.scan import Frame
+from automos.core.scan import Frame
 
 SHAPE = image_shape(float(np.degrees(KITTI.row)), float(np.degrees(KITTI.column)), -30.0, 30.0)
 HERE = np.eye(4)

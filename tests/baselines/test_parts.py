@@ -13,10 +13,10 @@ from automos.baselines.methods import BASELINES
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
 from automos.baselines.regions import grow_regions
-from automos.errors import MissingExtraError
-from automos.scan import Frame
+from automos.core.errors import MissingExtraError
+from automos.core.scan import Frame
+from automos.core.voxels import VoxelMap
 from automos.settings import load_settings
-from automos.voxels import VoxelMap
 
 
 # -------------------------------------------------------------------------------------------------------- batches

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 from worlds import lane, write_bins
 
 from automos.cli import app
-from automos.datasets import CODECS, FORMATS
-from automos.errors import InputError
-from automos.export import EXPORTS
-from automos.extras import pip_install
+from automos.core.errors import InputError
+from automos.core.extras import pip_install
+from automos.readers import CODECS, FORMATS
+from automos.writers import EXPORTS
 
 
 def run(*words):

@@ -10,8 +10,8 @@ import pytest
 from worlds import lane, write_bins
 
 from automos.cli import main
-from automos.labels import pack
-from automos.pose_writers import write_kitti
+from automos.core.labels import pack
+from automos.core.pose_writers import write_kitti
 
 HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()
 TINY = [

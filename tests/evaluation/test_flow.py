@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from automos.cli import app
-from automos.datasets import open_sequence
-from automos.datasets.box_truth import motion_with_boxes
+from automos.core.upright_boxes import Boxes
 from automos.evaluation.flow import count_flow, evaluate_flow
+from automos.readers import open_sequence
+from automos.readers.box_truth import motion_with_boxes
 from automos.simulation import simulate, write
-from automos.upright_boxes import Boxes
 
 NOW = np.array([[1.0, 0, 0], [0.02, 0, 0], [0, 0, 0], [0, 0, 0], [np.nan, 0, 0]])
 """Truth of five points in a tenth of a second: 10 m/s, 0.2 m/s and standing on objects, background, unknown."""

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from automos.datasets import open_recordings, open_sequence
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.labels import Label, to_mos
 from automos.evaluation.moving import RANGES, Counts
 from automos.evaluation.report import Report, Result, evaluate_folder, evaluate_recordings
-from automos.labels import Label, to_mos
+from automos.readers import open_recordings, open_sequence
 
 
 def make_drive(root, name, truth_per_scan):

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from automos.core.geometry import inverse, make_transform, se3_exp
 from automos.evaluation.trajectory import (
     absolute_errors,
     align,
@@ -14,7 +15,6 @@ from automos.evaluation.trajectory import (
     rmse,
     rotation_angle,
 )
-from automos.geometry import inverse, make_transform, se3_exp
 
 twists = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6)
 

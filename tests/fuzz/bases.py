@@ -17,8 +17,8 @@ sys.path[:0] = [str(TESTS), str(TESTS / "datasets")]
 
 from street_log import StreetLog, street_log
 
-from automos.labels import pack
-from automos.pose_writers import write_kitti
+from automos.core.labels import pack
+from automos.core.pose_writers import write_kitti
 
 _spec = importlib.util.spec_from_file_location("dataset_writers", TESTS / "datasets" / "conftest.py")
 writers = importlib.util.module_from_spec(_spec)

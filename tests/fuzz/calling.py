@@ -7,7 +7,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 
 from automos.cli import main
-from automos.errors import AutomosError
+from automos.core.errors import AutomosError
 
 LAST: list[str] = []
 """What was done to the input that is read now, for a person to read."""

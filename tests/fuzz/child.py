@@ -32,11 +32,11 @@ from commands import write_all as write_commands
 from damage import NUMBERS, change, damage
 from values import fuzz_list, fuzz_values
 
-from automos.datasets import open_recordings
-from automos.errors import AutomosError
-from automos.geometry import is_rigid
-from automos.pose_files import read_poses
-from automos.scale.sources import find_all
+from automos.core.errors import AutomosError
+from automos.core.geometry import is_rigid
+from automos.core.pose_files import read_poses
+from automos.fleet.sources import find_all
+from automos.readers import open_recordings
 from automos.settings import dump_yaml, load_settings, read_overrides
 
 _NO_SETTINGS = (
@@ -102,7 +102,7 @@ def fuzz_poses(rng: random.Random, work: Path) -> None:
 
 def fuzz_edits(rng: random.Random, work: Path, run: object) -> None:
     """Read corrections of another tool with one thing changed."""
-    from automos.export.edits import read_edits
+    from automos.writers.edits import read_edits
 
     box = {"position": [1, 2, 3], "scale": [4, 2, 1], "rotation": [0, 0, 0.1], "label_id": 0, "type": "cuboid_3d",
            "attributes": {"track_id": 1}}  # fmt: skip

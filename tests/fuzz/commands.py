@@ -17,22 +17,22 @@ from damage import NUMBERS, change, damage
 from values import OPTIONS, WORDS, filled
 from worlds import lane, write_bins
 
-from automos.datasets import open_recordings, open_sequence
-from automos.export import EXPORTS
-from automos.pose_writers import write_kitti
+from automos.core.pose_writers import write_kitti
+from automos.readers import open_recordings, open_sequence
 from automos.results.open_run import open_run
 from automos.settings import load_settings
+from automos.writers import EXPORTS
 
 N_SCANS = 12
 
 
 def write_all(root: Path) -> None:
     """Write into `root` a recording, its results, and everything else that commands are given."""
-    from automos.export import export_run
+    from automos.fleet.label import Resources, label_fleet
+    from automos.fleet.sources import find_all
     from automos.labeling import label_recording
     from automos.review.session import Session
-    from automos.scale.label import Resources, label_fleet
-    from automos.scale.sources import find_all
+    from automos.writers import export_run
 
     world, log = lane(N_SCANS), root / "log"
     write_bins(world.sequence, log / "velodyne")

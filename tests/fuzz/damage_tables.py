@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from automos.reading import DAMAGE
+from automos.core.reading import DAMAGE
 
 WHOLE = (0, 1, -1, 2, 255, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1)
 

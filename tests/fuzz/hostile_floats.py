@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import automos
-from automos.scan import Frame
-from automos.sensor.beam_pattern import BeamPattern
-from automos.sensor.beam_pattern import make_pattern as pattern_of
+from automos.core.beam_pattern import BeamPattern
+from automos.core.beam_pattern import make_pattern as pattern_of
+from automos.core.scan import Frame
+from automos.core.upright_boxes import Boxes
+from automos.objects.tracks import Tracks
 from automos.settings import load_settings
-from automos.tracking.tracks import Tracks
-from automos.upright_boxes import Boxes
 
 SOURCE = Path(automos.__file__).parent
 SETTINGS = load_settings("default")

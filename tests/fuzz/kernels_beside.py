@@ -21,9 +21,9 @@ from automos.baselines import (
     yoon,
 )
 from automos.baselines.brick_grid import BrickGrid
-from automos.datasets import lzf, pcap, text, velodyne_sweeps
-from automos.datasets import range_image as waymo_image
 from automos.network import cleanup, projection, residuals
+from automos.readers import lzf, pcap, text, velodyne_sweeps
+from automos.readers import range_image as waymo_image
 
 
 def _baselines(points: np.ndarray) -> None:

@@ -7,33 +7,32 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos import covariances
-from automos.candidates import votes
-from automos.candidates.clouds import in_clouds
-from automos.geometry import transform
-from automos.ground import level
-from automos.ground.surface import find_ground
-from automos.instances import detect
-from automos.instances.boxes import fit_boxes
-from automos.instances.segments import segment_points
-from automos.odometry import facing, registration
+from automos.core import covariances, directions
+from automos.core.geometry import transform
+from automos.core.range_image import find_neighbours, make_image, project
+from automos.core.scan import Scan
+from automos.core.upright_boxes import iou_3d, points_in_boxes
+from automos.core.voxels import VoxelMap
+from automos.evidence import ego_body, on_body, votes
+from automos.evidence.clouds import in_clouds
+from automos.evidence.ground import find_ground
+from automos.evidence.look_through import look_through
+from automos.evidence.paper import erasor, erasor_bins
+from automos.evidence.paper.region_ground import fit_region_ground
+from automos.objects import detect, face_paths, places
+from automos.objects.boxes import fit_boxes
+from automos.objects.object_points import paint_objects
+from automos.objects.paper import hierarchy
+from automos.objects.segments import segment_points
+from automos.objects.smoothing import smooth
+from automos.objects.tracks import Tracks
+from automos.odometry import drifting_seam, facing, point_order, registration
+from automos.odometry import vertical as level
+from automos.odometry.compensation import compensate
 from automos.odometry.motion import usable_points
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import make_surfels
-from automos.paper import erasor, erasor_bins, hierarchy
-from automos.paper.region_ground import fit_region_ground
-from automos.scan import Scan
-from automos.sensor import directions, drifting_seam, ego_body, on_body, point_order
-from automos.sensor.compensation import compensate
-from automos.sensor.look_through import look_through
-from automos.sensor.range_image import find_neighbours, make_image, project
-from automos.sensor.sweep_timing import SweepTiming, azimuth_times
-from automos.tracking import face_paths, places
-from automos.tracking.object_points import paint_objects
-from automos.tracking.smoothing import smooth
-from automos.tracking.tracks import Tracks
-from automos.upright_boxes import iou_3d, points_in_boxes
-from automos.voxels import VoxelMap
+from automos.odometry.sweep_timing import SweepTiming, azimuth_times
 
 
 def _ground(points: np.ndarray) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.errors import AutomosError, InputError
+from automos.core.errors import AutomosError, InputError
 from automos.live.ouster import OusterAssembler
 
 
@@ -18,7 +18,7 @@ def test_scans_are_those_of_a_file_of_the_same_packets(tmp_path):
     core, pcap = pytest.importorskip("ouster.sdk.core"), pytest.importorskip("ouster.sdk.pcap")
     from test_ouster import write_drive
 
-    from automos.datasets import open_sequence
+    from automos.readers import open_sequence
 
     write_drive(tmp_path / "drive.pcap")
     payloads = [

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.parallel import one_ahead
+from automos.core.scan import Scan
 from automos.live.feed import Feed, Replay
 from automos.live.latest import Latest
 from automos.live.opening import open_feed
 from automos.live.run import get_ready, run_live
 from automos.live.udp import UdpFeed, parse_address
 from automos.live.velodyne import VelodyneAssembler
-from automos.parallel import one_ahead
-from automos.scan import Scan
 
 
 @dataclass

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.labeler import LabelledScan
 from automos.live import message
 from automos.live.message import LARGEST, OBJECT, Sender, decode, encode

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from grids import even_grid
 
-from automos.geometry import make_transform, transform
+from automos.core.geometry import make_transform, transform
 from automos.network.augmentation import Change, apply_change, draw_change
 from automos.network.images import SensorView, Window, make_image
 from automos.network.projection import project

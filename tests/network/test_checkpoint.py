@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
-from automos.errors import InputError  # noqa: E402
+from automos.core.errors import InputError  # noqa: E402
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.model import LMNet  # noqa: E402

@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip inst
 for package in ("onnx", "onnxruntime", "onnxscript"):
     pytest.importorskip(package, reason=f"exporting needs {package}: pip install '.[deploy]'")
 
-from automos.errors import AutomosError, InputError  # noqa: E402
+from automos.core.errors import AutomosError, InputError  # noqa: E402
 from automos.network.checkpoint import Checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.export import export_onnx  # noqa: E402

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from grids import even_grid
 
-from automos.geometry import inverse, make_transform, transform
+from automos.core.geometry import inverse, make_transform, transform
 from automos.network.projection import nearest_points, project
 from automos.network.residuals import pick_past, residual_images
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
 from automos.odometry.clock import read_clock
 
 POINT = np.ones((1, 3), np.float32)

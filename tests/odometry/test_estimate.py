@@ -3,13 +3,13 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
 from worlds import SCAN_GAP
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.scan import Scan
 from automos.odometry import estimate, estimate_trajectory
 from automos.odometry.estimate import doubts
+from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 N = 20

@@ -3,12 +3,12 @@ import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import SCAN_GAP, record, van
 
-from automos.array_sequence import ArraySequence
-from automos.geometry import inverse
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import inverse
+from automos.core.scan import Scan
 from automos.odometry.kiss import find_start, register_scans
 from automos.odometry.motion import chain
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 from automos.simulation import simulate
 

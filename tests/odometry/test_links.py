@@ -5,7 +5,7 @@ from worlds import record
 
 from automos.odometry.clock import read_clock
 from automos.odometry.links import measure_consistency, summarize
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings()

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from automos.geometry import make_transform, se3_exp, se3_log
+from automos.core.geometry import make_transform, se3_exp, se3_log
+from automos.core.scan import Scan
 from automos.odometry.motion import can_be_driven, greatest_acceleration, step_twists, timed_points
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.odometry.moving_windows import Search
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 NONE, REAR = SweepTiming(), SweepTiming("azimuth", turn=-1, seam_deg=180.0, share=1.0)

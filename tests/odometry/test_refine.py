@@ -6,7 +6,7 @@ from raw_worlds import TOWN, true_poses, worst_distance
 from raw_worlds import curve as curve_of
 from worlds import record, van
 
-from automos.geometry import se3_exp
+from automos.core.geometry import se3_exp
 from automos.odometry.links import Alignment, Window, choose_links, fit_links
 from automos.odometry.motion import chain
 from automos.odometry.refine import refine_poses

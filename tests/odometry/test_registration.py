@@ -3,9 +3,9 @@ import pytest
 from raw_worlds import TOWN, curve, true_poses
 from worlds import record
 
-from automos.geometry import se3_exp
+from automos.core.geometry import se3_exp
+from automos.core.voxels import rows_of_first_in_voxel
 from automos.odometry.registration import Icp, LocalMap, align
-from automos.voxels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
 VOXEL, CAPACITY, MAX_RANGE = 0.8, 20, 60.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.geometry import se3_exp
+from automos.core.geometry import se3_exp
 from automos.odometry.submap import fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, make_surfels
 

@@ -1,7 +1,7 @@
 import numpy as np
 
+from automos.core.voxels import rows_of_first_in_voxel
 from automos.odometry.surfels import MAX_RANGE, make_surfels
-from automos.voxels import rows_of_first_in_voxel
 
 RNG = np.random.default_rng(0)
 

@@ -3,12 +3,12 @@ import pytest
 from raw_worlds import TOWN, curve, cut_anew, rosette, sweep, untimed
 from worlds import SCAN_GAP, drive, record
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.scan import Scan
 from automos.odometry import moving_windows, timing
 from automos.odometry.clock import read_clock
 from automos.odometry.timing import choose_timing
-from automos.scan import Scan
 from automos.settings import OdometrySettings
 from automos.simulation import Conditions, Convention
 from automos.simulation import record as record_drive

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from automos import Labeler, load_settings
-from automos.detections import Detections
+from automos.core.upright_boxes import Boxes
+from automos.objects.detections import Detections
+from automos.objects.tracker import Tracker, track_objects, until_last_seen
+from automos.objects.tracks import Tracks
 from automos.online.following import FEW, MEMORY, PAST_ALONE, TOO_FEW, Comparisons, Following
-from automos.tracking.tracker import Tracker, track_objects, until_last_seen
-from automos.tracking.tracks import Tracks
-from automos.upright_boxes import Boxes
 
 SETTINGS = load_settings("default").tracking
 

@@ -9,7 +9,7 @@ import pytest
 from worlds import lane
 
 import automos
-from automos.errors import InputError
+from automos.core.errors import InputError
 
 NUMBERS = (np.nan, np.inf, -np.inf, 0.0, 1e-45, 0.1, 100.0, 19_999.0, 1e9, 1e19, -1e19, 1e30, 3e38)
 STAMPS = (0.0, 5e-324, 1.0 + 1e-9, 1e18, -1e300, np.nan, np.inf)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from automos import load_settings
-from automos.geometry import make_transform
+from automos.core.beam_pattern import is_known, ray_steps
+from automos.core.geometry import make_transform
+from automos.core.scan import Frame
+from automos.evidence.ego_body import MIN_SCANS
 from automos.online import lidars
 from automos.online.lidars import DELAY, LidarLearner
-from automos.scan import Frame
-from automos.sensor.beam_pattern import is_known, ray_steps
-from automos.sensor.ego_body import MIN_SCANS
 
 SETTINGS = load_settings("default").candidates
 MOUNTS = np.stack([np.eye(4), make_transform(np.eye(3), [1.0, 0.0, 0.0])])

@@ -7,12 +7,12 @@ from raw_worlds import TOWN, curve, sweep
 from worlds import SCAN_GAP, street
 
 from automos import load_settings
-from automos.geometry import inverse, se3_log
+from automos.core.geometry import inverse, se3_log
+from automos.core.scan import Scan
+from automos.odometry.sweep_timing import SweepTiming
 from automos.online.background import BackgroundTask
 from automos.online.odometry import AT_ONCE, CausalOdometry
 from automos.online.past_submaps import Prediction
-from automos.scan import Scan
-from automos.sensor.sweep_timing import SweepTiming
 from automos.simulation import Convention, record, simulate
 
 SETTINGS = load_settings("default").odometry

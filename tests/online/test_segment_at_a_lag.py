@@ -9,13 +9,13 @@ from forks import TRACED_PATIENCE, in_a_fork
 from worlds import lane, write_bins
 
 from automos import Labeler, load_settings, open_sequence
-from automos.atomic import held
-from automos.errors import InputError
+from automos.core.atomic import held
+from automos.core.errors import InputError
+from automos.core.pose_files import read_poses
 from automos.evaluation.report import find_predictions
 from automos.labeling import label_recording
 from automos.online.labelled_scan import OBJECT_FIELDS, LabelledScan
 from automos.online.segment import results_writer, segment_recording, stamped, summary
-from automos.pose_files import read_poses
 
 
 @pytest.fixture(scope="module")

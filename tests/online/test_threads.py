@@ -7,7 +7,7 @@ import pytest
 from worlds import lane
 
 from automos import labeler
-from automos.labels import Label
+from automos.core.labels import Label
 from automos.online import background
 
 SCANS = list(lane(30).sequence)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, VELOCITY, make_run, make_scans
 
-from automos.array_sequence import ArraySequence
-from automos.errors import InputError
-from automos.geometry import transform
+from automos.core.array_sequence import ArraySequence
+from automos.core.errors import InputError
+from automos.core.geometry import transform
+from automos.objects.verdict import Verdict
+from automos.odometry.sweep_timing import SweepTiming
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.sensor.sweep_timing import SweepTiming
-from automos.tracking.verdict import Verdict
 
 
 @pytest.fixture

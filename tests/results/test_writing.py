@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from automos import __version__
-from automos.array_sequence import ArraySequence
-from automos.atomic import write_raw
-from automos.errors import InputError
-from automos.geometry import make_transform
-from automos.labels import Label, to_mos
-from automos.pose_files import read_poses
+from automos.core.array_sequence import ArraySequence
+from automos.core.atomic import write_raw
+from automos.core.errors import InputError
+from automos.core.geometry import make_transform
+from automos.core.labels import Label, to_mos
+from automos.core.pose_files import read_poses
+from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.trajectory import Trajectory
 from automos.result import Result
 from automos.results import point_files
 from automos.results.writing import write_results
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import load_settings
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.trajectory import Trajectory
-from automos.workspace import COMPLETE, RUN_FILE, Workspace
 
 SEQUENCE = ArraySequence([np.ones((5, 3)), np.zeros((0, 3)), np.ones((4, 3))], 100.0 + 0.1 * np.arange(3), "street")
 LABELS = [[9, 251, 251, 0, 9], [], [251, 9, 9, 0]]

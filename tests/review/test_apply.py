@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from automos.atomic import held
 from automos.cli import app
-from automos.datasets import open_sequence
-from automos.errors import InputError
-from automos.labels import Label
+from automos.core.atomic import held
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.objects.verdict import Verdict
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.review import apply
@@ -19,7 +20,6 @@ from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
 from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
 from automos.review.matching import cover_tracks, match
 from automos.review.run_stages import RunStages
-from automos.tracking.verdict import Verdict
 
 AT = "2026-01-02T03:04:05+00:00"
 

@@ -6,18 +6,18 @@ import shutil
 import numpy as np
 import pytest
 
-from automos.datasets import open_sequence
-from automos.geometry import make_transform
+from automos.core.geometry import make_transform
+from automos.core.pose_writers import write_kitti
 from automos.labeling import label_recording, summary
-from automos.pose_writers import write_kitti
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review.concerns import _steep, find_concerns
 from automos.review.run_stages import RunStages
 from automos.review.session import Session
 from automos.settings import load_settings
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict
-from automos.visualization.report import write_report
+from automos.views.report import write_report
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.review.decisions import Cover, Decision, append_decisions, cover, read_decisions
 from automos.review.log import LOG_FILE
 

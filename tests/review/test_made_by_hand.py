@@ -9,15 +9,15 @@ import pytest
 from typer.testing import CliRunner
 
 from automos.cli import app
-from automos.errors import InputError
-from automos.labels import Label
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import queue
 from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
-from automos.tracking.verdict import Verdict
 
 
 @pytest.fixture

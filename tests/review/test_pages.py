@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from browsing import wait_for as browser_waits
 
+from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import writer as writer_module
 from automos.review.amendments import read_amendments
 from automos.review.server import ReviewServer
 from automos.review.session import Session
-from automos.tracking.verdict import Verdict
 
 pytestmark = pytest.mark.browser
 wait_for = partial(browser_waits, seconds=30)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from automos.datasets import open_sequence
-from automos.errors import InputError
-from automos.labels import Label, to_mos
+from automos.core.errors import InputError
+from automos.core.labels import Label, to_mos
+from automos.core.workspace import Workspace
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review import sample as sample_module
 from automos.review import scenes
@@ -21,7 +22,6 @@ from automos.review.quality import Estimate, ratio, recall, share, total_of_mome
 from automos.review.run_stages import RunStages
 from automos.review.sample import append_answer, draw, estimate, read_answers, read_sample, save_sample, strata
 from automos.review.session import Session
-from automos.workspace import Workspace
 
 HOLDS = 0.95
 REVIEWS = 400

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from automos.datasets import open_sequence
+from automos.core.labels import Label, to_mos
+from automos.core.scan import OBJECT
 from automos.labeling import label_recording
-from automos.labels import Label, to_mos
+from automos.objects.labels import label_scans
+from automos.objects.tracking import TrackedObjects
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.run_stages import RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
-from automos.scan import OBJECT
 from automos.settings import load_settings
-from automos.stages.labels import label_scans
-from automos.stages.tracking import TrackedObjects
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
 
 MISSED = 0.05
 LEAST = 4

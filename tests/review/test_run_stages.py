@@ -5,8 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from automos.datasets import open_sequence
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.review.run_stages import RunStages

@@ -9,7 +9,7 @@ import pytest
 from asking import ask
 from browsing import wait_for
 
-from automos.labels import Label
+from automos.core.labels import Label
 from automos.review import record as record_module
 from automos.review import writer as writer_module
 from automos.review.decisions import read_decisions

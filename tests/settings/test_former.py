@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from automos.errors import SettingsError
+from automos.core.errors import SettingsError
 from automos.settings import Settings, keys_of, load_settings
 from automos.settings.former import CONSTANTS, RENAMED
 

@@ -2,7 +2,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from automos.errors import SettingsError
+from automos.core.errors import SettingsError
 from automos.settings import PRESETS, Settings, dump_yaml, load_settings
 
 

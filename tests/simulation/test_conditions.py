@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from automos.errors import InputError
-from automos.geometry import inverse, transform
-from automos.labels import OUTLIER, Label, to_mos
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
+from automos.core.labels import OUTLIER, Label, to_mos
 from automos.simulation import Conditions, record, simulate
 from automos.simulation.ego import EgoMotion
 from automos.simulation.rigs import RIGS, Part, placed, ride_on, rigs

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from automos import simulation
+from automos.core.geometry import inverse, transform
+from automos.core.labels import Label
+from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.evaluation.trajectory import path_length
-from automos.geometry import inverse, transform
-from automos.labels import Label
 from automos.odometry import estimate_trajectory
 from automos.settings import load_settings
 from automos.simulation.annotations import upright_boxes
-from automos.upright_boxes import iou_3d, points_in_boxes
 
 N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}

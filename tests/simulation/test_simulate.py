@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from automos import simulation
-from automos.errors import InputError
-from automos.geometry import inverse, transform
-from automos.labels import Label
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
+from automos.core.labels import Label
 from automos.simulation import scenarios
 from automos.simulation import sequence as sequences
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from automos import simulation
-from automos.datasets import open_recordings
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.readers import open_recordings
 
 
 @pytest.fixture(scope="module")

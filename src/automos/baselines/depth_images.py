@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
-from automos.cells import turn_of, whole_below
-from automos.kernels import kernel
-from automos.scan import Mask, Pose
+from automos.core.cells import turn_of, whole_below
+from automos.core.kernels import kernel
+from automos.core.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
 _FLAT = 1e-7  # rad^2

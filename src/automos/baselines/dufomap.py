@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within
-from automos.errors import MissingExtraError
-from automos.extras import pip_install
-from automos.scan import Frames, Mask
+from automos.core.errors import MissingExtraError
+from automos.core.extras import pip_install
+from automos.core.scan import Frames, Mask
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.regions import label_regions
-from automos.scan import Mask
+from automos.core.scan import Mask
 
 
 def complete_clusters(points: npt.NDArray, is_event: Mask, is_object: Mask, parameters: Parameters) -> Mask:

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from automos.baselines.batches import BatchSize, cut_batches, is_within, labels_of_voxels
 from automos.baselines.brick_grid import FAR, BrickGrid
-from automos.kernels import kernel
-from automos.scan import Frames, Mask
+from automos.core.kernels import kernel
+from automos.core.scan import Frames, Mask
 
 _BATCH = BatchSize(scans=600, length=480.0)
 """What is further away than the reach of the rays is forgotten, as in the authors' map."""

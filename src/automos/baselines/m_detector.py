@@ -20,9 +20,9 @@ from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, shape_for, view_of
-from automos.geometry import inverse
-from automos.ground.surface import find_ground
-from automos.scan import Frame, Frames, Mask
+from automos.core.geometry import inverse
+from automos.core.scan import Frame, Frames, Mask
+from automos.evidence.ground import find_ground
 from automos.settings import GroundSettings
 
 _PREFILTER = 2

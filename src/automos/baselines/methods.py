@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy.typing as npt
 
-from automos.paper import erasor
-from automos.scan import Frames, Mask
+from automos.core.scan import Frames, Mask
+from automos.evidence.paper import erasor
 from automos.settings import Settings
 
 Labeler = Callable[[Frames, npt.NDArray, Settings, int], Iterator[tuple[int, Mask]]]

@@ -12,7 +12,7 @@ import numpy as np
 
 from automos.baselines.depth_images import Window, agrees, is_even, pixels_around, seen_from, surface_at, turn_between
 from automos.baselines.range_image import pixel_of
-from automos.kernels import kernel
+from automos.core.kernels import kernel
 
 
 class Crossing(NamedTuple):

@@ -26,9 +26,9 @@ from automos.baselines.batches import (
 )
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
-from automos.geometry import transform
-from automos.kernels import kernel
-from automos.scan import Frame, Frames, Mask
+from automos.core.geometry import transform
+from automos.core.kernels import kernel
+from automos.core.scan import Frame, Frames, Mask
 
 
 @dataclass(frozen=True)

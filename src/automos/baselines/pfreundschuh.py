@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from automos.baselines import removert
 from automos.baselines.batches import is_within
-from automos.ground.surface import find_ground
-from automos.paper.voxels import group_by_voxel
-from automos.parallel import map_in_order
-from automos.scan import Frames, Mask
+from automos.core.parallel import map_in_order
+from automos.core.scan import Frames, Mask
+from automos.evidence.ground import find_ground
+from automos.objects.paper.voxels import group_by_voxel
 from automos.settings import GroundSettings
 
 _Task = tuple[npt.NDArray[np.float32], Mask]

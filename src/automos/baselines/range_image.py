@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.arrays import evenly_spread
-from automos.cells import turn_of
-from automos.kernels import kernel
-from automos.scan import Frames
-from automos.sensor.beam_pattern import learn_pattern
+from automos.core.arrays import evenly_spread
+from automos.core.beam_pattern import learn_pattern
+from automos.core.cells import turn_of
+from automos.core.kernels import kernel
+from automos.core.scan import Frames
 
 Image = npt.NDArray[np.float32]
 

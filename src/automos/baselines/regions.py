@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.scan import Mask
+from automos.core.scan import Mask
 
 
 def grow_regions(points: npt.NDArray, is_seed: Mask, is_object: Mask, voxel: float, steps: int) -> Mask:

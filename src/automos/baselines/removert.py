@@ -26,11 +26,11 @@ from automos.baselines.batches import (
     spare_near_kept,
 )
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
-from automos.geometry import inverse
-from automos.kernels import kernel
-from automos.parallel import available_cores, map_in_order
-from automos.scan import Frames, Mask
-from automos.voxels import VoxelMap
+from automos.core.geometry import inverse
+from automos.core.kernels import kernel
+from automos.core.parallel import available_cores, map_in_order
+from automos.core.scan import Frames, Mask
+from automos.core.voxels import VoxelMap
 
 _BATCH = BatchSize(scans=150)
 """As the authors advise."""

@@ -19,10 +19,10 @@ from automos.baselines.batches import is_within
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for, shortest_around
 from automos.baselines.regions import grow_regions
-from automos.geometry import inverse, transform
-from automos.ground.surface import find_ground
-from automos.kernels import kernel
-from automos.scan import Frame, Frames, Mask
+from automos.core.geometry import inverse, transform
+from automos.core.kernels import kernel
+from automos.core.scan import Frame, Frames, Mask
+from automos.evidence.ground import find_ground
 from automos.settings import GroundSettings
 
 

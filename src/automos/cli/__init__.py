@@ -23,9 +23,9 @@ from automos.cli.network import network_app
 from automos.cli.options import on_this_machine
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
-from automos.errors import AutomosError, plain
-from automos.parallel import share_heap
-from automos.working_folder import OURS, SAFE_PATH
+from automos.core.errors import AutomosError, plain
+from automos.core.parallel import share_heap
+from automos.core.working_folder import OURS, SAFE_PATH
 
 app = typer.Typer(
     add_completion=False,

@@ -50,11 +50,11 @@ def compare(
 
     automos compare kitti/sequences/08 --predictions 4DMOS=4dmos/08 --predictions MapMOS=mapmos/08 --repeat 3
     """
-    from automos.comparison.compare import compare as compare_methods
-    from automos.comparison.compare import require_scan, write_comparison
-    from automos.comparison.labelers import choose_methods
-    from automos.errors import InputError
-    from automos.scan import MAX_RANGE
+    from automos.baselines.comparison.compare import compare as compare_methods
+    from automos.baselines.comparison.compare import require_scan, write_comparison
+    from automos.baselines.comparison.labelers import choose_methods
+    from automos.core.errors import InputError
+    from automos.core.scan import MAX_RANGE
 
     if not 1.0 <= radius < MAX_RANGE:
         raise InputError(f"--radius {radius:g} is not possible: give 1 to {MAX_RANGE:g} metres around the sensor")
@@ -104,9 +104,9 @@ def make_map(
 
     automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
-    from automos.comparison.labelers import choose_methods
-    from automos.mapping.make_map import make_map as write_map
-    from automos.mapping.make_map import scores_by_name
+    from automos.baselines.comparison.labelers import choose_methods
+    from automos.writers.maps.make_map import make_map as write_map
+    from automos.writers.maps.make_map import scores_by_name
 
     (chosen,) = choose_methods([method])
     overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
@@ -142,11 +142,11 @@ def _runs(
     **more: Any,
 ) -> Iterator[Any]:
     """Give the runs of methods in a folder that no other process writes into meanwhile."""
-    from automos.atomic import held
-    from automos.comparison.labelers import TITLES
-    from automos.comparison.runs import MethodRuns
-    from automos.datasets import open_sequence
+    from automos.baselines.comparison.labelers import TITLES
+    from automos.baselines.comparison.runs import MethodRuns
+    from automos.core.atomic import held
     from automos.labeling import given_poses
+    from automos.readers import open_sequence
     from automos.results.claiming import refuse_folders_of, refuse_inner, refuse_scans
     from automos.settings import read_overrides
 
@@ -163,7 +163,7 @@ def _runs(
 
 def _named_folders(given: list[str]) -> dict[str, Path]:
     """Return the folders of `given`, each NAME=FOLDER, by name."""
-    from automos.errors import InputError
+    from automos.core.errors import InputError
 
     folders: dict[str, Path] = {}
     for text in given:

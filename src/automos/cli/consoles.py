@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from automos.errors import plain
+from automos.core.errors import plain
 
 
 class PlainConsole(Console):

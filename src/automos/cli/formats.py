@@ -19,8 +19,8 @@ Recording = Annotated[Path, typer.Argument(help="the recording that the results 
 @formats_app.command()
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
-    from automos.export.listing import format_tables
-    from automos.extras import pip_install
+    from automos.core.extras import pip_install
+    from automos.writers.listing import format_tables
 
     for table in format_tables():
         output.print(table)
@@ -50,10 +50,10 @@ def export(
 
     automos export automos_runs/11 kitti/sequences/11 --to semantickitti --out submission.zip
     """
-    from automos.datasets import open_recordings
-    from automos.export import export_run
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
+    from automos.readers import open_recordings
     from automos.results.open_run import open_run
+    from automos.writers import export_run
 
     recordings = (
         [open_run(results, format=format).sequence] if recording is None else open_recordings(recording, format)
@@ -74,10 +74,10 @@ def merge(
     format: Format = None,
 ) -> None:
     """Merge boxes or labels that were corrected in another tool into a run's labels, and count the changes."""
-    from automos.datasets import open_sequence
-    from automos.export.merge import merge as merge_corrections
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
+    from automos.readers import open_sequence
     from automos.results.run_files import RunFiles
+    from automos.writers.merge import merge as merge_corrections
 
     with StageProgress(console, "merge") as progress:
         run = RunFiles(results, open_sequence(recording, format), progress)

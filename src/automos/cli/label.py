@@ -12,8 +12,8 @@ from automos.cli.consoles import console, output
 from automos.cli.options import Calib, Format, Overrides, Poses, Preset, SettingsFile, Workers
 
 if TYPE_CHECKING:
-    from automos.scale.label import Resources
-    from automos.scale.sources import Recording
+    from automos.fleet.label import Resources
+    from automos.fleet.sources import Recording
     from automos.settings import Settings
 
 label_app = typer.Typer()
@@ -60,10 +60,10 @@ def label(
 
     automos label s3://bucket/logs --out s3://bucket/labels --ray auto
     """
+    from automos.fleet.label import Resources, has_one_process_enough
+    from automos.fleet.sources import alone, describe, find_all, name_of, parse_shard, take_shard
+    from automos.fleet.storage import shown
     from automos.labeling import require_poses_of_one
-    from automos.scale.label import Resources, has_one_process_enough
-    from automos.scale.sources import alone, describe, find_all, name_of, parse_shard, take_shard
-    from automos.scale.storage import shown
     from automos.settings import load_settings, read_overrides
 
     given = {"labels.moving": moving, "labels.unsure": unsure, "output.confidence": confidence or None}
@@ -94,10 +94,10 @@ def _label_here(
 ) -> None:
     """Label one recording in this process and say what was found; `is_default`: nobody chose the folder."""
     from automos.compiling import compiling_beside
-    from automos.datasets import open_sequence
+    from automos.core.workspace import Workspace
     from automos.labeling import label_recording, summary
+    from automos.readers import open_sequence
     from automos.results.claiming import refuse_others_results
-    from automos.workspace import Workspace
 
     sequence = open_sequence(found.source, found.format)
     if is_default:
@@ -123,9 +123,9 @@ def _label_all(
     ------
     InputError : the one recording that there is could not be labelled.
     """
-    from automos.errors import InputError
-    from automos.progress import StageProgress
-    from automos.scale.label import closing_lines, label_fleet
+    from automos.core.errors import InputError
+    from automos.core.progress import StageProgress
+    from automos.fleet.label import closing_lines, label_fleet
 
     with StageProgress(console, name, "recordings") as progress:
         outcome = label_fleet(
@@ -145,7 +145,7 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", help="print the whole ledger as JSON")] = False,
 ) -> None:
     """Show the progress of a run over several recordings: rate, remaining time, failures and their reasons."""
-    from automos.scale.status import read_status
+    from automos.fleet.status import read_status
 
     found = read_status(run)
     output.print(found.to_json() if as_json else "\n".join(found.lines()))

@@ -51,7 +51,7 @@ def live(
     """
     import automos
     from automos.compiling import LINE, is_cold
-    from automos.errors import InputError
+    from automos.core.errors import InputError
     from automos.live.opening import open_feed
     from automos.live.run import get_ready, run_live
     from automos.online.segment import results_writer
@@ -100,8 +100,8 @@ def _sending(sender: Sender) -> Sink:
 
 
 def _showing(name: str, web: bool, port: int, browser: bool, points: int, stack: ExitStack) -> Sink:
-    from automos.visualization.live import LiveView
-    from automos.visualization.viewer import Viewer
+    from automos.views.live import LiveView
+    from automos.views.viewer import Viewer
 
     viewer = stack.enter_context(Viewer(web, port, memory="1GB"))
     if viewer.url is not None:

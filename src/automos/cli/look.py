@@ -27,9 +27,9 @@ def report(
     format: Format = None,
 ) -> None:
     """Write one HTML page about a run: what moved, where, with which confidence and score. It needs no network."""
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
-    from automos.visualization.report import write_report
+    from automos.views.report import write_report
 
     path = out or results / "report.html"
     with StageProgress(console, results.name) as progress:
@@ -55,8 +55,8 @@ def review(
     """
     import webbrowser
 
-    from automos.atomic import held
-    from automos.progress import StageProgress
+    from automos.core.atomic import held
+    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.private_page import private_page
     from automos.review.server import ReviewServer
@@ -92,9 +92,9 @@ def view(
     format: Format = None,
 ) -> None:
     """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors if there is ground truth."""
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
-    from automos.visualization.viewer import Viewer, save_recording
+    from automos.views.viewer import Viewer, save_recording
 
     with StageProgress(console, results.name) as progress:
         run = open_run(results, recording, format, progress)

@@ -49,11 +49,11 @@ def train(
 
     automos train --data my_log=automos_runs/my_log --init best.pt --set network.training.epochs=10
     """
-    from automos.learning.recordings import Source
-    from automos.learning.segment import shipped
-    from automos.learning.train import TrainingData, device_note
-    from automos.learning.train import train as train_on
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
+    from automos.network.recordings import Source
+    from automos.network.segment import shipped
+    from automos.network.train import TrainingData, device_note
+    from automos.network.train import train as train_on
 
     sources = [Source.parse(text) for text in data]
     held_out = [Source.parse(text) for text in validation or []]
@@ -101,9 +101,9 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
-    from automos.datasets import open_recordings
-    from automos.errors import InputError
-    from automos.progress import StageProgress
+    from automos.core.errors import InputError
+    from automos.core.progress import StageProgress
+    from automos.readers import open_recordings
     from automos.results.claiming import results_folders
 
     if method not in ("auto", "evidence", "lmnet"):
@@ -133,7 +133,7 @@ def segment(
 def _with_network(
     weights: Path | None, engine: str, device: str, threads: int, settings: Settings, probabilities: bool
 ) -> Callable[..., str]:
-    from automos.learning.segment import open_network, segment_recording, summary
+    from automos.network.segment import open_network, segment_recording, summary
 
     network = open_network(weights, engine, device, threads)
     return lambda sequence, folder, progress: summary(
@@ -155,7 +155,7 @@ def export_network(
     out: Annotated[Path | None, typer.Option(help="file to write; default: beside the checkpoint")] = None,
 ) -> None:
     """Write a checkpoint as ONNX, which OpenVINO and ONNX Runtime run; it is compared with the checkpoint."""
-    from automos.learning.train import require_training
+    from automos.network.train import require_training
 
     require_training()
     from automos.network.checkpoint import load_checkpoint
@@ -195,12 +195,12 @@ def reproduce(
 
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
-    from automos.errors import InputError
-    from automos.learning.domains import DOMAINS
-    from automos.learning.experiments import SMALL, TUNING, Experiment, table_three, table_two
-    from automos.learning.tables import write_curves, write_table
-    from automos.learning.train import device_note
-    from automos.progress import StageProgress
+    from automos.core.errors import InputError
+    from automos.core.progress import StageProgress
+    from automos.network.domains import DOMAINS
+    from automos.network.experiments import SMALL, TUNING, Experiment, table_three, table_two
+    from automos.network.tables import write_curves, write_table
+    from automos.network.train import device_note
 
     if experiment not in ("table2", "table3"):
         raise InputError(f"there is no experiment '{experiment}': choose table2 or table3")
@@ -223,8 +223,8 @@ def reproduce(
 
 def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
     """Return the recordings that the user gave by purpose, None if none were given."""
-    from automos.errors import InputError
-    from automos.learning.experiments import Data
+    from automos.core.errors import InputError
+    from automos.network.experiments import Data
 
     if not any((train, validation, test, extra)):
         return None
@@ -234,7 +234,7 @@ def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
 
 
 def _named(text: str) -> tuple[str, Path]:
-    from automos.errors import InputError
+    from automos.core.errors import InputError
 
     name, sign, folder = text.partition("=")
     if not sign:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
 Format = Annotated[str | None, typer.Option("--format", help="the recording's format, if it is not recognised")]

@@ -22,11 +22,11 @@ def evaluate(
     json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
 ) -> None:
     """Score labels against the ground truth of a recording, as SemanticKITTI's moving-object benchmark does."""
-    from automos.atomic import write_text
-    from automos.datasets import open_recordings
+    from automos.core.atomic import write_text
     from automos.evaluation.report import evaluate_recordings
-    from automos.export.flow import score_flow
+    from automos.readers import open_recordings
     from automos.results.claiming import refuse_file_of
+    from automos.writers.flow import score_flow
 
     recordings = open_recordings(recording, format)
     if json_file is not None:

@@ -9,7 +9,7 @@ import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Preset
-from automos.errors import InputError
+from automos.core.errors import InputError
 
 worlds_app = typer.Typer()
 
@@ -20,9 +20,9 @@ def demo(
     preset: Preset = "default",
 ) -> None:
     """Simulate a street, label it, score the labels and draw them."""
+    from automos.cli.demo import run_demo
     from automos.compiling import SHARES, compiling_beside
-    from automos.demo import run_demo
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
     from automos.settings import load_settings
 
     with compiling_beside(console.print, SHARES), StageProgress(console, "street") as progress:
@@ -59,7 +59,7 @@ def simulate(
     poses, but without boxes.
     """
     from automos import simulation
-    from automos.progress import StageProgress
+    from automos.core.progress import StageProgress
 
     conditions = simulation.Conditions(rig, weather, blooming)
     if convention or conditions != simulation.Conditions() or lidars != 1:

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from rich.table import Table
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.pose_files import count_poses, read_calib, read_poses
 from automos.evaluation.trajectory import KITTI_LENGTHS, absolute_errors, drift, errors_over_distance, path_length, rmse
-from automos.pose_files import count_poses, read_calib, read_poses
 
 SHORT_LENGTH = 10.0
 """Metres of the segments that drives too short for KITTI's are judged by."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.scan import Sequence
+from automos.core.scan import Sequence
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from automos.labels import Label, to_mos
+from automos.core.labels import Label, to_mos
 
 
 @dataclass(frozen=True, eq=False)

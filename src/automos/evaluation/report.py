@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automos.arguments import require_own_names
-from automos.errors import InputError
+from automos.core.arguments import require_own_names
+from automos.core.errors import InputError
+from automos.core.label_files import read_labels
+from automos.core.scan import Sequence
+from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import ObjectCounts, count_objects
-from automos.label_files import read_labels
-from automos.scan import Sequence
-from automos.workspace import COMPLETE, RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array, inverse, make_transform
+from automos.core.geometry import Array, inverse, make_transform
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Metres, the segments of KITTI's odometry benchmark; every tenth scan starts one of each."""

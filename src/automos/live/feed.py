@@ -7,10 +7,10 @@ import threading
 import time
 from dataclasses import replace
 
-from automos.errors import AutomosError, InputError
+from automos.core.errors import AutomosError, InputError
+from automos.core.scan import Scan, Sequence
 from automos.live.latest import Latest
 from automos.odometry.clock import USUAL_PERIOD
-from automos.scan import Scan, Sequence
 
 
 class Feed:

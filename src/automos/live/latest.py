@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from automos.scan import Scan
+from automos.core.scan import Scan
 
 
 class Latest:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.core.scan import Pose
 from automos.labeler import LabelledScan
-from automos.labels import Label
-from automos.scan import Pose
 
 MAGIC, VERSION = b"AMOS", 1
 LARGEST = 65507

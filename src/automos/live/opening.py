@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from automos.datasets import open_sequence
-from automos.datasets.formats import import_extra
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.live.feed import Feed, Replay
 from automos.live.ouster import OusterAssembler
 from automos.live.udp import UdpFeed, parse_address
 from automos.live.velodyne import VelodyneAssembler
+from automos.readers import open_sequence
+from automos.readers.formats import import_extra
 
 
 def open_feed(

@@ -6,11 +6,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from automos.datasets.formats import import_extra
-from automos.datasets.ouster import first_stamp, frame_to_scan, make_to_points
-from automos.errors import InputError
-from automos.reading import read_text
-from automos.scan import Scan
+from automos.core.errors import InputError
+from automos.core.reading import read_text
+from automos.core.scan import Scan
+from automos.readers.formats import import_extra
+from automos.readers.ouster import first_stamp, frame_to_scan, make_to_points
 
 
 class OusterAssembler:

@@ -14,10 +14,10 @@ from types import FrameType
 
 import numpy as np
 
+from automos.core.labels import Label
+from automos.core.scan import Scan
 from automos.labeler import Labeler, LabelledScan
-from automos.labels import Label
 from automos.live.feed import Feed
-from automos.scan import Scan
 
 _log = logging.getLogger(__name__)
 

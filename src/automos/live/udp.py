@@ -10,10 +10,10 @@ import time
 from contextlib import suppress
 from typing import Protocol
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.reading import parse_url
+from automos.core.scan import Scan
 from automos.live.feed import Feed
-from automos.reading import parse_url
-from automos.scan import Scan
 
 _log = logging.getLogger(__name__)
 

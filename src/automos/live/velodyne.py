@@ -6,10 +6,10 @@ from itertools import count, pairwise
 
 import numpy as np
 
-from automos.datasets.pcap import Datagrams, join
-from automos.datasets.velodyne_decoder import FACTORY, SweepDecoder, tells_calibration
-from automos.datasets.velodyne_sweeps import PACKET, SweepCutter, is_of_points
-from automos.scan import Scan
+from automos.core.scan import Scan
+from automos.readers.pcap import Datagrams, join
+from automos.readers.velodyne_decoder import FACTORY, SweepDecoder, tells_calibration
+from automos.readers.velodyne_sweeps import PACKET, SweepCutter, is_of_points
 
 CALIBRATION = 4160 + 16
 """Packets in which an HDL-64E sends its whole calibration; its first seconds are spent on that."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array, inverse, se3_exp, transform
+from automos.core.geometry import Array, inverse, se3_exp, transform
+from automos.core.scan import Points, Pose
 from automos.network.images import Window
 from automos.network.projection import ImageGrid, project
-from automos.scan import Points, Pose
 
 SEED = 0
 """Of all that is drawn in a training: which scans, how they are changed, the first weights."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import torch
 
-from automos.atomic import atomic_path
-from automos.errors import InputError
+from automos.core.atomic import atomic_path
+from automos.core.errors import InputError
 from automos.network.images import FORMAT, read_image_settings
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.kernels import kernel
+from automos.core.kernels import kernel
 from automos.network.images import RangeImage
 from automos.network.projection import Image
 

@@ -11,12 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from automos.errors import InputError, MissingExtraError
-from automos.extras import pip_install
+from automos.core.errors import InputError, MissingExtraError
+from automos.core.extras import pip_install
+from automos.core.parallel import available_cores
+from automos.core.reading import parse_json
 from automos.network.images import FORMAT, read_image_settings
 from automos.network.projection import Image
-from automos.parallel import available_cores
-from automos.reading import parse_json
 from automos.settings import ImageSettings
 
 ENGINES = ("auto", "torch", "onnxruntime", "openvino")

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from automos.atomic import atomic_path
-from automos.errors import AutomosError, MissingExtraError
-from automos.extras import pip_install
+from automos.core.atomic import atomic_path
+from automos.core.errors import AutomosError, MissingExtraError
+from automos.core.extras import pip_install
 from automos.network.checkpoint import Checkpoint
 from automos.network.deployed import METADATA, load_network
 from automos.network.images import BASE_CHANNELS, FORMAT

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.scan import Points, Pose
 from automos.network.projection import Image, ImageGrid, nearest_points, project
 from automos.network.residuals import MAX_RANGE, MIN_RANGE, SPACING, residual_images
-from automos.scan import Points, Pose
 from automos.settings import ImageSettings
 
 FORMAT = 2

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.kernels import kernel
-from automos.scan import MIN_RANGE, Points
+from automos.core.kernels import kernel
+from automos.core.scan import MIN_RANGE, Points
 
 SINE_BINS = 4096
 

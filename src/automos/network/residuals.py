@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from automos.kernels import kernel
+from automos.core.kernels import kernel
+from automos.core.scan import Points, Pose
 from automos.network.projection import Image, ImageGrid, column_of, row_of
-from automos.scan import Points, Pose
 
 SPACING = 0.2
 """Seconds between the scans of successive residual images: eight of them see a walker's place before he came."""

@@ -25,11 +25,11 @@ from pytorch_lightning.callbacks import EarlyStopping, ModelCheckpoint
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 from torch.utils.data import DataLoader
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.parallel import available_cores
 from automos.network.augmentation import SEED
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Training
-from automos.parallel import available_cores
 from automos.settings import NetworkSettings
 
 _PATIENCE = 30

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automos.arrays import as_array
-from automos.errors import InputError
-from automos.geometry import Array
-from automos.scan import LATEST, Sequence
+from automos.core.arrays import as_array
+from automos.core.errors import InputError
+from automos.core.geometry import Array
+from automos.core.scan import LATEST, Sequence
 
 USUAL_PERIOD = 0.1  # seconds between scans if the recording has no clock
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both

@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automos.errors import InputError
-from automos.geometry import Array, checked_poses
-from automos.ground.level import MIN_POINTS, level_frame
+from automos.core.errors import InputError
+from automos.core.geometry import Array, checked_poses
+from automos.core.parallel import available_cores
+from automos.core.scan import Pose, Sequence
+from automos.core.views import distinct_scans
 from automos.odometry.clock import Clock, read_clock
 from automos.odometry.kiss import register_scans
 from automos.odometry.links import measure_consistency, summarize
@@ -19,13 +21,11 @@ from automos.odometry.motion import MAX_ACCELERATION, chain, greatest_accelerati
 from automos.odometry.refine import RollingRefinement
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import surfels_of
+from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice, choose_timing
-from automos.parallel import available_cores
-from automos.scan import Pose, Sequence
-from automos.sensor.sweep_timing import SweepTiming
-from automos.sensor.views import distinct_scans
+from automos.odometry.trajectory import Trajectory
+from automos.odometry.vertical import MIN_POINTS, level_frame
 from automos.settings import OdometrySettings
-from automos.trajectory import Trajectory
 
 GROUND_SCANS = 20  # scans of a recording in which the ground is searched
 WITHOUT_CLOCK = 4.0

@@ -14,17 +14,17 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.covariances import variance_along
-from automos.geometry import Array, inverse
-from automos.kernels import kernel
+from automos.core.covariances import variance_along
+from automos.core.geometry import Array, inverse
+from automos.core.kernels import kernel
+from automos.core.scan import Pose
+from automos.core.voxels import find_slot
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.links import Window
 from automos.odometry.motion import signed_distance
 from automos.odometry.submap import VOXEL, Submap, make_submap
 from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
-from automos.scan import Pose
 from automos.settings import OdometrySettings
-from automos.voxels import find_slot
 
 CLOSE = 0.15
 """Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from automos.geometry import Array
+from automos.core.geometry import Array
+from automos.core.scan import Pose
 from automos.odometry.motion import signed_distance
 from automos.odometry.surfels import Surfels, TimedPoints
-from automos.scan import Pose
 
 ALONE = (3.0, 0.4, 0.4)
 """Metres along the path, across it and in height, to both sides of an isolated point, with no other point."""

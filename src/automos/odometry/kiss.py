@@ -15,15 +15,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array, inverse, se3_exp, se3_log
+from automos.core.geometry import Array, inverse, se3_exp, se3_log
+from automos.core.scan import Points, Pose, Scan, Sequence
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.links import COARSE, Window
 from automos.odometry.motion import MIN_POINTS, chain, usable_points
 from automos.odometry.refine import refine_poses
 from automos.odometry.registration import Icp, LocalMap
 from automos.odometry.surfels import Surfels, scan_surfels
-from automos.scan import Points, Pose, Scan, Sequence
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 STEP_DIGITS = 6

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automos.geometry import Array, inverse
+from automos.core.geometry import Array, inverse
+from automos.core.scan import Pose, Sequence
 from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, scan_surfels
-from automos.scan import Pose, Sequence
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 MIN_MATCHED = 50

@@ -15,12 +15,12 @@ from functools import cache
 
 import numpy as np
 
-from automos.geometry import Array, inverse
+from automos.core.geometry import Array, inverse
+from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.links import Window
 from automos.odometry.speed import direction_of, lengthen, to_likely_speed
-from automos.scan import Pose
 from automos.settings import OdometrySettings
 
 N_AROUND = 3  # steps on either side that define the usual speed

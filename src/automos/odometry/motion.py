@@ -7,11 +7,11 @@ from itertools import accumulate
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array, inverse, se3_log
-from automos.kernels import kernel
-from automos.scan import MIN_RANGE, Points, Pose, Scan
-from automos.sensor.compensation import compensate
-from automos.sensor.sweep_timing import SweepTiming, sweep_times
+from automos.core.geometry import Array, inverse, se3_log
+from automos.core.kernels import kernel
+from automos.core.scan import MIN_RANGE, Points, Pose, Scan
+from automos.odometry.compensation import compensate
+from automos.odometry.sweep_timing import SweepTiming, sweep_times
 from automos.settings import OdometrySettings
 
 MIN_POINTS = 50

@@ -9,7 +9,8 @@ from functools import cache, partial
 
 import numpy as np
 
-from automos.geometry import Array, inverse, se3_log
+from automos.core.geometry import Array, inverse, se3_log
+from automos.core.scan import Pose, Scan, Sequence
 from automos.odometry.clock import Clock
 from automos.odometry.kiss import register_surfels
 from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
@@ -18,8 +19,7 @@ from automos.odometry.motion import chain, step_twists
 from automos.odometry.refine import refine_poses
 from automos.odometry.speed import to_likely_speed
 from automos.odometry.surfels import Surfels, scan_surfels
-from automos.scan import Pose, Scan, Sequence
-from automos.sensor.sweep_timing import SweepTiming, azimuth_times
+from automos.odometry.sweep_timing import SweepTiming, azimuth_times
 from automos.settings import OdometrySettings
 
 NEAR = 15.0

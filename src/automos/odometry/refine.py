@@ -12,8 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
-from automos.geometry import Array, adjoint, inverse, se3_exp, se3_log
-from automos.normal_equations import FIXED, NormalEquations
+from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log
+from automos.core.normal_equations import FIXED, NormalEquations
+from automos.core.scan import Mask, Pose
 from automos.odometry.clock import Clock
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.missing_scans import count_missing, with_gaps
@@ -21,7 +22,6 @@ from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import Surfels
-from automos.scan import Mask, Pose
 from automos.settings import OdometrySettings
 
 CONVERGED = 0.003  # metres; iterations end once no scan moves further: a tenth of a surfel's noise

@@ -13,10 +13,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array
-from automos.kernels import kernel
-from automos.scan import Points, Pose
-from automos.voxels import ALONG_X, ALONG_Y, ALONG_Z, find_slot, rows_of_first_in_voxel, voxel_key
+from automos.core.geometry import Array
+from automos.core.kernels import kernel
+from automos.core.scan import Points, Pose
+from automos.core.voxels import ALONG_X, ALONG_Y, ALONG_Z, find_slot, rows_of_first_in_voxel, voxel_key
 
 DENSE, SPARSE = 0.5, 1.5
 """Downsampling of scans, in voxels of the map, for the map and for registration (the authors' values)."""

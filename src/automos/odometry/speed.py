@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array
+from automos.core.geometry import Array
+from automos.core.scan import Mask, Pose
 from automos.odometry.facing import LAGS, LANDMARKS, STEP, SpeedScores, expected_share, is_stationary, score_speeds
 from automos.odometry.links import Window
-from automos.scan import Mask, Pose
 from automos.settings import OdometrySettings
 
 PRIOR = 0.2

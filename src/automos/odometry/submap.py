@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.covariances import across, eigenvalues, eigenvector, variance_along
-from automos.geometry import Array
-from automos.kernels import kernel
+from automos.core.covariances import across, eigenvalues, eigenvector, variance_along
+from automos.core.geometry import Array
+from automos.core.kernels import kernel
+from automos.core.scan import Points, Pose
+from automos.core.voxels import find_slot
 from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
-from automos.scan import Points, Pose
-from automos.voxels import find_slot
 
 VOXEL = 0.8
 """Metres, edge of a voxel within `surfels.NEAR`, doubling with distance: two surfels wide, to contain a plane."""

@@ -13,14 +13,14 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import Array
-from automos.kernels import kernel
+from automos.core.geometry import Array
+from automos.core.kernels import kernel
+from automos.core.scan import Points, Scan
+from automos.core.voxels import find_slot, voxel_key
+from automos.odometry.compensation import compensate
 from automos.odometry.motion import usable_points
-from automos.scan import Points, Scan
-from automos.sensor.compensation import compensate
-from automos.sensor.sweep_timing import SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
-from automos.voxels import find_slot, voxel_key
 
 N_LEVELS = 4
 """Voxel sizes: each covers twice the distance of the previous one."""

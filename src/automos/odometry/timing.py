@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.scan import Pose, Sequence
 from automos.odometry.clock import Clock
+from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
-from automos.scan import Pose, Sequence
-from automos.sensor.drifting_seam import learn_drifting_seam
-from automos.sensor.one_lidar import with_one_lidar
-from automos.sensor.point_order import learn_order, sees_all_round
-from automos.sensor.sweep_timing import SweepTiming, recorded_duration
+from automos.odometry.one_lidar import with_one_lidar
+from automos.odometry.point_order import learn_order, sees_all_round
+from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)

@@ -10,13 +10,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import Generic, TypeVar
 
-from automos.array_sequence import ArraySequence
+from automos.core.array_sequence import ArraySequence
+from automos.core.scan import Scan
 from automos.odometry.clock import read_clock
+from automos.odometry.one_lidar import with_one_lidar
+from automos.odometry.point_order import learn_order, sees_all_round
+from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.odometry.timing import choose_timing, rear_seam
-from automos.scan import Scan
-from automos.sensor.one_lidar import with_one_lidar
-from automos.sensor.point_order import learn_order, sees_all_round
-from automos.sensor.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _NICE = 10

@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.free_space import SPAN_TOLERANCE, ask, partners_of
-from automos.candidates.observations import Seen, View
-from automos.scan import Pose
+from automos.core.scan import Pose
+from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
+from automos.evidence.observations import Seen, View
 from automos.settings import FreeSpaceSettings
 
 

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.detections import Detections
+from automos.objects.detections import Detections
+from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
+from automos.objects.smoothing import smooth_tracks
+from automos.objects.tracker import Tracker, can_follow, until_last_seen
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
-from automos.tracking.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
-from automos.tracking.smoothing import smooth_tracks
-from automos.tracking.tracker import Tracker, can_follow, until_last_seen
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
 
 MEMORY = 8.0
 """Seconds of a track on which its verdict is based; as many as the lag if that is longer."""

@@ -12,8 +12,8 @@ from enum import Enum, auto
 
 import numpy as np
 
+from automos.core.scan import LATEST, Points, Scan
 from automos.odometry.clock import USUAL_PERIOD
-from automos.scan import LATEST, Points, Scan
 
 LONGEST_GAP = 0.8
 """Seconds without scans after which tracking stops, and the sensor may have been replaced."""

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from automos.detections import Detections
-from automos.labels import Label
-from automos.scan import OBJECT, Pose
-from automos.tracking.tracks import Tracks
-from automos.workspace import Arrays
+from automos.core.labels import Label
+from automos.core.scan import OBJECT, Pose
+from automos.core.workspace import Arrays
+from automos.objects.detections import Detections
+from automos.objects.tracks import Tracks
 
 if TYPE_CHECKING:
     from automos.result import Result

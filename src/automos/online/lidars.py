@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.candidates.observations import learn_lidars, with_body
+from automos.core.beam_pattern import Lidar, is_known, learn_pattern
+from automos.core.scan import Frame, Pose
+from automos.evidence.ego_body import MIN_SCANS
+from automos.evidence.observations import learn_lidars, with_body
 from automos.online.background import BackgroundTask
-from automos.scan import Frame, Pose
-from automos.sensor.beam_pattern import Lidar, is_known, learn_pattern
-from automos.sensor.ego_body import MIN_SCANS
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000

@@ -6,11 +6,11 @@ from collections import deque
 
 import numpy as np
 
-from automos.geometry import transform
+from automos.core.geometry import transform
+from automos.core.scan import Points, Pose
 from automos.odometry.kiss import UNKNOWN_MOTION, empty_map
 from automos.odometry.registration import Icp
 from automos.odometry.surfels import Surfels
-from automos.scan import Points, Pose
 from automos.settings import OdometrySettings
 
 N_SCANS = 10

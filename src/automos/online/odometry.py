@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_log
+from automos.core.geometry import inverse, se3_log
+from automos.core.scan import Pose, Scan
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.kiss import TRIAL_SCANS, find_start
 from automos.odometry.moving_windows import MIN_BEND
+from automos.odometry.sweep_timing import SAME_TIME, SweepTiming
 from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.online.path import Path, Posed, TimedScan
-from automos.scan import Pose, Scan
-from automos.sensor.sweep_timing import SAME_TIME, SweepTiming
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.core.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.core.scan import Pose
 from automos.odometry.links import MIN_MATCHED, Alignment
 from automos.odometry.refine import CONVERGED, INFORMATION
 from automos.odometry.submap import Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels
-from automos.scan import Pose
 from automos.settings import OdometrySettings
 
 Array = npt.NDArray[np.float64]

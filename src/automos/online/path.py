@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, se3_exp, se3_log
+from automos.core.geometry import inverse, se3_exp, se3_log
+from automos.core.scan import Pose, Scan
 from automos.odometry.kiss import START_SCANS, STEP_DIGITS
 from automos.odometry.motion import MIN_POINTS, usable_points
 from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.sweep_timing import SweepTiming
 from automos.online.near_map import NearMap
 from automos.online.past_submaps import PastSubmaps, Prediction, ScanAlignment
-from automos.scan import Pose, Scan
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import OdometrySettings
 
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])

@@ -5,10 +5,10 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
-from automos.candidates.observations import Seen, look
+from automos.core.beam_pattern import Lidar
+from automos.core.scan import Frame, Pose
+from automos.evidence.observations import Seen, look
 from automos.online.evidence import EvidenceWindow, as_partner
-from automos.scan import Frame, Pose
-from automos.sensor.beam_pattern import Lidar
 from automos.settings import GroundSettings
 
 

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.atomic import write_text
-from automos.geometry import inverse
+from automos.core.atomic import write_text
+from automos.core.geometry import inverse
+from automos.core.pose_writers import write_kitti, write_tum
+from automos.core.run import Progress
+from automos.core.scan import Scan, Sequence
+from automos.core.workspace import RUN_FILE
 from automos.labeler import Labeler, LabelledScan
-from automos.pose_writers import write_kitti, write_tum
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.trajectory import Trajectory
 from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry, write_tracks
-from automos.run import Progress
-from automos.scan import Scan, Sequence
-from automos.sensor.sweep_timing import SweepTiming
 from automos.settings import Settings, dump_yaml
-from automos.trajectory import Trajectory
-from automos.workspace import RUN_FILE
 
 
 def segment_recording(

@@ -13,19 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.candidates.observations import Seen
-from automos.detections import Detections
-from automos.instances.detect import recount
+from automos.core.beam_pattern import Lidar, ray_steps
+from automos.core.scan import Frame, Pose, Scan
+from automos.core.workspace import Arrays
+from automos.evidence.observations import Seen
+from automos.evidence.stage import candidates_of
+from automos.objects.detect import recount
+from automos.objects.detections import Detections
+from automos.objects.instances import segment_frame
 from automos.online.evidence import EvidenceWindow
 from automos.online.following import FEW, Comparisons
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
-from automos.scan import Frame, Pose, Scan
-from automos.sensor.beam_pattern import Lidar, ray_steps
 from automos.settings import Settings
-from automos.stages.candidates import candidates_of
-from automos.stages.instances import segment_frame
-from automos.workspace import Arrays
 
 Found = tuple[float, Detections, Comparisons]
 """A scan's stamp in seconds, its segments, and the scans with which it was compared."""

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automos.candidates.observations import Seen, look
-from automos.geometry import inverse, make_transform
-from automos.ground.level import level_frame
+from automos.core.beam_pattern import Lidar
+from automos.core.geometry import inverse, make_transform
+from automos.core.scan import Frame, Pose, Scan
+from automos.evidence.observations import Seen, look
+from automos.odometry.compensation import frame_of
 from automos.odometry.motion import usable_points
+from automos.odometry.vertical import level_frame
 from automos.online.lidars import LidarLearner
 from automos.online.odometry import CausalOdometry
 from automos.online.path import Posed
-from automos.scan import Frame, Pose, Scan
-from automos.sensor.beam_pattern import Lidar
-from automos.sensor.compensation import frame_of
 from automos.settings import Settings
 
 

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.detections import Detections
-from automos.errors import InputError
-from automos.labels import Label
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.core.scan import Pose, Scan
+from automos.objects.detections import Detections
+from automos.objects.labels import label_points
+from automos.objects.tracking import TrackedObjects
 from automos.online.following import Followed, Following
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
 from automos.online.segmenting import Segmented, SegmentedScan, Segmenting
-from automos.scan import Pose, Scan
 from automos.settings import Settings
-from automos.stages.labels import label_points
-from automos.stages.tracking import TrackedObjects
 
 
 class Stream:

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from automos.array_sequence import ArraySequence
-from automos.geometry import make_transform
+from automos.core.array_sequence import ArraySequence
+from automos.core.geometry import make_transform
+from automos.core.scan import Pose, Scan
 from automos.online.labelled_scan import LabelledScan, labelled_scans
 from automos.online.segmenting import Segmented
-from automos.scan import Pose, Scan
 from automos.settings import Settings
 
 

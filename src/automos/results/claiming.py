@@ -10,13 +10,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from automos.arguments import require_own_names
-from automos.atomic import faults_reported, held, remove_parts
-from automos.datasets.codecs import read_columns
-from automos.datasets.files import holds_scans, list_scans
-from automos.errors import InputError
-from automos.scan import Sequence
-from automos.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.core.arguments import require_own_names
+from automos.core.atomic import faults_reported, held, remove_parts
+from automos.core.errors import InputError
+from automos.core.scan import Sequence
+from automos.core.workspace import RESULT_FILES, RUN_FILE, Workspace
+from automos.readers.codecs import read_columns
+from automos.readers.files import holds_scans, list_scans
 
 PER_SCAN = ("predictions/*.label", "confidences/*.npy", "probabilities/*.npy")
 """What a results folder holds of every scan."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from automos.arguments import given_path
-from automos.datasets import open_sequence
-from automos.errors import InputError
+from automos.core.arguments import given_path
+from automos.core.errors import InputError
+from automos.core.workspace import RUN_FILE, Workspace
+from automos.readers import open_sequence
 from automos.results.run_files import RunFiles
-from automos.workspace import RUN_FILE, Workspace
 
 SHOWN = 5
 """Number of results folders that the message suggests."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_npy, write_raw
-from automos.labels import Label, pack
+from automos.core.atomic import write_npy, write_raw
+from automos.core.labels import Label, pack
 
 
 def no_points() -> dict[str, int]:

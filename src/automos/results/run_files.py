@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, make_transform, transform
+from automos.core.label_files import read_labels
+from automos.core.labels import Label, to_mos
+from automos.core.pose_files import read_poses
+from automos.core.scan import GROUND, Points, Pose, Scan, Sequence
+from automos.core.upright_boxes import Boxes
+from automos.core.workspace import REVIEWED, Workspace, require_same
 from automos.evaluation.report import find_predictions
-from automos.geometry import inverse, make_transform, transform
-from automos.label_files import read_labels
-from automos.labels import Label, to_mos
-from automos.pose_files import read_poses
+from automos.odometry.trajectory import Trajectory, make_frame
 from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
-from automos.scan import GROUND, Points, Pose, Scan, Sequence
-from automos.trajectory import Trajectory, make_frame
-from automos.upright_boxes import Boxes
-from automos.workspace import REVIEWED, Workspace, require_same
 
 logger = logging.getLogger(__name__)
 

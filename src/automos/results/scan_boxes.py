@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.upright_boxes import Boxes
+from automos.core.upright_boxes import Boxes
 
 
 @dataclass(frozen=True, eq=False)

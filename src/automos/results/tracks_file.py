@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from automos.atomic import atomic_path
-from automos.errors import InputError
-from automos.geometry import FARTHEST, inverse
-from automos.reading import checked, read_json
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.trajectory import Trajectory
+from automos.core.atomic import atomic_path
+from automos.core.errors import InputError
+from automos.core.geometry import FARTHEST, inverse
+from automos.core.reading import checked, read_json
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.odometry.trajectory import Trajectory
 
 VERDICTS = tuple(verdict.name.lower() for verdict in sorted(Verdict))
 """Classes of objects, in the order of `Verdict`."""

@@ -21,17 +21,17 @@ from pathlib import Path
 from typing import Any
 
 from automos import __version__
-from automos.atomic import remove_parts, write_text
-from automos.pose_writers import write_kitti, write_tum
-from automos.recording_warnings import recording_warnings
+from automos.core.atomic import remove_parts, write_text
+from automos.core.pose_writers import write_kitti, write_tum
+from automos.core.recording_warnings import recording_warnings
+from automos.core.scan import Sequence
+from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
+from automos.objects.verdict import Verdict
 from automos.result import Result
 from automos.results.claiming import PER_SCAN
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
-from automos.scan import Sequence
 from automos.settings import OutputSettings, Settings, dump_yaml
-from automos.tracking.verdict import Verdict
-from automos.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 
 _log = logging.getLogger(__name__)
 

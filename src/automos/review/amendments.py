@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, transform
+from automos.core.geometry import inverse, transform
+from automos.core.scan import MAX_RANGE, Pose
 from automos.review.log import append_lines, read_lines
-from automos.scan import MAX_RANGE, Pose
 
 MOST_BYTES = 1 << 28
 """Of the rows of a part, unpacked; no scan has as many points."""

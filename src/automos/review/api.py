@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from automos.errors import InputError
-from automos.geometry import FARTHEST
+from automos.core.errors import InputError
+from automos.core.geometry import FARTHEST
 from automos.review.looking import Looking
 from automos.review.session import Session
 

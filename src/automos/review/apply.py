@@ -20,19 +20,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_text
-from automos.labels import Label
-from automos.reading import read_bytes
+from automos.core.atomic import write_text
+from automos.core.labels import Label
+from automos.core.reading import read_bytes
+from automos.core.scan import Sequence
+from automos.core.workspace import REVIEWED, RUN_FILE, Workspace
+from automos.objects.labels import label_scans
+from automos.objects.verdict import Verdict, Verdicts
 from automos.results.point_files import write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import ever_decided, match
 from automos.review.run_stages import RunStages
-from automos.scan import Sequence
-from automos.stages.labels import label_scans
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.workspace import REVIEWED, RUN_FILE, Workspace
 
 _VERDICT = {"moving": Verdict.MOVING, "static": Verdict.STATIC, "unknown": Verdict.UNKNOWN}
 _LABEL = {"moving": Label.MOVING, "static": Label.STATIC, "unknown": Label.UNLABELED}

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_text
-from automos.detections import Detections
+from automos.core.atomic import write_text
+from automos.core.workspace import RUN_FILE, Workspace
+from automos.objects.detections import Detections
+from automos.objects.verdict import Verdict
 from automos.review.follow import Detect, Heading, Path, follow_ahead
 from automos.review.run_stages import RunStages
-from automos.tracking.verdict import Verdict
-from automos.workspace import RUN_FILE, Workspace
 
 RUN_UP = 5
 """Observations before its end from which a track is followed on, so that it is known how fast it was."""

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, TypeAdapter
 
-from automos.reading import checked
+from automos.core.reading import checked
 from automos.review.log import append_lines, read_lines
 
 CHOICES = ("moving", "static", "unknown", "undo")

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.detections import Detections
+from automos.objects.detections import Detections
+from automos.objects.tracker import track_objects
+from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
-from automos.tracking.tracker import track_objects
-from automos.tracking.tracks import Tracks
 
 FIRST_WINDOW = 5.0
 """Seconds looked ahead at first; as long as the thing is still there at the end, twice as many are."""

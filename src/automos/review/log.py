@@ -18,8 +18,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
 
-from automos.errors import InputError
-from automos.reading import DAMAGE, damage_reported, parse_json, read_text, require_regular
+from automos.core.errors import InputError
+from automos.core.reading import DAMAGE, damage_reported, parse_json, read_text, require_regular
 
 LOG_FILE = "review.jsonl"
 CHANGE_NOTHING = ("answer", "dismissed")

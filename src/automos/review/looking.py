@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.review.apply import Changes
 from automos.review.places import place
 from automos.review.proposals import Proposer

@@ -6,14 +6,14 @@ import threading
 from collections.abc import Iterable
 from typing import Any
 
-from automos.errors import AutomosError
-from automos.geometry import transform
+from automos.core.errors import AutomosError
+from automos.core.geometry import transform
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, amended_entry, number_of
 from automos.review.queue import Queue
 from automos.review.run_stages import RunStages
-from automos.visualization.thumbnails import Thumbnails
+from automos.views.thumbnails import Thumbnails
 
 MOST = 400
 """Objects that get a picture, those first in the queue; who goes on that far sees the others when they are open."""

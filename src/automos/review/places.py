@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from automos.labels import Label
+from automos.core.labels import Label
+from automos.core.scan import GROUND
 from automos.review.apply import Changes, changed_labels
 from automos.review.run_stages import RunStages
 from automos.review.scenes import AROUND, AROUND_GROUND, OTHER_MOVING, OWN, pack_moments, thin
-from automos.scan import GROUND
 
 MAX_STANDING, MAX_GROUND = 60_000, 15_000
 """Points shown of what stands and of the ground; of what moves, all."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from automos.atomic import faults_reported
+from automos.core.atomic import faults_reported
 
 
 @contextmanager

@@ -12,21 +12,21 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.datasets.box_truth import SOLE
-from automos.detections import Detections
-from automos.errors import InputError
-from automos.instances.boxes import fit_boxes
+from automos.core.errors import InputError
+from automos.core.scan import OBJECT
+from automos.core.upright_boxes import Boxes, points_in_boxes
+from automos.objects.boxes import fit_boxes
+from automos.objects.detections import Detections
+from automos.objects.labels import label_scans
+from automos.objects.tracking import TrackedObjects
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdict, Verdicts
+from automos.readers.box_truth import SOLE
 from automos.review.amendments import Amendment, Part
 from automos.review.apply import Changes, decided_verdicts, parts_in
 from automos.review.follow import Detect, follow_segment
 from automos.review.log import now
 from automos.review.run_stages import RunStages
-from automos.scan import OBJECT
-from automos.stages.labels import label_scans
-from automos.stages.tracking import TrackedObjects
-from automos.tracking.tracks import Tracks
-from automos.tracking.verdict import Verdict, Verdicts
-from automos.upright_boxes import Boxes, points_in_boxes
 
 REACH = 1.5
 """Metres around a click within which a point is looked for."""

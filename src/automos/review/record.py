@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
 from automos.review.apply import number_of, read_changes, scans_of

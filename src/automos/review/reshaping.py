@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
-from automos.instances.boxes import fit_boxes
+from automos.core.errors import InputError
+from automos.core.upright_boxes import Boxes, points_in_boxes
+from automos.objects.boxes import fit_boxes
 from automos.review.amendments import Amendment, Part
 from automos.review.apply import Changes, changed_labels, number_of
 from automos.review.log import now
 from automos.review.run_stages import RunStages
-from automos.upright_boxes import Boxes, points_in_boxes
 
 
 def as_amendment(stages: RunStages, track: int, changes: Changes) -> Amendment:

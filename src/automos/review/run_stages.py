@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
-from automos.scan import Frame, Sequence
+from automos.core.errors import InputError
+from automos.core.scan import Frame, Sequence
+from automos.core.workspace import Stage, Workspace, require_same
+from automos.objects.tracking import Scans, TrackedObjects
+from automos.objects.verdict import Verdict
+from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.settings import load_settings
-from automos.stages.tracking import Scans, TrackedObjects
-from automos.tracking.verdict import Verdict
-from automos.trajectory import SequenceFrames, Trajectory
-from automos.workspace import Stage, Workspace, require_same
 
 CACHED = 40
 """Frames kept in memory, 2 MB each, so that looking at neighbours of a track reads no scan twice."""

@@ -13,17 +13,17 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, TypeAdapter
 
-from automos.atomic import write_text
-from automos.errors import InputError
-from automos.labels import Label
-from automos.reading import checked, read_json
+from automos.core.atomic import write_text
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.core.reading import checked, read_json
+from automos.core.upright_boxes import Boxes, points_in_boxes
+from automos.core.workspace import RUN_FILE, Workspace
+from automos.objects.verdict import Verdict
 from automos.review.apply import RECORD, Changes, changed_labels, decided_verdicts
 from automos.review.log import append_lines, key_of_changes, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
 from automos.review.run_stages import RunStages
-from automos.tracking.verdict import Verdict
-from automos.upright_boxes import Boxes, points_in_boxes
-from automos.workspace import RUN_FILE, Workspace
 
 SAMPLE_FILE = "sample.json"
 FRINGE = 0.5

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.scan import GROUND
 from automos.review.run_stages import RunStages
 from automos.review.subjects import Subject
-from automos.scan import GROUND
 
 MOMENTS = 28
 """Scans of a track that are shown, evenly over its life."""

@@ -26,11 +26,11 @@ from importlib.resources import files
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from automos.errors import AutomosError, InputError
-from automos.reading import parse_json
+from automos.core.errors import AutomosError, InputError
+from automos.core.reading import parse_json
 from automos.review.api import ASKED, MAX_BODY, SAID
 from automos.review.session import Session
-from automos.visualization.page_files import page_text
+from automos.views.page_files import page_text
 
 _log = logging.getLogger(__name__)
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from automos.errors import InputError
+from automos.core.errors import InputError
+from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
 from automos.review.amendments import Amendment
@@ -25,7 +26,6 @@ from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
-from automos.workspace import Workspace
 
 
 class Session:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.objects.verdict import Verdict
 from automos.review.run_stages import RunStages
-from automos.tracking.verdict import Verdict
 
 ENOUGH = 0.95
 """Share of the doubtful points with whose objects a review may end."""

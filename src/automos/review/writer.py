@@ -7,14 +7,14 @@ import threading
 from collections.abc import Callable, Iterable
 from queue import Empty, Queue
 
-from automos.errors import AutomosError, InputError
+from automos.core.errors import AutomosError, InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
-from automos.visualization.report import write_report
+from automos.views.report import write_report
 
 _log = logging.getLogger(__name__)
 

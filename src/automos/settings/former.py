@@ -10,7 +10,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from automos.errors import SettingsError
+from automos.core.errors import SettingsError
 
 _log = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ BECAME = {
     "network.online": "give automos segment its --engine, --device and --threads instead",
     "network.augmentation": "network.training.augment turns it on or off",
     "network.cleanup": "RangeNet++'s values are used, see automos.network.cleanup; remove it",
-    "network.scene_flow": "see automos.learning.rivals; remove it",
+    "network.scene_flow": "see automos.network.rivals; remove it",
     "network.training.optimizer": "set network.training.recipe",
     "network.training.schedule": "set network.training.recipe",
 }

@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from automos.arguments import given_path, require_kind
-from automos.errors import SettingsError
-from automos.reading import parse_yaml, read_text
+from automos.core.arguments import given_path, require_kind
+from automos.core.errors import SettingsError
+from automos.core.reading import parse_yaml, read_text
 from automos.settings.former import refuse_former_name, with_present_names
 from automos.settings.tree import Settings
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.simulation.conditions import MOUNTS, Conditions
 from automos.simulation.merged import MergedSequence
 from automos.simulation.recorders import Convention, Recorded

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.simulation.rigs import RIGS
 from automos.simulation.sensing.disturbances import WEATHER
 

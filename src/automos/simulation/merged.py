@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import transform
-from automos.scan import Pose, Scan, Sequence
+from automos.core.geometry import transform
+from automos.core.scan import Pose, Scan, Sequence
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.sequence import SimulatedSequence
 

@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse, make_transform, rotation_between
-from automos.labels import OUTLIER, Label, pack
-from automos.scan import Pose, Scan, Sequence
+from automos.core.geometry import inverse, make_transform, rotation_between
+from automos.core.labels import OUTLIER, Label, pack
+from automos.core.scan import Pose, Scan, Sequence
 from automos.simulation.annotations import Annotations, upright_boxes
 from automos.simulation.conditions import Conditions
 from automos.simulation.rigs import ride_on, rigs

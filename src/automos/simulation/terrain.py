@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from automos.kernels import kernel
+from automos.core.kernels import kernel
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from automos.atomic import write_raw, write_text
-from automos.errors import InputError
-from automos.parallel import map_in_order
-from automos.pose_writers import write_kitti
-from automos.reading import read_json
+from automos.core.atomic import write_raw, write_text
+from automos.core.errors import InputError
+from automos.core.parallel import map_in_order
+from automos.core.pose_writers import write_kitti
+from automos.core.reading import read_json
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"

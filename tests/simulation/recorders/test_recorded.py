@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from automos.errors import InputError
-from automos.geometry import inverse, se3_exp, se3_log
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, se3_exp, se3_log
 from automos.simulation import Convention, record, simulate
 from automos.simulation.recorders import Recorded
 

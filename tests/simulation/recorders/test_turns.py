@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automos.array_sequence import ArraySequence
+from automos.core.array_sequence import ArraySequence
 from automos.simulation import Convention, simulate
 from automos.simulation.recorders import Recorded, TurnsByAzimuth
 

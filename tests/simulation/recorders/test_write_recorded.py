@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automos import open_sequence
-from automos.errors import InputError
+from automos.core.errors import InputError
 from automos.simulation import Convention, record, write_recorded
 from automos.simulation.recorders.write import EPOCH
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import Any, Literal, get_args, get_type_hints
 
-from automos.errors import InputError
+from automos.core.errors import InputError
 
 Order = Literal["file", "time", "ring", "random"]
 Times = Literal["none", "relative", "absolute", "milliseconds", "backwards", "constant", "nan", "too long"]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.labels import Label
-from automos.scan import Scan
+from automos.core.labels import Label
+from automos.core.scan import Scan
 from automos.simulation.recorders.convention import Convention, Times
 
 Rows = npt.NDArray[np.int64]

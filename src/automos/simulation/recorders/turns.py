@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from automos.pose_files import interpolate_poses
-from automos.scan import Pose, Scan, Sequence
+from automos.core.pose_files import interpolate_poses
+from automos.core.scan import Pose, Scan, Sequence
 
 PERIOD = 0.1
 """Seconds of a turn where the recording has no clock."""

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.atomic import write_npy, write_raw, write_text
-from automos.errors import InputError
-from automos.pose_writers import write_kitti
-from automos.scan import Scan
+from automos.core.atomic import write_npy, write_raw, write_text
+from automos.core.errors import InputError
+from automos.core.pose_writers import write_kitti
+from automos.core.scan import Scan
 from automos.simulation.recorders.recorded import Recorded
 
 EPOCH = 1_700_000_000.0

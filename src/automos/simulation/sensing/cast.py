@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse
-from automos.kernels import kernel
+from automos.core.geometry import inverse
+from automos.core.kernels import kernel
 from automos.simulation.rigs import Rig, placed, rigs
 from automos.simulation.sensing.scene import EGO, Hits, Scene
 from automos.simulation.sensing.sensors import SECTORS, Pattern

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.geometry import inverse
-from automos.scan import Scan
+from automos.core.geometry import inverse
+from automos.core.scan import Scan
 from automos.simulation.sensing.returns import Returns
 from automos.simulation.sensing.scene import EGO, Hits
 from automos.simulation.sensing.sensors import Pattern, Sensor

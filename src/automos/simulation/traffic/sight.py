@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automos.kernels import kernel
+from automos.core.kernels import kernel
 from automos.simulation.traffic.paths import STEP
 
 SIDE_GAP = 0.25

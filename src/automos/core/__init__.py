@@ -1,0 +1,1 @@
+"""What every room builds on: scans, sequences, geometry, voxels, files, errors, workers."""

@@ -1,0 +1,65 @@
+"""The least-squares step of a pose graph: factors between poses, solved for small motions of all poses at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.geometry import Array
+
+FIXED = 1e12
+"""Information that fixes a pose to the micrometre."""
+NARROW = 100
+"""Greatest distance, in poses, between those that a factor joins for which a banded solver is fastest."""
+
+
+class NormalEquations:
+    """The normal equations of N small motions (6), accumulated factor by factor."""
+
+    def __init__(self, held: npt.ArrayLike):
+        """Take the (N,) prior information that holds each pose at its current value."""
+        held = np.asarray(held, np.float64)
+        self._rhs = np.zeros((len(held), 6))
+        self._rows, self._columns = [np.arange(len(held))], [np.arange(len(held))]
+        self._blocks = [held[:, None, None] * np.eye(6)]
+
+    def add(self, parts: list[tuple[npt.NDArray[np.int64], Array]], information: Array, gradient: Array) -> None:
+        """Add K factors, each a residual of six dimensions.
+
+        Parameters
+        ----------
+        parts : list of (ids, J) for each pose that a factor joins: (K,) its row and (K, 6, 6) the Jacobian.
+        information : (K, 6, 6) or, for independent dimensions, (K, 6) inverse variances of the residuals.
+        gradient : (K, 6) information times residual.
+        """
+        for a, (first, A) in enumerate(parts):
+            At = np.swapaxes(A, 1, 2)
+            np.subtract.at(self._rhs, first, np.einsum("kij,kj->ki", At, gradient))
+            At_H = At @ information if information.ndim == 3 else At * information[:, None]
+            for second, B in parts[: a + 1]:
+                self._rows.append(first)
+                self._columns.append(second)
+                self._blocks.append(At_H @ B)
+
+    def solve(self) -> Array:
+        """Return the (N, 6) motions that minimise the squared residuals of all factors."""
+        from scipy.linalg import solveh_banded
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.linalg import spsolve
+
+        rows, columns, blocks = (np.concatenate(part) for part in (self._rows, self._columns, self._blocks))
+        is_upper = rows < columns
+        blocks = np.where(is_upper[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
+        rows, columns = np.maximum(rows, columns), np.minimum(rows, columns)
+        i = 6 * rows[:, None, None] + np.arange(6)[:, None]
+        j = 6 * columns[:, None, None] + np.arange(6)
+        n, width, is_lower = self._rhs.size, int((rows - columns).max(initial=0)) + 1, i >= j
+        i, j = np.broadcast_arrays(i, j)
+        i, j, values = i[is_lower], j[is_lower], blocks[is_lower]
+        if width <= NARROW:
+            bands = np.bincount((i - j) * n + j, values, 6 * width * n).reshape(-1, n)
+            return solveh_banded(bands, self._rhs.ravel(), lower=True, overwrite_ab=True).reshape(-1, 6)
+        lower = coo_matrix((values, (i, j)), (n, n)).tocsc()
+        full = lower + lower.T
+        full.setdiag(lower.diagonal())
+        return spsolve(full, self._rhs.ravel()).reshape(-1, 6)

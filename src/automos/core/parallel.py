@@ -1,0 +1,125 @@
+"""Calls one function for many scans on all cores, with results in order.
+
+Processes are used where a library holds the interpreter's lock (HDBSCAN). They are joblib's loky processes, which do
+not import the caller's script again, so a script needs no `if __name__ == "__main__"`. Threads are used where our own
+kernels release the lock. Order and results do not depend on the number of workers.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from itertools import islice
+from numbers import Integral
+from threading import Event, Lock
+from typing import TypeVar
+
+from automos.core.errors import InputError
+from automos.core.working_folder import starting_processes
+
+_M_ARENA_MAX = -8
+"""What glibc's mallopt calls the number of heaps."""
+MOST_WORKERS = 4096
+"""On one machine; more is a slip of the keyboard."""
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def available_cores() -> int:
+    """Return how many cores this process may use (its affinity, not the machine's size)."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def share_heap() -> None:
+    """Let all threads of this process take memory from one heap, so that each can use what another has given back.
+
+    glibc gives threads heaps of their own, in which a stream's arrays leave a hundred megabytes of gaps. Elsewhere
+    nothing happens. It holds for the whole process, so only our own commands ask for it.
+    """
+    with suppress(OSError, AttributeError, TypeError):  # no glibc
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
+def checked_workers(workers: object, what: str = "workers") -> int:
+    """Return how many workers, or `what` they are called, are asked for.
+
+    Raises
+    ------
+    InputError : `workers` is not a number of them.
+    """
+    if not isinstance(workers, Integral) or not 0 <= int(workers) <= MOST_WORKERS:
+        raise InputError(
+            f"{what} are 0, one per core, or how many there are to be, not {workers!r} ({MOST_WORKERS} at most)"
+        )
+    return int(workers)
+
+
+def map_in_order(
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    workers: int,
+    threads: bool = False,
+    chunk: int = 16,
+) -> Iterator[Result]:
+    """Yield function(item) for each of `items`, in order, computed by `workers` processes (0: one per core).
+
+    `function` and `items` must be picklable, unless `threads` are asked for instead of processes. At most `chunk` items
+    per worker are taken ahead, so memory does not grow with their number.
+    """
+    workers = workers or available_cores()
+    if workers == 1:
+        yield from map(function, items)
+        return
+    items = iter(items)
+    if threads:
+        yield from _in_threads(function, items, workers)
+        return
+    from joblib import Parallel, delayed, parallel_config
+
+    # max_nbytes: scans go through pipes; joblib would write those over a megabyte to temporary files.
+    loky = parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1)
+    with starting_processes(), loky, Parallel(max_nbytes=None) as pool:
+        while ahead := list(islice(items, chunk * workers)):
+            yield from pool(delayed(function)(item) for item in ahead)
+
+
+def _in_threads(function: Callable[[Item], Result], items: Iterator[Item], workers: int) -> Iterator[Result]:
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = deque(pool.submit(function, item) for item in islice(items, 2 * workers))
+        while waiting:
+            yield waiting.popleft().result()
+            waiting.extend(pool.submit(function, item) for item in islice(items, 1))
+
+
+def one_ahead(
+    function: Callable[[Item], Result], items: Iterable[Item], ends: Callable[[Result], bool]
+) -> Iterator[Result]:
+    """Yield function(item) for each of `items`, in order, computed in a thread while the caller uses the one before.
+
+    After a result that `ends` something the next is not begun before the caller comes back. When the caller stops, a
+    call of `function` is waited for, but not `items`: they may never bring another.
+    """
+    items, is_over, working = iter(items), Event(), Lock()
+
+    def compute() -> list[Result]:
+        found = list(islice(items, 1))
+        with working:
+            return [] if is_over.is_set() else [function(item) for item in found]
+
+    thread = ThreadPoolExecutor(1)
+    try:
+        found = thread.submit(compute).result()
+        while found:
+            following = None if ends(found[0]) else thread.submit(compute)
+            yield found[0]
+            found = (following or thread.submit(compute)).result()
+    finally:
+        with working:
+            is_over.set()
+        thread.shutdown(wait=False, cancel_futures=True)

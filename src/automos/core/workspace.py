@@ -1,0 +1,230 @@
+"""The folder of a run: the results of each stage, kept so that a second run does only what is missing.
+
+The results of a stage are stored under a fingerprint of their inputs (recording, settings, version, earlier stages),
+one file per scan, written under a temporary name and then renamed. So existing files are complete, and results of other
+settings are never read. The same interface keeps results in memory for callers that want no files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import zipfile
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.arguments import given_path
+from automos.core.atomic import atomic_path, remove_parts
+from automos.core.errors import InputError
+from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
+from automos.core.run_record import RunRecord
+
+Arrays = Mapping[str, npt.NDArray]
+PerScan = Iterable[tuple[int, Arrays]]
+RUN_FILE = "run.json"
+COMPLETE = "complete.json"
+UNFINISHED = "unfinished"
+"""Entry of run.json while labels are written anew to which decisions of a review are still to be applied."""
+REVIEWED = "reviewed"
+"""Stage that holds the object of each point, of the scans that a review changed; its key is that of the labels."""
+RESULT_FILES = ("poses.txt", "poses.tum", "tracks.json", "settings.yaml")
+"""What a run's folder holds beside labels, stages and run.json."""
+LONGEST_NAME = 230
+"""Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a random number, too."""
+
+
+def fingerprint(*parts: object) -> str:
+    """Return 16 hexadecimal digits that change when any of `parts` (anything JSON can write, or str) does."""
+    text = json.dumps(parts, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
+    """Raise InputError if scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
+    if n_points != len(kind):
+        raise InputError(
+            f"scan {name} has {n_points} points of use and had {len(kind)} when it was labelled: label the recording "
+            "again, or give the one that the results were made from"
+        )
+
+
+class Stage:
+    """Results of one stage for one recording and one set of settings: named groups of arrays."""
+
+    def has(self, name: str) -> bool:
+        """Return whether `name` was saved."""
+        raise NotImplementedError
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        """Keep `arrays` under `name`."""
+        raise NotImplementedError
+
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
+        """Return the arrays saved under `name`: those named by `keys`, all where none is named."""
+        raise NotImplementedError
+
+
+class _MemoryStage(Stage):
+    def __init__(self) -> None:
+        self._groups: dict[str, dict[str, npt.NDArray]] = {}
+
+    def has(self, name: str) -> bool:
+        return name in self._groups
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        self._groups[name] = dict(arrays)
+
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
+        group = self._groups[name]
+        return {key: group[key] for key in keys or group}
+
+
+class _FolderStage(Stage):
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder} could not be made ({error.strerror}): choose another --out") from error
+
+    def has(self, name: str) -> bool:
+        return (self._folder / f"{name}.npz").exists()
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        path = self._folder / f"{name}.npz"
+        with atomic_path(path) as temporary:
+            with temporary.open("wb") as file:
+                np.savez(file, **dict(arrays))  # type: ignore[arg-type]
+            with zipfile.ZipFile(temporary, "a") as archive:
+                archive.comment = _seal(path, archive)
+
+    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
+        path = self._folder / f"{name}.npz"
+        try:
+            require_regular(path)
+            return parsed_again(lambda: _arrays_in(path, keys))
+        except (OSError, *DAMAGE) as error:
+            raise _damage(path, error) from error
+
+
+class _Found(dict[str, npt.NDArray]):
+    """The arrays in a file; an error that names the file if one is missing."""
+
+    path: Path
+
+    def __missing__(self, key: str) -> npt.NDArray:
+        raise _damage(self.path, f"it holds no {key}")
+
+
+def _damage(path: Path, why: object) -> InputError:
+    return InputError(
+        f"{path} is damaged ({why}): delete {path.parent} and repeat the command that wrote it (usually automos label)"
+    )
+
+
+def _seal(path: Path, archive: zipfile.ZipFile) -> bytes:
+    """Return what binds the sums of all arrays in `archive` to the scan, stage and settings that `path` is of.
+
+    A file that was changed and packed again, or that lies where another belongs, is whole and yet not ours: its
+    numbers would be painted on other points, or index what is not there.
+    """
+    sums = [(member.filename, member.CRC, member.file_size) for member in archive.infolist()]
+    return fingerprint(path.parent.name, path.name, sums).encode()
+
+
+def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
+    with np.load(path, allow_pickle=False) as archive:
+        if archive.zip.comment != _seal(path, archive.zip):
+            raise ValueError("it is not what this version of automos wrote there")
+        found = _Found({key: archive[key] for key in keys or archive.files})
+    found.path = path
+    return found
+
+
+def _is_file_name(name: str) -> bool:
+    try:
+        return name == Path(name).name != "" and "\0" not in name and len(name.encode()) <= LONGEST_NAME
+    except UnicodeEncodeError:
+        return False
+
+
+class Workspace:
+    """Storage for the results of a run: a folder, or memory.
+
+    Parameters
+    ----------
+    root : str or Path, optional
+        The results folder, created at the first write. Results are kept in memory if not given.
+
+    Raises
+    ------
+    InputError
+        `root` cannot be the name of a folder.
+
+    Examples
+    --------
+    With a workspace, a second call finds the results of the first and does only what is missing:
+
+    >>> import automos
+    >>> recording = automos.open_sequence("my_log")
+    >>> result = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> again = automos.label(recording, workspace=automos.Workspace("kept"), workers=1)
+    >>> sum(again.seconds.values())
+    0.0
+    """
+
+    def __init__(self, root: str | Path | None = None):
+        self.root = None if root is None else given_path(root, "the folder of a Workspace")
+        self._in_memory: dict[str, Stage] = {}
+
+    def __repr__(self) -> str:
+        return f"<Workspace {'in memory' if self.root is None else self.root}>"
+
+    def require_names(self, names: list[str], n_scans: int) -> None:
+        """Raise InputError if results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
+        are_texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        if not are_texts or len(names) != n_scans:
+            raise InputError(f"the names of {n_scans} scans are {names!r:.80}: give a list with a text for each scan")
+        twice = next((name for name, times in Counter(names).items() if times > 1), None)
+        if twice is not None:
+            raise InputError(f"two scans are named {twice!a:.80}: give each scan a name of its own")
+        unfit = None if self.root is None else next((name for name in names if not _is_file_name(name)), None)
+        if unfit is not None:
+            raise InputError(
+                f"a scan is named {unfit!a:.80} ({len(unfit)} letters), and results are files of that name: give scans "
+                f"names of at most {LONGEST_NAME} bytes and without strokes"
+            )
+
+    def stage(self, name: str, key: str) -> Stage:
+        """Return the stage `name` as made under fingerprint `key`."""
+        if self.root is None:
+            return self._in_memory.setdefault(f"{name}-{key}", _MemoryStage())
+        return _FolderStage(self.root / "stages" / f"{name}-{key}")
+
+    def keep_only(self, keys: Mapping[str, str]) -> None:
+        """Remove stages made under other fingerprints than `keys` (stage name: fingerprint), and halves of files."""
+        if self.root is None:
+            return
+        wanted = {f"{name}-{key}" for name, key in keys.items()}
+        for folder in (self.root / "stages").glob("*"):
+            if folder.name not in wanted:
+                shutil.rmtree(folder, ignore_errors=True)
+            else:
+                remove_parts(folder)
+
+    def read_run(self) -> dict[str, Any]:
+        """Return what run.json says of the run in this folder, {} where there is none or it is damaged."""
+        if self.root is None or not (self.root / RUN_FILE).exists():
+            return {}
+        try:
+            run: dict[str, Any] = read_json(self.root / RUN_FILE)
+            RunRecord.model_validate(run)
+        except (ValueError, OSError):  # InputError and pydantic's errors are ValueErrors
+            return {}  # the run is made again
+        return run

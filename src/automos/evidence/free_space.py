@@ -1,0 +1,169 @@
+"""Evidence of motion: was a point's place observed free, before or after?
+
+For every point that is neither ground nor ego body, scans from 0.2 to 8 s before and after report on its place:
+observed free (so the point came or went), hit (so the place was still occupied), or nothing. Short spans reveal fast
+objects, long ones slow walkers and cars that wait. No single observation decides; the sum over all spans does. Memory
+holds only the scans that may still be asked, whatever the length of the recording.
+
+Rays start at their LiDAR. In merged clouds each LiDAR has its own view and report on every point. These are combined
+into one report per scan, in which a hit by any LiDAR prevails, otherwise the strongest free-space observation.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial, reduce
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.arrays import evenly_spread
+from automos.core.geometry import inverse
+from automos.core.scan import Frames, Mask
+from automos.evidence.look_through import look_through
+from automos.evidence.observations import Seen, View, learn_lidars, look
+from automos.evidence.votes import Votes, count_hits, sum_votes, weigh_looks
+from automos.settings import CandidatesSettings, FreeSpaceSettings
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+Net = npt.NDArray[np.float32]
+_PATTERN_SCANS = 5
+_PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
+SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
+FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)  # seconds, asked first; points that these scans agree to have hit have stayed
+SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
+
+
+class FreeSpace:
+    """Evidence for a whole recording; the sensor's pattern and the ego body are learnt at the start."""
+
+    def __init__(self, frames: Frames, stamps: Array, settings: CandidatesSettings, threads: int = 2):
+        """Learn the beam pattern from a few of `frames`, and the ego body from `frames`.
+
+        `stamps` (N,) are the frames' times in seconds, increasing. The result does not depend on `threads`.
+        """
+        self.threads, self.frames, self.settings = threads, frames, settings
+        self.stamps = np.asarray(stamps, np.float64)
+        self.lidars = learn_lidars(frames, evenly_spread(frames, _PATTERN_SCANS), settings, threads)
+        steps = np.floor(self.stamps / settings.free_space.far_step)
+        self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
+
+    def partners(self, index: int) -> Rows:
+        """Return the scans that are asked about scan `index`, in time order."""
+        return partners_of(self.stamps[index], self.stamps, self._is_far_partner, self.settings.free_space)
+
+    def collect(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Seen, Net]]:
+        """Yield index, observations and evidence (`ask`) of each frame from `start` to before `stop`, in order.
+
+        Each frame is read once. The result does not depend on `start` and `stop`.
+        """
+        todo = range(start, len(self.frames) if stop is None else stop)
+        partners = {i: self.partners(i) for i in todo}
+        last_use = np.full(len(self.frames), -1)
+        for i in todo:
+            last_use[[i, *partners[i]]] = i
+        seen: dict[int, Future[Seen]] = {}
+        asked: deque[tuple[int, Seen, Future[Net]]] = deque()
+        with ThreadPoolExecutor(self.threads) as pool:
+            for i in todo:
+                ahead = min(i + 2 * self.threads, todo[-1])
+                for j in (ahead, *partners[ahead], i, *partners[i]):
+                    if j not in seen:
+                        seen[j] = pool.submit(self._look, int(j))
+                mine, others = seen[i].result(), [seen[j].result() for j in partners[i]]
+                offsets = self.stamps[partners[i]] - self.stamps[i]
+                asked.append((i, mine, pool.submit(ask, mine, others, offsets, self.settings.free_space)))
+                while len(asked) > (0 if i == todo[-1] else 2 * self.threads):
+                    index, about, net = asked.popleft()
+                    yield index, about, net.result()
+                for j in [j for j in seen if last_use[j] <= i]:
+                    del seen[j]
+
+    def _look(self, index: int) -> Seen:
+        return look(self.frames[index], self.lidars, self.settings.ground)
+
+
+def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSettings) -> Rows:
+    """Return which scans at `stamps` (N,) report on the one at `stamp`: the nearest to each span, in order.
+
+    The scan itself is not among them. Over longer spans only the scans `is_far` (N,) report. They are `far_step` apart,
+    so that few images must be kept for long.
+    """
+    spans = np.asarray(settings.spans)
+    is_long = spans > settings.far_from
+    near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long])
+    chosen = np.union1d(near_ids, _nearest(stamp, stamps, np.flatnonzero(is_far), spans[is_long]))
+    return chosen[stamps[chosen] != stamp]
+
+
+def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
+    """Return the scans of `ids` nearest to `spans` before and after `stamp`, if near enough."""
+    if len(ids) == 0:
+        return ids
+    wanted = stamp + np.concatenate([-spans[::-1], spans])
+    stamps = stamps[ids]
+    nearest = np.searchsorted(0.5 * (stamps[1:] + stamps[:-1]), wanted)
+    off = np.abs(stamps[nearest] - wanted)
+    return ids[nearest[off <= SPAN_TOLERANCE * np.abs(wanted - stamp)]]
+
+
+def ask(
+    mine: Seen, others: list[Seen], offsets: Array, settings: FreeSpaceSettings, pool: ThreadPoolExecutor | None = None
+) -> Net:
+    """Return (M,) the evidence that each point of scan `mine` has moved, from the reports of `others` on its place.
+
+    Positive: has moved; negative: has stayed; 0: unknown, or not an object point.
+
+    Parameters
+    ----------
+    offsets : (P,) float64, seconds from `mine` to each of the others, increasing.
+    pool : ThreadPoolExecutor, optional, shares the work; the result does not depend on it.
+    """
+    net = np.zeros(len(mine.kind), np.float32)
+    for view in mine.views:
+        heights = mine.height[view.rows][view.is_object]
+        n_parts = 1 if pool is None else max(min(_PARTS, len(heights) // _PART), 1)
+        bounds = np.linspace(0, len(heights), n_parts + 1).astype(int)
+        parts = [slice(a, b) for a, b in pairwise(bounds)]
+        asked = (map if pool is None else pool.map)(partial(_ask_part, view, heights, others, offsets, settings), parts)
+        of_view = np.zeros(len(view.is_object), np.float32)
+        of_view[view.is_object] = np.concatenate(list(asked))
+        net[view.rows] = of_view
+    return net
+
+
+def _ask_part(
+    mine: View, heights: Net, others: list[Seen], offsets: Array, settings: FreeSpaceSettings, part: slice
+) -> Net:
+    """Return (K,) the evidence for a `part` of a view's object points; `heights` are those of all object points."""
+    points = np.ascontiguousarray(mine.objects[:, part])
+    trusts = np.where(mine.is_supported[part], 1.0, settings.lone_weight)
+    about = [np.linalg.norm(points, axis=0), heights[part], trusts]
+    first = {int(np.argmin(np.abs(offsets - span))) for span in (*FIRST_SPANS, *np.negative(FIRST_SPANS)) if others}
+    votes = np.zeros((len(others), len(trusts)), np.int8)
+    for k in first:
+        votes[k] = _vote(mine, points, about, others[k], settings)
+    # Most points are hit by every scan that sees them, so the remaining scans need not report on those.
+    ids = np.flatnonzero((votes.max(axis=0, initial=0) > 0) | (count_hits(votes) < SURE_HITS))
+    points, about = np.take(points, ids, axis=1), [np.take(column, ids) for column in about]
+    for k in set(range(len(others))) - first:
+        votes[k, ids] = _vote(mine, points, about, others[k], settings)
+    return sum_votes(votes, int(np.searchsorted(offsets, 0.0)), settings.stay_weight)
+
+
+def _vote(
+    mine: View, points: npt.NDArray[np.float32], about: list[npt.NDArray], other: Seen, settings: FreeSpaceSettings
+) -> Votes:
+    """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`."""
+    s = settings
+    tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
+    votes = []
+    for view in other.views:
+        T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
+        looks = look_through(points, T, view.image, tolerances)
+        votes.append(weigh_looks(*looks, *about, np.float32(view.image.pattern.row_height)))
+    return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

@@ -1,0 +1,223 @@
+"""The ground of one scan as a height map, and the points that lie on it.
+
+Each sector is followed from the sensor outwards: a cell whose lowest point continues the ground found so far is ground.
+What rises faster is an object. What lies below a sight line over nearer ground is a mirror image. Occluded cells are
+bridged, and a long even run at another height is accepted as ground again. The ground cells become a height map whose
+gaps are filled from increasingly coarse averages (pull-push). No sensor height, tilt or plane is assumed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.cells import rough_turn_of
+from automos.core.kernels import kernel
+from automos.core.scan import Mask
+from automos.settings import GroundSettings
+
+Array = npt.NDArray[np.float64]
+HeightMap = npt.NDArray[np.floating]
+SECTORS = 360  # around the sensor
+START_RANGE = 10.0  # metres: range within which the initial height of the ground is taken
+STEP = 0.12  # metres: step by which ground may rise or fall (a kerb)
+MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope
+MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance
+MAX_SLOPE = 0.35  # steepest ground, rise over run
+SLOPING = 0.05  # rise over run of the ground around the sensor, below which sectors start level
+PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
+"""Metres from the plane around the sensor beyond which cells count little, and iterations of its fit."""
+PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
+"""Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
+GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
+MAX_DEPTH = 0.3  # metres: points further below the surface than this are not ground
+
+
+def find_ground(points_level: npt.NDArray, origin_level: Array, settings: GroundSettings) -> tuple[Mask, npt.NDArray]:
+    """Return which of a scan's points are ground, and the height of all above it.
+
+    Points far below the surface, which is uncertain beyond a crest, and points beyond `settings.max_range` are not
+    ground.
+
+    Parameters
+    ----------
+    points_level : (M, 3) float32, metres, level frame (z up).
+    origin_level : (3,) float64, metres, position of the sensor.
+
+    Returns
+    -------
+    is_ground : (M,) bool.   height : (M,) float32, metres.
+    """
+    origin, cell = np.asarray(origin_level, np.float64), settings.cell
+    n_rings = int(np.ceil(settings.max_range / cell))
+    lowest, highest = _fill_sectors(points_level, origin, cell, n_rings)
+    is_ground = _walk_outwards(lowest, highest, *_start(lowest, cell), cell)
+    # A whole number of cells, so that the map has the same cells in every scan.
+    corner = (np.floor(origin[:2] / cell) - n_rings) * cell
+    sums, counts = _add_ground_points(points_level, origin, lowest, is_ground, corner, cell)
+    surface = _fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
+    tolerances = (settings.tolerance, settings.tolerance_per_metre)
+    return _measure(points_level, origin, corner, 1.0 / cell, surface, *tolerances)
+
+
+def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
+    """Return the start height, a low percentile of the lowest points of all sectors near the sensor, and the slopes.
+
+    The slope in each sector (S,) is that of the plane around the sensor, as for a vehicle on a hill.
+    """
+    near = lowest[:, : max(int(START_RANGE / cell), 1)]
+    sectors, rings = np.nonzero(np.isfinite(near))
+    level = np.zeros(SECTORS)
+    if len(sectors) == 0:
+        return 0.0, level
+    directions = _directions()
+    ground = np.column_stack([directions[sectors] * (cell * (rings[:, None] + 0.5)), np.ones(len(rings))])
+    heights, weights = near[sectors, rings].astype(np.float64), np.ones(len(sectors))
+    for _ in range(PLANE_ROUNDS):
+        weighted = ground * weights[:, None]
+        plane = np.linalg.lstsq(weighted.T @ ground, weighted.T @ heights, rcond=None)[0]
+        weights = (1.0 + ((heights - ground @ plane) / PLANE_SPREAD) ** 2) ** -2
+    lows = near.min(axis=1)
+    start = float(np.percentile(lows[np.isfinite(lows)], 30))
+    on_plane, on_level = (np.count_nonzero(np.abs(heights - z) < STEP) for z in (ground @ plane, start))
+    is_plane = on_plane > max(PLANE_SHARE * len(heights), PLANE_LEAD * on_level)
+    if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
+        return float(plane[2]), directions @ plane[:2]
+    return start, level
+
+
+def _directions() -> Array:
+    """Return (S, 2) the unit vector through the middle of each sector, see `_sector_and_ring`."""
+    turn = (np.arange(SECTORS) + 0.5) / SECTORS - 0.5
+    x = 1.0 - 4.0 * np.abs(turn)
+    y = np.sign(turn) * (1.0 - np.abs(x))
+    return np.column_stack([x, y]) / np.hypot(x, y)[:, None]
+
+
+def _fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
+    """Return `values` (H, W), blended with increasingly coarse averages where their weight is below 1."""
+    if max(values.shape) == 1:
+        return values
+    total, weight = _halved(weights * values), _halved(weights)
+    coarse = _fill_gaps(total / np.maximum(weight, np.float32(1e-9)), np.minimum(weight, np.float32(1.0)))
+    filled = np.empty_like(values)
+    _double(coarse, filled)
+    return filled + weights * (values - filled)
+
+
+def _halved(values: HeightMap) -> HeightMap:
+    """Return the sums of blocks of 2 x 2 cells of `values`; blocks at the border may be smaller."""
+    even = np.pad(values, [(0, n % 2) for n in values.shape])
+    return even[::2, ::2] + even[::2, 1::2] + even[1::2, ::2] + even[1::2, 1::2]
+
+
+@kernel
+def _double(coarse, fine):  # type: ignore[no-untyped-def]
+    for v in range(fine.shape[0]):
+        for u in range(fine.shape[1]):
+            fine[v, u] = _sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
+
+
+@kernel
+def _sample(grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value of `grid` at column x, row y (integers are the cells' centres), clamped to its border."""
+    h, w = grid.shape
+    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for NaN
+    y = min(y, h - 1.0) if y > 0.0 else 0.0
+    u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
+    fx, fy = x - u, y - v
+    u2, v2 = min(u + 1, w - 1), min(v + 1, h - 1)
+    return (1 - fy) * ((1 - fx) * grid[v, u] + fx * grid[v, u2]) + fy * ((1 - fx) * grid[v2, u] + fx * grid[v2, u2])
+
+
+@kernel
+def _sector_and_ring(x, y, n_rings, ring):  # type: ignore[no-untyped-def]
+    """Sector and ring of an offset; the ring is `n_rings` for everything farther out, and for NaN."""
+    far = np.sqrt(x * x + y * y) / ring
+    if not far < n_rings:  # compared as float, because huge numbers overflow integers
+        return 0, n_rings
+    return int(rough_turn_of(x, y) * SECTORS), int(far)
+
+
+@kernel
+def _fill_sectors(points, origin, ring, n_rings):  # type: ignore[no-untyped-def]
+    """Return the heights above the sensor of the lowest and highest point per sector and ring."""
+    lowest = np.full((SECTORS, n_rings), np.float32(np.inf))
+    highest = np.full((SECTORS, n_rings), np.float32(-np.inf))
+    for i in range(len(points)):
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_rings, ring)
+        if k < n_rings:
+            z = points[i, 2] - origin[2]
+            lowest[j, k] = min(lowest[j, k], z)
+            highest[j, k] = max(highest[j, k], z)
+    return lowest, highest
+
+
+@kernel
+def _walk_outwards(lowest, highest, start, slopes, ring):  # type: ignore[no-untyped-def]
+    """Return the cells that continue the ground found so far."""
+    n_sectors, n_rings = lowest.shape
+    is_ground = np.zeros((n_sectors, n_rings), np.bool_)
+    for j in range(n_sectors):
+        z, slope, r_last = start, slopes[j], 0.0
+        sight = -np.inf  # steepest sight line over the ground so far; what lies below is a mirror image
+        run = 0  # successive cells that continue each other but not the ground: a hidden rise, a step, a ramp
+        z_run, r_run = 0.0, 0.0
+        for k in range(n_rings):
+            if not np.isfinite(lowest[j, k]):
+                continue
+            r = ring * (k + 0.5)
+            low = lowest[j, k]
+            if low < r * sight:
+                continue
+            ahead = r - r_last
+            expected = z + slope * ahead
+            rise = min(STEP + MAX_BEND * ahead, MAX_STEP)
+            fall = STEP + MAX_SLOPE * ahead  # only ground lies below the ground, so this limit is wider
+            if not expected - fall <= low <= expected + rise:
+                is_flat = highest[j, k] - low < 2.0 * STEP
+                follows = run > 0 and abs(low - z_run) <= STEP + MAX_SLOPE * (r - r_run) and r - r_run < 10.0 * ring
+                run = (run + 1 if follows else 1) if is_flat else 0
+                z_run, r_run = low, r
+                if run < 5 or abs(low - expected) > fall:
+                    continue
+            run = 0
+            is_ground[j, k] = True
+            new_slope = min(max((low - z) / max(ahead, 4.0 * ring), -MAX_SLOPE), MAX_SLOPE)
+            weight = min(ahead / 4.0, 0.5)
+            slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else slopes[j]
+            z, r_last = low, r
+            sight = max(sight, (low - GHOST_DEPTH) / r)
+    return is_ground
+
+
+@kernel
+def _add_ground_points(points, origin, lowest, is_ground, corner, cell):  # type: ignore[no-untyped-def]
+    """Return the sums and numbers of the heights of points just above ground cells, for each cell of the map."""
+    n_rings = lowest.shape[1]
+    w = 2 * n_rings
+    sums, counts = np.zeros((w, w), np.float32), np.zeros((w, w), np.float32)
+    for i in range(len(points)):
+        j, k = _sector_and_ring(points[i, 0] - origin[0], points[i, 1] - origin[1], n_rings, cell)
+        if k >= n_rings or not is_ground[j, k] or points[i, 2] - origin[2] - lowest[j, k] > STEP:
+            continue
+        u, v = int((points[i, 0] - corner[0]) / cell), int((points[i, 1] - corner[1]) / cell)
+        if 0 <= u < w and 0 <= v < w:
+            sums[v, u] += points[i, 2]
+            counts[v, u] += 1
+    return sums, counts
+
+
+@kernel
+def _measure(points, origin, corner, per_cell, surface, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
+    """Return which points are on the `surface`, and the heights of all above it."""
+    h, w = surface.shape
+    is_ground, height = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
+        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
+        beneath = _sample(surface, u - 0.5, v - 0.5)
+        is_low = -MAX_DEPTH < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h
+        height[i] = points[i, 2] - np.float32(beneath)
+    return is_ground, height

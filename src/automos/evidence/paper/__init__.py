@@ -1,0 +1,1 @@
+"""ERASOR, the evidence of the preset `paper`."""

@@ -1,1 +1,0 @@
-"""III-C: class-agnostic segments of one scan, and the boxes around them."""

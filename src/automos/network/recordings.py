@@ -1,0 +1,209 @@
+"""Recordings with labels, manual or automatic, as the network learns from them.
+
+A scan is read, compensated and thinned to the points its image shows; that is all a window needs of it, for its own
+pixels as for the residuals of later scans. Thinned scans are kept in memory up to a number, nothing is stored on disk.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.beam_pattern import learn_pattern
+from automos.core.errors import InputError
+from automos.core.label_files import read_labels
+from automos.core.labels import Label, to_mos
+from automos.core.reading import damage_reported, read_array
+from automos.core.run import Progress
+from automos.core.scan import Frame, Scan, Sequence
+from automos.core.workspace import Workspace, fingerprint
+from automos.evaluation.report import find_predictions
+from automos.network.images import SensorView, Window, thin
+from automos.network.projection import beam_grid
+from automos.network.residuals import SPACING, pick_past
+from automos.odometry import estimate_trajectory
+from automos.odometry.trajectory import Trajectory, make_frame
+from automos.readers import open_recordings
+from automos.settings import ImageSettings, Settings
+
+Labels = npt.NDArray[np.uint8]
+
+_CLASS = np.zeros(256, np.uint8)
+_CLASS[Label.STATIC], _CLASS[Label.MOVING] = 1, 2
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a recording and its labels are: those that came with it, or a results folder of `automos label`."""
+
+    recording: Path
+    results: Path | None = None
+
+    @staticmethod
+    def parse(text: str) -> Source:
+        """Return the source that `RECORDING` or `RECORDING=RESULTS` names."""
+        recording, sign, results = text.partition("=")
+        if sign and not results:
+            raise InputError(f"{text} names no results folder after '=': write RECORDING=RESULTS, or RECORDING alone")
+        return Source(Path(recording), Path(results) if sign else None)
+
+
+@dataclass(frozen=True, eq=False)
+class ThinScan:
+    """The points of one scan that its image shows.
+
+    Attributes
+    ----------
+    points : (M, 3) float32, metres, sensor frame, compensated.
+    intensity : (M,) float32 or None.
+    classes : (M,) uint8: 0 unlabeled, 1 static, 2 moving.
+    confidence : (M,) float32 in [0, 1].
+    """
+
+    points: npt.NDArray[np.float32]
+    intensity: npt.NDArray[np.float32] | None
+    classes: Labels
+    confidence: npt.NDArray[np.float32]
+
+
+class LabeledRecording:
+    """One recording with its poses, its labels and the way its sensor's scans become images."""
+
+    def __init__(
+        self, sequence: Sequence, trajectory: Trajectory, settings: ImageSettings, results: Path | None = None
+    ):
+        """Take the labels of `results`, else the recording's own; raise InputError if there are none."""
+        self.sequence, self.trajectory, self.settings = sequence, trajectory, settings
+        self._predictions = None if results is None else find_predictions(results, sequence.name, is_only=True)
+        if results is None and all(sequence.truth(i) is None for i in range(min(len(sequence), 10))):
+            raise InputError(
+                f"{sequence.name} came without labels: label it first and give RECORDING=RESULTS, or leave it out"
+            )
+        self.view = measure_view([self._frame(i) for i in _spread(len(sequence), 5)], self._some_scans(), settings)
+
+    def __len__(self) -> int:
+        return len(self.sequence)
+
+    def read(self, index: int) -> ThinScan:
+        """Return scan `index`, thinned."""
+        scan, frame = self.sequence[index], self._frame(index)
+        labels, confidence = self._labels(index, len(scan))
+        rows = thin(frame.points, self.view.grid)
+        kept = frame.kept[rows]
+        intensity = None if scan.intensity is None else scan.intensity[kept]
+        return ThinScan(frame.points[rows], intensity, _CLASS[labels[kept]], confidence[kept])
+
+    def window(self, index: int, read: Callable[[int], ThinScan]) -> tuple[Window, ThinScan]:
+        """Return scan `index` with the earlier scans that its residuals need, each from `read`."""
+        now = read(index)
+        stamps, poses = self.trajectory.stamps, self.trajectory.T_world_sensor
+        reach = SPACING * (self.settings.residuals + 1)
+        first = int(np.searchsorted(stamps, stamps[index] - 1.001 * reach))
+        ages = stamps[index] - stamps[first:index][::-1]
+        chosen = pick_past(ages, self.settings.residuals)
+        past = tuple(None if k < 0 else read(index - 1 - int(k)).points for k in chosen)
+        T_now_past = np.linalg.inv(poses[index]) @ poses[[index if k < 0 else index - 1 - int(k) for k in chosen]]
+        return Window(now.points, now.intensity, past, T_now_past), now
+
+    def _frame(self, index: int) -> Frame:
+        return make_frame(self.sequence[index], self.trajectory, index)
+
+    def _some_scans(self) -> list[Scan]:
+        return [self.sequence[i] for i in _spread(len(self.sequence), 5)]
+
+    def _labels(self, index: int, n_points: int) -> tuple[Labels, npt.NDArray[np.float32]]:
+        """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
+        name = self.sequence.names[index]
+        certain = np.ones(n_points, np.float32)
+        if self._predictions is None:
+            truth = self.sequence.truth(index)
+            return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
+        path = self._predictions.parent / "confidences" / f"{name}.npy"
+        if path.exists():
+            certain = _confidences(path, n_points)
+        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+
+
+def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
+    with damage_reported(path, "holds no confidences of its scan"):
+        certain = read_array(path)
+        if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
+            raise ValueError(f"{n_points} numbers from 0 to 1 are needed")
+    return certain
+
+
+class Shelf:
+    """Thinned scans of several recordings, the latest used kept in memory."""
+
+    def __init__(self, recordings: list[LabeledRecording], size: int):
+        """Keep at most `size` scans."""
+        self.recordings, self._size = recordings, size
+        self._kept: OrderedDict[tuple[int, int], ThinScan] = OrderedDict()
+
+    def window(self, recording: int, index: int) -> tuple[Window, ThinScan]:
+        """Return scan `index` of one of the recordings with its past."""
+        return self.recordings[recording].window(index, lambda i: self._read(recording, i))
+
+    def _read(self, recording: int, index: int) -> ThinScan:
+        key = (recording, index)
+        scan = self._kept.pop(key, None) or self.recordings[recording].read(index)
+        self._kept[key] = scan
+        while len(self._kept) > self._size:
+            self._kept.popitem(last=False)
+        return scan
+
+
+def open_labeled(
+    sources: list[Source], settings: Settings, cache: Path, progress: Progress | None = None
+) -> list[LabeledRecording]:
+    """Return the recordings of `sources`; poses are those of the results folder, else estimated once into `cache`.
+
+    Raises
+    ------
+    InputError : nothing to read, no labels, or labels of other scans.
+    """
+    opened = []
+    for source in sources:
+        sequences = open_recordings(source.recording)
+        for sequence in sequences:
+            results = source.results
+            if results is not None and len(sequences) > 1:
+                results = results / sequence.name
+            trajectory = _trajectory(sequence, results, settings, cache, progress)
+            opened.append(LabeledRecording(sequence, trajectory, settings.network.image, results))
+    return opened
+
+
+def measure_view(frames: list[Frame], scans: list[Scan], settings: ImageSettings) -> SensorView:
+    """Return how a sensor's scans become images, from a few of its frames and the scans they were made of."""
+    pattern = learn_pattern(frames)
+    grid = beam_grid(settings.height, settings.width, pattern.row_of_sine, pattern.n_rows)
+    values = [scan.intensity[scan.is_valid] for scan in scans if scan.intensity is not None]
+    together = np.concatenate(values) if values else np.zeros(0)
+    together = together[np.isfinite(together)]
+    scale = float(np.percentile(together, 99)) if len(together) else 0.0
+    return SensorView(grid, max(scale, 0.0))
+
+
+def _trajectory(
+    sequence: Sequence, results: Path | None, settings: Settings, cache: Path, progress: Progress | None
+) -> Trajectory:
+    if results is not None:
+        key = Workspace(results).read_run().get("stages", {}).get("odometry")
+        if key is not None and Workspace(results).stage("odometry", key).has("all"):
+            return Trajectory.from_arrays(Workspace(results).stage("odometry", key).load("all"))
+    key = fingerprint(sequence.fingerprint(), settings.odometry.model_dump(mode="json"))
+    stage = Workspace(cache).stage("odometry", key)
+    if not stage.has("all"):
+        tick = None if progress is None else (lambda done, total: progress(f"poses {sequence.name}", done, total))
+        stage.save("all", estimate_trajectory(sequence, settings.odometry, None, tick).to_arrays())
+    return Trajectory.from_arrays(stage.load("all"))
+
+
+def _spread(n: int, count: int) -> list[int]:
+    return [int(i) for i in np.unique(np.linspace(0, n - 1, min(count, n)).astype(int))]

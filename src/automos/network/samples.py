@@ -1,0 +1,154 @@
+"""What one training step sees: windows drawn from recordings, changed at random, as images with targets."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.arrays import evenly_spread
+from automos.core.errors import InputError
+from automos.network.augmentation import SEED, UNCHANGED, apply_change, draw_change
+from automos.network.images import BASE_CHANNELS, make_image
+from automos.network.recordings import LabeledRecording, Shelf
+from automos.settings import NetworkSettings
+
+_CACHED_SCANS = 4000
+"""Scans kept in memory, thinned to one point per pixel: 8 GB at most, at the full image."""
+_CLASS_NAMES = ("unlabeled", "static", "moving")
+
+
+class TrainingSamples:
+    """Windows of several recordings; which ones, and how they are changed, follows from seed and epoch alone."""
+
+    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+        self._shelf = Shelf(recordings, _CACHED_SCANS)
+        self._settings = settings
+        self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))])
+        self._order, self._epoch = self._all, 0
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Draw the windows of an epoch."""
+        training, n = self._settings.training, len(self._all)
+        rng = np.random.default_rng([SEED, epoch, 1])
+        wanted = training.samples or n
+        rounds = -(-wanted // n)
+        self._order = self._all[np.concatenate([rng.permutation(n) for _ in range(rounds)])[:wanted]]
+        self._epoch = epoch
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        recording, scan = self._order[index]
+        rng = np.random.default_rng([SEED, self._epoch, index, 2])
+        window, labels = self._shelf.window(int(recording), int(scan))
+        size, training = self._settings.image, self._settings.training
+        change = draw_change(rng, size.height, size.width) if training.augment else UNCHANGED
+        view = self._shelf.recordings[recording].view
+        window, rows = apply_change(window, change, view.grid, rng)
+        image = make_image(window, view)
+        target, confidence = _targets(image.index, labels.classes[rows], labels.confidence[rows])
+        columns = draw_sector(target, training.sector, rng)
+        sample: dict[str, npt.NDArray] = {"image": image.channels[:, :, columns], "target": target[:, columns]}
+        if training.use_confidence:
+            sample["confidence"] = confidence[:, columns]
+        return sample
+
+
+class ValidationSamples:
+    """Windows evenly spread over several recordings, unchanged."""
+
+    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+        self._shelf = Shelf(recordings, _CACHED_SCANS)
+        self._settings = settings
+        everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
+        n = min(settings.training.validation_scans, len(everything))
+        self._all = evenly_spread(everything, n)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Do nothing: they are the same in every epoch."""
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        recording, scan = self._all[index]
+        window, labels = self._shelf.window(recording, scan)
+        image = make_image(window, self._shelf.recordings[recording].view)
+        target, _ = _targets(image.index, labels.classes, labels.confidence)
+        return {"image": image.channels, "target": target}
+
+
+def draw_sector(
+    target: npt.NDArray[np.int64], n_columns: int, rng: np.random.Generator
+) -> npt.NDArray[np.int64] | slice:
+    """Return which columns to train on: all where `n_columns` is 0, else a sector, every other time of what moves.
+
+    Little of a scan moves, and a step costs what its pixels cost: so more of what is learnt from is seen for it.
+    """
+    width = target.shape[1]
+    if not 0 < n_columns < width:
+        return slice(None)
+    middle = rng.integers(width)
+    moving = np.flatnonzero((target == 2).any(axis=0))
+    if len(moving) and rng.random() < 0.5:
+        middle = rng.choice(moving) + rng.integers(-n_columns // 3, n_columns // 3)
+    return (middle - n_columns // 2 + np.arange(n_columns)) % width
+
+
+def _targets(
+    index: npt.NDArray[np.int32], classes: npt.NDArray[np.uint8], confidence: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    """Return the class (H, W) int64 and the confidence (H, W) of what each pixel shows; 0 if it shows nothing."""
+    if len(classes) == 0:
+        return np.zeros(index.shape, np.int64), np.zeros(index.shape, np.float32)
+    is_seen = index >= 0
+    rows = np.maximum(index, 0)
+    return np.where(is_seen, classes[rows], 0).astype(np.int64), np.where(is_seen, confidence[rows], np.float32(0.0))
+
+
+def measure_classes(recordings: list[LabeledRecording], n_scans: int = 60) -> npt.NDArray[np.float64]:
+    """Return (3,) class weights, 1 / sqrt(share of labelled points) and 0 for unlabeled, from evenly spread scans.
+
+    LMNet weighs by 1 / share, so that a pixel counts as moving from a probability of its share on: a few percent, which
+    finds more than moves. Doing without weights starts too slowly; the root lies between.
+
+    Raises
+    ------
+    InputError : no point of a class in any of them.
+    """
+    counts = np.zeros(3)
+    for recording, index in _spread_scans(recordings, n_scans):
+        counts += np.bincount(recording.read(index).classes, minlength=3)[:3]
+    for c in (1, 2):
+        if counts[c] == 0:
+            names = ", ".join(recording.sequence.name for recording in recordings[:5])
+            raise InputError(
+                f"no {_CLASS_NAMES[c]} point in the labels of {names}: add recordings in which there are some"
+            )
+    share = counts[1:] / counts[1:].sum()
+    return np.concatenate([[0.0], 1.0 / np.sqrt(share)])
+
+
+def measure_scale(
+    recordings: list[LabeledRecording], n_scans: int = 20
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return the mean and the standard deviation (5,) of the base channels over the pixels that show something."""
+    n = len(BASE_CHANNELS)
+    pixels = []
+    for recording, index in _spread_scans(recordings, n_scans):
+        window, _ = recording.window(index, recording.read)
+        channels = make_image(window, recording.view).channels[:n]
+        pixels.append(channels[:, channels[0] > 0.0])
+    values = np.concatenate(pixels, axis=1).astype(np.float64)
+    deviation = np.maximum(values.std(axis=1), 1e-3)
+    return values.mean(axis=1).astype(np.float32), deviation.astype(np.float32)
+
+
+def _spread_scans(recordings: list[LabeledRecording], n_scans: int) -> list[tuple[LabeledRecording, int]]:
+    """Return about `n_scans` scans, some of every recording."""
+    each = max(-(-n_scans // len(recordings)), 1)
+    return [(recording, i) for recording in recordings for i in evenly_spread(range(len(recording)), each)]

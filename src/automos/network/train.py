@@ -1,0 +1,130 @@
+"""`automos train`: recordings and labels in, a checkpoint out."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automos.core.atomic import write_text
+from automos.core.errors import InputError, MissingExtraError
+from automos.core.extras import pip_install
+from automos.core.run import Progress
+from automos.core.workspace import fingerprint
+from automos.network.recordings import LabeledRecording, Source, open_labeled
+from automos.network.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
+from automos.settings import Settings, dump_yaml
+
+if TYPE_CHECKING:
+    from automos.network.checkpoint import Checkpoint
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a network is trained on and chosen by; without `validation`, the last recording is kept for it."""
+
+    train: tuple[Source, ...]
+    validation: tuple[Source, ...] = ()
+
+
+def train(
+    data: TrainingData,
+    out: Path,
+    settings: Settings,
+    init: Path | None = None,
+    device: str = "auto",
+    devices: int = 1,
+    progress: Progress | None = None,
+    poses: Path | None = None,
+    loaders: int | None = None,
+) -> Checkpoint:
+    """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
+
+    `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
+    results folder holds are estimated once into `poses` (`out` / poses where not given). `loaders` processes prepare
+    scans; 0: the training process itself; None: up to 8 beside a GPU, 0 on a CPU.
+
+    Raises
+    ------
+    InputError : recordings without labels, a class that no label has, another architecture in `init`, no such device,
+        or an `out` that holds another training.
+    MissingExtraError : PyTorch or Lightning is not installed.
+    """
+    require_training()
+    from automos.network.training import train_network
+
+    out.mkdir(parents=True, exist_ok=True)
+    _claim(out, data, settings, init)
+    network = settings.network
+    recordings = open_labeled(list(data.train), settings, poses or out / "poses", progress)
+    weights = measure_classes(recordings)
+    if data.validation:
+        validation = open_labeled(list(data.validation), settings, poses or out / "poses", progress)
+    else:
+        recordings, validation = _split(recordings)
+    card = {
+        "trained_on": [recording.sequence.name for recording in recordings],
+        "scans": sum(len(recording) for recording in recordings),
+        "labels": sorted({"automatic" if source.results else "given" for source in data.train}),
+        "started_from": init.name if init else "scratch",
+    }
+    return train_network(
+        TrainingSamples(recordings, network),
+        ValidationSamples(validation, network),
+        network,
+        weights,
+        measure_scale(recordings),
+        out,
+        card,
+        init,
+        device,
+        devices,
+        progress,
+        loaders,
+    )
+
+
+def device_note(device: str) -> str:
+    """Return in a sentence what will be trained on.
+
+    Raises
+    ------
+    InputError : no such device.
+    """
+    require_training()
+    from automos.network.training import choose_accelerator
+
+    if choose_accelerator(device) != "cpu":
+        return "training on the GPU, in mixed precision"
+    return "training on the CPU" + ("; no GPU was found, so this takes its time" if device == "auto" else "")
+
+
+def require_training() -> None:
+    """Raise MissingExtraError unless PyTorch, Lightning and torchmetrics are installed."""
+    for package in ("torch", "pytorch_lightning", "torchmetrics"):
+        try:
+            __import__(package)
+        except ImportError:
+            raise MissingExtraError(
+                f"training needs {package}, which is not installed: {pip_install('train')}"
+            ) from None
+
+
+def _claim(out: Path, data: TrainingData, settings: Settings, init: Path | None) -> None:
+    """Keep the settings in `out`; raise where it holds a training of other data or settings."""
+    mark = f"# {fingerprint(str(data), settings.network.model_dump(mode='json'), str(init))}\n"
+    path = out / "settings.yaml"
+    if path.exists() and not path.read_text().startswith(mark) and (out / "last.ckpt").exists():
+        raise InputError(f"{out} holds a training on other data or with other settings: choose another --out")
+    write_text(path, mark + dump_yaml(settings))
+
+
+def _split(recordings: list[LabeledRecording]) -> tuple[list[LabeledRecording], list[LabeledRecording]]:
+    """Return the recordings to train on and those to choose the epoch by: the last of several, else the same one."""
+    if len(recordings) == 1:
+        _log.warning("one recording only: the best epoch is chosen by the scans that were trained on")
+        return recordings, recordings
+    return recordings[:-1], recordings[-1:]

@@ -1,0 +1,127 @@
+"""Data association of detections and tracked objects: costs, gates and one optimal assignment (paper III-D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from automos.core.scan import Mask
+from automos.core.upright_boxes import Boxes, iou_3d
+from automos.objects import filter as kalman
+from automos.objects.detections import Detections
+from automos.settings import AssociationSettings, FilterSettings, GateSettings
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
+MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
+MIN_OVERLAP = 0.3
+"""Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
+are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
+SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
+COUNT_WEIGHT = 1.0  # cost of a ratio of e between the numbers of points
+EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
+EVIDENCE_TIME = 1.0  # seconds between a scan and those that say at least whether its points have stayed
+OTHER_EVIDENCE = 0.75
+"""What has stayed is no lost mover if its moving share is lower by more than this; or if more than this share of the
+mover has moved, and of the segment has stayed, and the segment is shorter than the mover's way in the time that the
+evidence spans. (Shares of a few points are close to a half. The middle of a long vehicle may seem to have stayed.)"""
+
+
+@dataclass(frozen=True, eq=False)
+class Objects(kalman.Beliefs):
+    """The K objects that are tracked at one time, and their states."""
+
+    track: Rows  # number
+    unseen: Array  # seconds since the last observation
+    misses: Rows  # scans since then
+    share: Array  # in [0, 1], moving share of the evidence so far
+    count: Array  # of points at the last observation
+    has_moved: Mask  # whether the share ever exceeded a half
+
+
+def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
+    """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
+    c_d = cdist(tracked.center, detected.center)
+    c_o = 1.0 - iou_3d(tracked, detected)
+    v_i, v_j = tracked.volume[:, None], detected.volume[None, :]
+    larger = np.maximum(v_i, v_j)
+    c_v = 1.0 - np.divide(np.minimum(v_i, v_j), larger, out=np.zeros_like(c_d), where=larger > 0)
+    cost = settings.weight_distance * c_d + settings.weight_overlap * c_o + settings.weight_volume * c_v
+    is_new = (c_d > settings.max_distance) | (c_o > settings.max_overlap_cost) | (c_v > settings.max_volume_cost)
+    return np.where(is_new, np.inf, cost)
+
+
+def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, settings: GateSettings) -> Array:
+    """Return the (K, M) cost of associating predicted objects with detections, inf where a gate forbids it (`default`).
+
+    The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
+    one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
+    height, number of points and evidence choose among the detections within it. A visible mover may stop, and its
+    evidence becomes that of a static object over time. But a lost mover does not become one that has stayed there.
+    """
+    cost = np.full((len(objects), len(found)), np.inf)
+    deviation = np.sqrt(objects.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
+    reach = 1.5 * settings.gate * (deviation + np.sqrt(noise.measurement_variance))[:, None]
+    (x, y), (found_x, found_y) = objects.mean[:, :2].T, found.boxes.center[:, :2].T
+    # Most pairs are far apart.
+    k, j = np.nonzero((np.abs(x[:, None] - found_x) < reach) & (np.abs(y[:, None] - found_y) < reach))
+    mean, size, offset = objects.mean[k], found.boxes.size[j], found.boxes.center[j] - objects.mean[k, :3]
+    squared = _mahalanobis(offset[:, :2], objects.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2))
+    overlap = _overlap(mean, offset, found.boxes.yaw[j], size)
+    squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
+    climb = np.abs(offset[:, 2])
+    before, now = (np.sort(np.maximum(sides, 0.1), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
+    growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
+    # For an object of few points, a difference of a few points has no meaning.
+    thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
+    settling = objects.share[k] - found.moving_share[j]
+    is_lost = objects.misses[k] > 1  # the current scan is included
+    is_contrary = np.minimum(objects.share[k], 1.0 - found.moving_share[j]) > OTHER_EVIDENCE
+    is_short = size[:, 0] < EVIDENCE_TIME * np.hypot(*mean[:, kalman.VELOCITY].T[:2])
+    is_other = is_lost & ((settling > OTHER_EVIDENCE) | is_contrary & is_short)
+    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
+    is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~is_other
+    price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    cost[k, j] = np.where(is_possible, price, np.inf)
+    return cost
+
+
+def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
+    """Return (P,) common length times common width of two boxes, each as a share of the longer of both.
+
+    mean : (P, 10) of predicted objects.   offset : (P, 3) from these to the boxes of `yaw` (P,) and `size` (P, 3).
+    """
+    share = np.ones(len(offset))
+    turn = yaw - mean[:, kalman.YAW]
+    for axis in range(2):
+        along = mean[:, kalman.YAW] + 0.5 * np.pi * axis
+        at = np.abs(np.cos(along) * offset[:, 0] + np.sin(along) * offset[:, 1])
+        own = np.maximum(mean[:, 4 + axis], 0.1)
+        c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+        other = np.maximum(c * size[:, axis] + s * size[:, 1 - axis], 0.1)
+        common = np.minimum(0.5 * (own + other) - at, np.minimum(own, other))
+        share *= np.maximum(common, 0.0) / np.maximum(own, other)
+    return share
+
+
+def _mahalanobis(offset: Array, spread: Array) -> Array:
+    """Return the squared Mahalanobis length (P,) of `offset` (P, 2) for the covariance `spread` (P, 2, 2)."""
+    x, y, a, b, c = offset[:, 0], offset[:, 1], spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+
+
+def assign(cost: Array) -> tuple[Rows, Rows]:
+    """Return rows and columns of the assignment with the most pairs and, among those, the least total cost.
+
+    cost : (K, M), inf where a pair is forbidden. SciPy rejects rows of inf, so a large finite cost replaces inf.
+    """
+    is_allowed = np.isfinite(cost)
+    forbidden = (cost.max(initial=0.0, where=is_allowed) + 1.0) * (min(cost.shape) + 1)
+    rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))
+    keep = is_allowed[rows, columns]
+    return rows[keep], columns[keep]

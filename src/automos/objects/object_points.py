@@ -1,0 +1,134 @@
+"""From objects to points: which points belong to moving objects, and how certain each point's label is.
+
+Ground segmentation takes the lowest part of wheels, bumpers and shoes for ground, because only height separates them
+from it. Beside a moving object there is a better reference: the plane of the ground there shows which points are above
+it. If an object was missed in a scan, the points in its predicted box are assigned to it unless they have stayed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.kernels import kernel
+from automos.core.scan import OBJECT, SPECK, Mask
+from automos.objects.detections import Detections
+from automos.objects.tracks import Tracks
+from automos.settings import CompletionSettings
+
+Ids = npt.NDArray[np.int32]
+Array = npt.NDArray[np.float64]
+RING = 1.5  # metres around an object's box in which points are the ground beside it
+MIN_GROUND = 10  # least number of ground points beside an object for a plane
+ROUGHNESS, CLEARANCE = 3.0, (0.03, 0.1)
+"""Height above the ground plane from which points belong to the object, in standard deviations of the ground about its
+plane, and limits of that height, metres: on a floor a few centimetres separate a shoe, on cobbles they do not."""
+_MIN_SHARE, _MIN_MOVED, _MAX_LIFT = 0.5, 5, 2.5
+"""Limits for a moving segment: least share and number of moved points, and greatest height of its lowest, metres."""
+_PRIOR, _WEIGHT = -4.0, 2.0
+"""Prior log-odds of moving of a point without an object, and weight of the evidence: in simulated worlds, of the points
+without an object 2 in 100 move if no scan reports on them, and 1 in 1000 if they were hit again."""
+
+
+def paint_objects(
+    points: npt.NDArray,
+    ids: Ids,
+    stayed: Ids,
+    is_ground: Mask,
+    may_move: Mask,
+    moving: Tracks,
+    settings: CompletionSettings,
+) -> Ids:
+    """Return (M,) int32 the moving track that each of one scan's points belongs to, -1 for none (`default`).
+
+    Parameters
+    ----------
+    points : (M, 3) float, metres, level frame.
+    ids, stayed : (M,) int32, segment of each point, and segment that has stayed as a whole; -1 for none.
+    is_ground : (M,) bool, points classified as ground.
+    may_move : (M,) bool, points that are not known to have stayed and are not ego body.
+    moving : Tracks, the rows of moving tracks in this scan, observed or predicted.
+    """
+    track_of, margin = tracks_of_points(ids, stayed, moving), settings.margin
+    owned = np.flatnonzero(track_of >= 0)
+    for k in range(len(moving.track)):
+        segment, center, size = moving.segment[k], moving.center[k], moving.size[k]
+        turn = np.cos(moving.yaw[k]), np.sin(moving.yaw[k])
+        # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
+        low, high = np.array([-0.5, 0.5])[:, None] * size
+        if segment >= 0:
+            own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
+            own = _in_box(points[own], center, turn)
+            low, high = own.min(axis=1), own.max(axis=1)
+        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RING + margin)
+        local = _in_box(points[rows], center, turn)
+        outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
+        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
+        is_beside = is_ground[rows] & (outside > margin) & (outside <= RING + margin)
+        must_stand = is_ground[rows] | (segment >= 0)
+        is_mine &= ~must_stand | _stands(local, local[:, is_beside])
+        track_of[rows[is_mine]] = moving.track[k]
+    return track_of
+
+
+def tracks_of_points(ids: Ids, stayed: Ids, tracks: Tracks) -> Ids:
+    """Return (M,) the track of each point's segment, or else of its stayed segment, in one scan; -1 for none."""
+    track_of_segment = np.full(max(ids.max(initial=-1), stayed.max(initial=-1)) + 2, -1, np.int32)
+    track_of_segment[tracks.segment[tracks.is_observed]] = tracks.track[tracks.is_observed]
+    return np.where(track_of_segment[ids] >= 0, track_of_segment[ids], track_of_segment[stayed])
+
+
+def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Array:
+    """Return (3, K) coordinates of `points` (K, 3) along, across and above a box; `turn` is cosine, sine of its yaw."""
+    (x, y, z), (c, s) = (points - center).T, turn
+    return np.stack([c * x + s * y, c * y - s * x, z])
+
+
+def _stands(points: Array, ground: Array) -> Mask:
+    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them."""
+    n = ground.shape[1]
+    if n < MIN_GROUND:
+        return np.zeros(points.shape[1], np.bool_)
+    base = np.stack([*ground[:2], np.ones(n)])
+    moments = base @ ground[2]
+    plane = np.linalg.solve(base @ base.T + np.diag([1e-3 * n, 1e-3 * n, 0.0]), moments)
+    roughness = np.sqrt(max(float(ground[2] @ ground[2] - plane @ moments), 0.0) / n)
+    above = points[2] - (plane[0] * points[0] + plane[1] * points[1] + plane[2])
+    return above >= np.clip(ROUGHNESS * roughness, *CLEARANCE)
+
+
+@kernel
+def _find_near(points, center, reach):  # type: ignore[no-untyped-def]
+    """Return the rows of points whose x and y are within `reach` of those of `center`."""
+    rows, n = np.empty(len(points), np.int32), 0
+    for i in range(len(points)):
+        if abs(points[i, 0] - center[0]) <= reach and abs(points[i, 1] - center[1]) <= reach:
+            rows[n] = i
+            n += 1
+    return rows[:n]
+
+
+def find_moved(ids: Ids, found: Detections) -> Mask:
+    """Return (M,) bool: points of one scan in segments, `ids` (M,) of `found`, that consist mostly of moved points.
+
+    At a scan rate too low for tracking, this decides. An object whose place was observed free before and after has
+    moved, while tracks would associate different objects and predict them at places that nothing passed.
+    """
+    moves = (found.n_moving >= np.maximum(_MIN_SHARE * found.n_points, _MIN_MOVED)) & (found.lift <= _MAX_LIFT)
+    return np.append(moves & ~found.has_stayed, False)[ids]  # the last entry is for id -1
+
+
+def point_confidence(
+    is_moving: Mask, owner: Ids, confidence: Array, log_odds: npt.NDArray[np.floating], kind: npt.NDArray[np.uint8]
+) -> npt.NDArray[np.uint8]:
+    """Return (M,) uint8, 255 for certain: the probability that each point's label is right.
+
+    The points of an object have the `confidence` (T,) of the verdict on its track, ground has 1, and for all other
+    points it follows from the evidence, their `log_odds` (M,) of having moved. `is_moving` (M,) are the points labelled
+    moving, `owner` (M,) is the track of each, moving or not, -1 for none, and `kind` (M,) its OBJECT, GROUND, ...
+    """
+    moves = 1.0 / (1.0 + np.exp(-(_PRIOR + _WEIGHT * log_odds.astype(np.float32))))
+    stands = (kind == OBJECT) | (kind == SPECK)
+    alone = np.where(stands, 1.0 - moves, 1.0)
+    by_track = np.append(confidence, 1.0)[owner]
+    return np.round(255.0 * np.where((owner >= 0) & (is_moving | stands), by_track, alone)).astype(np.uint8)

@@ -1,0 +1,1 @@
+"""Instances, verdict and labels of the preset `paper`."""

@@ -1,0 +1,157 @@
+"""Multi-object tracking: predict, associate, update, start and end tracks (paper III-D).
+
+Both presets run the same loop. They differ in the cost of a pair (`association`), in the initial velocity variance, and
+in how long an object may be missed. In `default`, a scan's whole segments, the pieces that the evidence cut out of them
+and the segments that have stayed are alternative measurements. An object is associated with the most similar one,
+whatever the evidence on it at that moment. So a car that stops, waits and drives off is one track.
+
+While a mover is missed, its position soon becomes uncertain, but an object that has always stayed keeps its place.
+Out of sight it is remembered there for some seconds: it does not become another post some metres away, and a mover that
+is lost beside it does not continue as the post that comes into sight again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.objects import filter as kalman
+from automos.objects.association import Objects, assign, association_cost, motion_cost
+from automos.objects.detections import Detections
+from automos.objects.tracks import Tracks
+from automos.settings import TrackingSettings
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+_MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
+STAYED = 0.1  # moving share up to which an object has stayed, if the share never exceeded a half
+REMEMBERED = 10.0  # seconds for which an object that has stayed is remembered at its place while it is out of sight
+LONGEST_STEP = 0.4
+"""Seconds between scans from which on there is no tracking: a car of four metres at 10 m/s has left its place, so any
+car of the lane may be associated with it. The evidence on each scan decides instead (`object_points.find_moved`)."""
+
+
+class Tracker:
+    """The tracked objects, advanced by one scan at a time. Copies are independent: a step modifies no array in place.
+
+    Attribute `next_track` is the number of the next new object.
+    """
+
+    def __init__(self, settings: TrackingSettings, first_track: int = 0):
+        """Start without objects; the first new one gets the number `first_track`."""
+        self.next_track = first_track
+        self._settings, self._scan = settings, 0
+        self._alive = self._resting = _start(Detections.nothing(), settings)
+        self._last_stamp: float | None = None
+
+    @property
+    def numbers(self) -> Rows:
+        """The numbers of all objects that may be observed again."""
+        return np.concatenate([self._alive.track, self._resting.track])
+
+    def step(self, stamp: float, found: Detections) -> Tracks:
+        """Return one row for every object after the next scan, at `stamp` seconds, with the segments `found`."""
+        settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
+        alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
+        alive = kalman.predict(alive, dt, settings.filter)
+        alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
+        cost = _cost(alive, found, settings)
+        matched, detected = assign(cost)
+        recalled, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
+        is_theirs = ~np.isin(detected, known)
+        matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(recalled))])
+        detected = np.concatenate([detected[is_theirs], known])
+        alive = Objects.concatenate([alive, resting[recalled]])  # new arrays, which may be written to
+        _update(alive, found, matched, detected, settings)
+        segment = np.full(len(alive), -1)
+        segment[matched] = detected
+
+        new = np.setdiff1d(np.arange(len(found)), detected)
+        started = _start(found[new], settings)
+        started.track[:] = self.next_track + np.arange(len(new))
+        self.next_track += len(new)
+        rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
+        still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), recalled)
+        self._resting = Objects.concatenate([_at_rest(alive[rests], settings), resting[still]])
+        keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
+        self._alive = alive = Objects.concatenate([alive[keep], started])
+        scan, boxes = np.full(len(alive), self._scan), alive.boxes()
+        self._scan, self._last_stamp = self._scan + 1, stamp
+        segment, velocity = np.concatenate([segment[keep], new]), alive.mean[:, kalman.VELOCITY]
+        return Tracks(alive.track, scan, segment, boxes.center, boxes.size, boxes.yaw, velocity)
+
+
+def track_objects(detections: Iterable[tuple[float, Detections]], settings: TrackingSettings) -> Tracks:
+    """Return the tracks of all detected objects.
+
+    A missed object is predicted by its motion model and can be associated again for a while; after that, its track
+    ends at its last observation. `detections` are seconds and segments (level frame) of each scan, in time order.
+    """
+    tracker = Tracker(settings)
+    return until_last_seen(Tracks.concatenate([tracker.step(stamp, found) for stamp, found in detections]))
+
+
+def until_last_seen(tracks: Tracks) -> Tracks:
+    """Return the tracks without misses after the last observation of each."""
+    last_seen, is_seen = np.full(len(tracks), -1), tracks.is_observed
+    last_seen[tracks.track[is_seen]] = tracks.scan[is_seen]  # duplicates: the last write remains
+    return tracks[tracks.scan <= last_seen[tracks.track]]
+
+
+def can_follow(stamps: Array) -> bool:
+    """Return whether the rate of scans at `stamps` (N,), seconds, is high enough for tracking."""
+    return len(stamps) < 2 or float(np.median(np.diff(stamps))) < LONGEST_STEP
+
+
+def _start(found: Detections, settings: TrackingSettings) -> Objects:
+    """Return all of `found` as new objects; those that have moved get the velocity variance of traffic."""
+    n, share = len(found), found.moving_share
+    variance = np.full(n, settings.filter.initial_velocity_variance)
+    if settings.method == "evidence":
+        variance[share > 0.5] = settings.gates.speed**2
+    belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
+    count = found.n_points.astype(np.float64)
+    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count, share > 0.5)
+
+
+def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
+    """Return objects that are out of sight at rest: at their last place, with the variance of a new box."""
+    boxes = rest.boxes()
+    boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
+    belief = kalman.start(boxes, settings.filter, 0.0)
+    return replace(rest, mean=belief.mean, covariance=belief.covariance)
+
+
+def _recognise(
+    resting: Objects, found: Detections, share: Array, cost: Array, pairs: tuple[Rows, Rows], settings: TrackingSettings
+) -> tuple[Rows, Rows]:
+    """Return which of `resting` are observed again, and as which of `found`.
+
+    Only segments that have stayed can be. They must be free, or associated at a higher cost with an object that has
+    moved: `pairs` of objects, which have a moving `share` (K,), and segments, at `cost` (K, M).
+    """
+    rows, columns = pairs
+    limit = np.where(found.moving_share > 0.5, -np.inf, np.inf)
+    is_doubtful = share[rows] - found.moving_share[columns] > 0.5
+    limit[columns] = np.where(is_doubtful, cost[rows, columns], -np.inf)
+    price = _cost(resting, found, settings)
+    return assign(np.where(price < limit, price, np.inf))
+
+
+def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> Array:
+    if settings.method == "paper":
+        return association_cost(objects.boxes(), found.boxes, settings.association)
+    return motion_cost(objects, found, settings.filter, settings.gates)
+
+
+def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
+    """Update the rows `matched` of `alive` with the rows `detected` of `found`, in place."""
+    after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
+    alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
+    alive.unseen[matched], alive.misses[matched] = 0.0, 0
+    alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
+    alive.count[matched] = found.n_points[detected]
+    alive.has_moved[matched] |= alive.share[matched] > 0.5

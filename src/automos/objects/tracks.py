@@ -1,0 +1,65 @@
+"""The result of tracking: one row for every object in every scan of its track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.column_data import ColumnData
+from automos.core.upright_boxes import Boxes
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks(ColumnData):
+    """Tracks as a flat table, sorted by track, then scan.
+
+    Attributes
+    ----------
+    track : (R,) int64, 0.. without gaps.
+    scan : (R,) int64, index of the scan.
+    segment : (R,) int64, associated segment of that scan, -1 where the object was missed.
+    center, size, yaw : (R, 3), (R, 3), (R,) float64, estimated box, level frame, metres and radians.
+    velocity : (R, 3) float64, metres per second, level frame.
+    """
+
+    track: npt.NDArray[np.int64]
+    scan: npt.NDArray[np.int64]
+    segment: npt.NDArray[np.int64]
+    center: npt.NDArray[np.float64]
+    size: npt.NDArray[np.float64]
+    yaw: npt.NDArray[np.float64]
+    velocity: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return int(self.track[-1]) + 1 if len(self.track) else 0
+
+    def __repr__(self) -> str:
+        return f"<Tracks: {len(self)} objects in {len(self.track)} boxes>"
+
+    @classmethod
+    def concatenate(cls, parts: list[Tracks]) -> Tracks:
+        """Return the rows of all `parts`, sorted by track, then scan."""
+        none, nowhere = np.zeros(0, np.int64), np.zeros((0, 3))
+        table = super().concatenate([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere), *parts])
+        return table[np.lexsort((table.scan, table.track))]
+
+    @property
+    def is_observed(self) -> npt.NDArray[np.bool_]:
+        """(R,) whether a segment was associated in that scan."""
+        return self.segment >= 0
+
+    @property
+    def boxes(self) -> Boxes:
+        """The boxes of all rows."""
+        return Boxes(self.center, self.size, self.yaw, np.ones(len(self.track)))
+
+    def rows_by_scan(self, n_scans: int) -> list[npt.NDArray[np.int64]]:
+        """Return the rows (K,) of the tracks in each of `n_scans`, in order."""
+        order = np.argsort(self.scan, kind="stable")
+        return np.split(order, np.searchsorted(self.scan[order], np.arange(1, n_scans))) if n_scans else []
+
+    def rows_of(self, track: int) -> slice:
+        """Return the rows of one track."""
+        return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))

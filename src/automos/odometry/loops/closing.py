@@ -1,0 +1,200 @@
+"""Loop closure: revisited places are recognised, verified by registration, and the drift between them is distributed.
+
+Off by default: closing a loop changes poses that were consistent with their surroundings. So the correction is
+distributed evenly along the path, and neighbouring poses stay consistent within the drift of the odometry itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.geometry import inverse, make_transform, se3_exp, se3_log, transform
+from automos.core.scan import Frames, Points, Pose
+from automos.core.voxels import rows_of_first_in_voxel
+from automos.odometry.loops.places import compare_places, describe_place
+from automos.odometry.loops.pose_graph import Edges, solve_pose_graph
+from automos.odometry.trajectory import Trajectory
+from automos.settings import LoopSettings
+
+Array = npt.NDArray[np.float64]
+
+PLACE_EVERY = 5.0
+"""Metres travelled between places."""
+PLACE_LENGTH, PLACE_SCANS = 10.0, 5
+"""Metres of path that describe a place, and scans along them: later scans fill the gaps between beams."""
+RINGS, SECTORS = 20, 60
+"""Of a place's description (as in Scan Context)."""
+VOXEL = 0.5
+"""Metres, one point per voxel; also the greatest distance between overlapping points."""
+MAX_TURN_DRIFT_DEG = 0.3
+"""Degrees per metre travelled by which poses may be rotated."""
+MAX_OFFSET = 8.0
+"""Metres between poses at the same place, beyond drift: two lanes and more."""
+MAX_DIFFERENCE = 0.4
+"""Between descriptions of similar places, 0 to 1; registration then decides."""
+CANDIDATES = 3
+"""Places tried for each, most similar first."""
+REGISTRATION_DISTANCES = (8.0, 3.0, 1.0)
+"""Metres, one registration each: correspondences further apart are rejected."""
+MIN_POINTS = 100
+"""Points above the ground needed to measure an overlap."""
+DRIFT, TURN_DRIFT_DEG = 0.05, 0.1
+"""Metres and degrees over 10 m, usual drift of the odometry."""
+DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
+"""Metres and degrees, usual registration error of a revisit."""
+
+
+def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> Trajectory:
+    """Return the trajectory without the drift that revisits reveal; `diagnostics` counts the closed loops.
+
+    Memory holds one description per place and the clouds of two places, whatever the length of the recording.
+    """
+    T_world_sensor, T_level_world = trajectory.T_world_sensor, trajectory.T_level_world
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
+    middles = np.searchsorted(path, np.arange(0.0, path[-1] + 1e-9, PLACE_EVERY))
+    middles = np.unique(np.minimum(middles, len(path) - 1))
+    T_level_place = np.array([_upright(T) for T in trajectory.T_level_sensor[middles]])
+
+    def cloud_at(place: int) -> Points:
+        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= 0.5 * PLACE_LENGTH)
+        ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
+        clouds = []
+        for i in ids:
+            cloud = transform(inverse(T_level_place[place]), frames[int(i)].points_level)
+            cloud = cloud[np.einsum("ij,ij->i", cloud, cloud) < loops.reach**2]
+            clouds.append(cloud[rows_of_first_in_voxel(cloud, VOXEL)])
+        cloud = np.concatenate(clouds)
+        return cloud[rows_of_first_in_voxel(cloud, VOXEL)]
+
+    found: list[_Revisit] = []
+    descriptions = [describe_place(cloud_at(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
+    for second in range(len(middles)):
+        for first, turn in _find_similar(second, descriptions, T_level_place[:, :3, 3], path[middles], loops):
+            T_first_second = _verify(cloud_at(first), cloud_at(second), turn, loops)
+            if T_first_second is not None:
+                found.append(_Revisit(first, second, T_first_second))
+    T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
+    poses = T_world_sensor
+    if is_kept.any():
+        correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
+        poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
+    diagnostics = {**trajectory.diagnostics, "loops_closed": int(is_kept.sum())}
+    return replace(trajectory, T_world_sensor=poses, diagnostics=diagnostics)
+
+
+@dataclass(frozen=True)
+class _Revisit:
+    first: int
+    second: int
+    T_first_second: Pose
+
+
+def _upright(T: Pose) -> Pose:
+    """Return the frame at the position of `T`, z up, with the heading of `T`."""
+    c, s = T[0, 0], T[1, 0]
+    norm = max(float(np.hypot(c, s)), 1e-9)
+    return make_transform(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, norm]]) / norm, T[:3, 3])
+
+
+def _find_similar(
+    second: int, descriptions: list[Array], position: Array, path: Array, loops: LoopSettings
+) -> list[tuple[int, float]]:
+    """Return earlier places similar to place `second`, most similar first, and the rotation (rad) from each to it."""
+    driven = path[second] - path
+    apart = np.linalg.norm(position - position[second], axis=1)
+    is_possible = (driven >= loops.min_distance) & (apart < loops.max_drift * driven + MAX_OFFSET)
+    similar_places = []
+    for first in np.flatnonzero(is_possible):
+        difference, turn = compare_places(descriptions[first], descriptions[second])
+        if difference < MAX_DIFFERENCE:
+            similar_places.append((difference, int(first), turn))
+    return [(first, turn) for _, first, turn in sorted(similar_places)[:CANDIDATES]]
+
+
+def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> Pose | None:
+    """Return T_first_second that aligns the clouds, or None if they overlap too little."""
+    import small_gicp
+
+    c, s = np.cos(turn), np.sin(turn)
+    T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=VOXEL)
+    source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=VOXEL)
+    for distance in REGISTRATION_DISTANCES:
+        T = small_gicp.align(
+            target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance, max_iterations=30
+        ).T_target_source
+    forth = _share_close(first, transform(T, second), loops)
+    back = _share_close(second, transform(inverse(T), first), loops)
+    return T if min(forth, back) > loops.min_overlap else None
+
+
+def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
+    """Return the share of `points` close to `cloud`, of those above the ground and well within its reach."""
+    from scipy.spatial import KDTree
+
+    ground = np.percentile(cloud[:, 2], 5.0)
+    is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
+    checked = points[is_inside & (points[:, 2] > ground + VOXEL)]
+    if len(checked) < MIN_POINTS:
+        return 0.0
+    distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(checked, distance_upper_bound=VOXEL)
+    return float(np.isfinite(distance).mean())
+
+
+def _solve(
+    T_level_place: Pose, path: Array, found: list[_Revisit], loops: LoopSettings
+) -> tuple[Pose, npt.NDArray[np.bool_]]:
+    """Return the places' poses corrected by the revisits, and which of these were accepted.
+
+    Wrong revisits that agree with each other could outvote the odometry. So none may bend the path more than drift
+    would: until that holds, the revisit with the greatest correction is rejected.
+    """
+    first = np.arange(len(T_level_place) - 1)
+    steps = inverse(T_level_place[:-1]) @ T_level_place[1:]
+    length = np.diff(path)
+    usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
+    chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
+    is_left = np.ones(len(found), bool)
+    bends = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
+    while is_left.any():
+        left = np.flatnonzero(is_left)
+        links = Edges(
+            np.array([found[k].first for k in left]),
+            np.array([found[k].second for k in left]),
+            np.array([found[k].T_first_second for k in left]),
+            np.tile(np.repeat([DEVIATION, np.radians(TURN_DEVIATION_DEG)], 3), (len(left), 1)),
+        )
+        T, is_kept = solve_pose_graph(T_level_place, chain, links)
+        bend = se3_log(inverse(steps) @ inverse(T[:-1]) @ T[1:])
+        is_even = np.linalg.norm(bend[:, :3], axis=1) <= loops.max_drift * length
+        is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(MAX_TURN_DRIFT_DEG) * length
+        if is_even.all() and is_straight.all():
+            is_left[left] = is_kept
+            return T, is_left
+        is_left[left[int(np.argmax(np.array(bends)[left]))]] = False
+    return T_level_place, is_left
+
+
+def _disagreement(T: Pose, revisit: _Revisit) -> Array:
+    """Return the (6,) difference between the poses `T` and the relative pose measured by a revisit."""
+    return se3_log(inverse(revisit.T_first_second) @ inverse(T[revisit.first]) @ T[revisit.second])
+
+
+def _spread(
+    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array
+) -> Pose:
+    """Return the poses corrected by interpolation between the previous and the next place, along the path."""
+    after = np.clip(np.searchsorted(place_path, path, side="right"), 1, len(place_path) - 1)
+    before = after - 1
+    share = np.clip((path - place_path[before]) / np.maximum(place_path[after] - place_path[before], 1e-9), 0.0, None)
+    T_level_sensor = T_level_world @ T_world_sensor
+    moved = []
+    for place in (before, after):
+        here = T_level_place[place]
+        moved.append(here @ se3_exp(correction[place]) @ inverse(here) @ T_level_sensor)
+    T = moved[0] @ se3_exp(np.minimum(share, 1.0)[:, None] * se3_log(inverse(moved[0]) @ moved[1]))
+    T = inverse(T_level_world) @ T
+    return inverse(T[0]) @ T

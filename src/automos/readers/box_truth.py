@@ -1,0 +1,176 @@
+"""Boxes that people drew, made into a label for every point: the truth of recordings that came without one per point.
+
+As SemanticKITTI has it, an object that moves at any time of the recording is moving in every scan. Boxes are drawn a
+few centimetres off and rest on the ground: what lies just outside a mover's box or at its very bottom is unlabeled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.geometry import FARTHEST, transform
+from automos.core.labels import Label, pack
+from automos.core.scan import MAX_RANGE, Pose, Scan
+from automos.core.upright_boxes import Boxes, points_in_boxes
+
+PACE = 1.0
+"""Seconds over which a box must get on to have moved; a shorter track is judged over its whole length."""
+MOVED = 0.5
+"""Metres: a box that gets further than this within PACE moves. Argoverse 2 calls points above 0.5 m/s dynamic."""
+STOOD = 0.25
+"""Metres: a box that never gets further than this within PACE stands; between the two it is not known."""
+MARGIN = 0.3
+"""Metres around a mover's box that are left unlabeled."""
+SOLE = 0.2
+"""Metres at the bottom of a mover's box that are left unlabeled: wheels, feet and the ground between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnBoxes:
+    """The boxes of a recording, a row each.
+
+    Attributes
+    ----------
+    scan : (R,) which scan each was drawn in: its index, time or name, as the format has it.
+    track : (R,) int64, which object it is of, from 1.
+    boxes : R boxes, each in a frame of its scan in which they stand upright.
+    label : (R,) uint8, the `Label` of its object.
+    """
+
+    scan: npt.NDArray
+    track: npt.NDArray[np.int64]
+    boxes: Boxes
+    label: npt.NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    def of(self, scan: int | str) -> DrawnBoxes:
+        """Return the boxes drawn in one scan."""
+        rows = np.flatnonzero(self.scan == scan)
+        return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
+
+
+def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path: Path) -> Boxes:
+    """Return the boxes (R, 3), (R, 3), (R,) that the file at `path` holds, in its frame.
+
+    Raises
+    ------
+    InputError
+        One of them is nowhere, has no size or no heading.
+    """
+    has_place = (np.abs(center) < FARTHEST).all(axis=1) & (np.abs(yaw) < FARTHEST)
+    has_size = ((size >= 0.0) & (size < MAX_RANGE)).all(axis=1)
+    if not (has_place & has_size).all():
+        raise InputError(f"{path} has a box that is nowhere or has no size; download it again")
+    return Boxes(center, size, yaw, np.ones(len(yaw)))
+
+
+def judge_boxes(
+    track: npt.NDArray[np.int64], time: npt.NDArray[np.float64], center_world: npt.NDArray[np.float64]
+) -> npt.NDArray[np.uint8]:
+    """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED if that is not known.
+
+    Parameters
+    ----------
+    track : (R,) which object each box is of.
+    time : (R,) seconds.
+    center_world : (R, 3) metres, in a frame that stands still.
+
+    Returns
+    -------
+    (R,) uint8.
+    """
+    label = np.empty(len(track), np.uint8)
+    order = np.lexsort((time, track))
+    for rows in np.split(order, np.flatnonzero(np.diff(track[order])) + 1):
+        if len(rows):
+            label[rows] = _judge(time[rows], center_world[rows])
+    return label
+
+
+def _judge(time: npt.NDArray[np.float64], center: npt.NDArray[np.float64]) -> Label:
+    later = np.minimum(np.searchsorted(time, time + PACE - 1e-6), len(time) - 1)
+    steps = np.linalg.norm(center[later] - center, axis=1)
+    seconds = np.maximum((time[later] - time) / PACE, 1.0)  # boxes further apart than PACE: metres per PACE
+    got_on = float((steps / seconds).max())
+    if got_on > MOVED:
+        return Label.MOVING
+    return Label.STATIC if got_on < STOOD and time[-1] - time[0] >= 0.5 * PACE else Label.UNLABELED
+
+
+def centers_in_world(T_world_sensor: Pose, center: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return (R, 3) centres in the world, of centres (R, 3) in the sensor's frame at poses (R, 4, 4)."""
+    return np.einsum("rij,rj->ri", T_world_sensor[:, :3, :3], center) + T_world_sensor[:, :3, 3]
+
+
+def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDArray[np.uint32]:
+    """Return the labels of a scan's points from the boxes drawn around its objects.
+
+    Parameters
+    ----------
+    T_boxes_sensor : (4, 4), from the scan's frame to that of the boxes, in which they stand upright.
+    drawn : the boxes of this scan.
+
+    Returns
+    -------
+    (N,) uint32 as SemanticKITTI stores them; STATIC outside all boxes, UNLABELED for points without a return.
+    """
+    boxes, labels, instances = drawn.boxes, drawn.label, drawn.track
+    points = transform(T_boxes_sensor, np.where(scan.is_valid[:, None], scan.points, np.float32(0.0)))
+    is_mover = labels != Label.STATIC
+    label = np.full(len(scan), Label.STATIC, np.uint8)
+    instance = np.zeros(len(scan), np.int64)
+
+    inside_static = points_in_boxes(points, boxes[~is_mover])
+    instance[inside_static >= 0] = instances[~is_mover][inside_static[inside_static >= 0]]
+
+    movers, label_of, instance_of = boxes[is_mover], labels[is_mover], instances[is_mover]
+    label[points_in_boxes(points, movers, MARGIN) >= 0] = Label.UNLABELED
+    owner = points_in_boxes(points, movers)
+    inside = owner >= 0
+    bottom = movers.center[owner[inside], 2] - 0.5 * movers.size[owner[inside], 2]
+    is_sole = points[inside, 2] < bottom + SOLE
+    label[inside] = np.where(is_sole, Label.UNLABELED, label_of[owner[inside]])
+    instance[inside] = instance_of[owner[inside]]
+
+    label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
+    return pack(label, instance)
+
+
+def motion_with_boxes(
+    points: npt.NDArray,
+    instance: npt.NDArray[np.int64],
+    now: tuple[npt.NDArray[np.int64], Boxes],
+    later: tuple[npt.NDArray[np.int64], Boxes],
+) -> npt.NDArray[np.float32]:
+    """Return (N, 3) metres that points move with the boxes they are in, as rigid things do.
+
+    Parameters
+    ----------
+    points : (N, 3) metres, in a frame that stands still and in which boxes stand upright.
+    instance : (N,) the object each point is on, 0 for none, which does not move.
+    now, later : (K,) ids and boxes of the points' scan and of the next one, in the points' frame.
+
+    Returns
+    -------
+    NaN for points on an object that one of the two has no box of.
+    """
+    motion = np.zeros((len(points), 3), np.float32)
+    motion[instance > 0] = np.nan
+    row_later = {int(track): row for row, track in enumerate(later[0])}
+    for row, track in enumerate(now[0].tolist()):
+        if track not in row_later:
+            continue
+        on_it, other = instance == track, row_later[track]
+        turn = later[1].yaw[other] - now[1].yaw[row]
+        c, s = np.cos(turn), np.sin(turn)
+        arm = points[on_it] - now[1].center[row]
+        turned = arm @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
+        motion[on_it] = turned - arm + (later[1].center[other] - now[1].center[row])
+    return motion

@@ -1,0 +1,210 @@
+"""Named columns of a point file, whatever wrote it, made into a scan.
+
+Drivers agree on x, y, z and on little else. Names are compared without case; a column that is absent, constant (time)
+or not what its name says (a ring that is not a whole number) becomes None rather than a guess.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.scan import MAX_RANGE, Points, Scan
+
+Columns = dict[str, npt.NDArray]
+
+_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission")
+_TIME = ("t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp")
+_SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
+_RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
+
+MAX_COLUMNS = 100
+"""Numbers a point may have: a wider array has its points side by side."""
+
+MAX_FIELDS = 1 << 12
+"""Names that a header may give to the numbers of a point; the largest have hundreds."""
+
+_LAST_TIME = 2.0**64
+"""Nanoseconds, the smallest unit: no clock counts further."""
+
+MAX_SWEEP = 2.0
+"""Seconds. No sensor takes longer for one sweep: times that span more are counted in a smaller unit."""
+
+
+def to_scan(
+    columns: Columns,
+    path: Path,
+    name: str = "",
+    stamp: float | None = None,
+    time_unit: float | None = None,
+    unit: float = 1.0,
+) -> Scan:
+    """Return the scan that `columns` hold, in their order.
+
+    Parameters
+    ----------
+    columns : each (N,), any numeric type; x, y, z in the sensor frame.
+    path : the file they came from, for messages.
+    name, stamp : the scan's.
+    time_unit : seconds per count of the time column, 0 where it is not to be used; none: found from the span of this
+        scan's times.
+    unit : metres per unit of the coordinates.
+
+    Raises
+    ------
+    InputError
+        If x, y or z is missing.
+    """
+    columns = _by_plain_names(columns, path)
+    points = _coordinates(columns, path)
+    columns = _numbers(columns)
+    if unit != 1.0:
+        points *= np.float32(unit)
+    _refuse_map(points, path)
+    intensity = _first(columns, _INTENSITY)
+    return Scan(
+        points,
+        intensity=None if intensity is None else np.ascontiguousarray(intensity, np.float32),
+        time=None if time_unit == 0.0 else _seconds(time_column(columns), time_unit),
+        ring=_ring(_first(columns, _RING)),
+        stamp=stamp,
+        name=name,
+    )
+
+
+def coordinates(columns: Columns, path: Path) -> Points:
+    """Return the (N, 3) float32 coordinates among `columns`, in the file's unit; errors are those of `to_scan`."""
+    return _coordinates(_by_plain_names(columns, path), path)
+
+
+def _by_plain_names(columns: Columns, path: Path) -> Columns:
+    plain = [_plain(key) for key in columns]
+    twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
+    if twice is not None:
+        both = ", ".join(key for key in columns if _plain(key) == twice)
+        raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
+    return dict(zip(plain, columns.values(), strict=True))
+
+
+def _coordinates(columns: Columns, path: Path) -> Points:
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
+    stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
+    if stray is not None:
+        raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
+    points = np.empty((len(columns["x"]), 3), np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond what float32 holds is beyond what any sensor sees
+        for i, axis in enumerate("xyz"):
+            points[:, i] = columns[axis]
+    return points
+
+
+@np.errstate(invalid="ignore")  # a NaN that signals is one
+def _refuse_map(points: Points, path: Path) -> None:
+    """Raise where most of `points` lie beyond any sensor's range: what moves is seen from where the sensor was."""
+    few = points[:: max(len(points) // 64, 1)]
+    is_point = np.isfinite(few).all(axis=1) & few.any(axis=1)
+    is_far = (np.abs(few) > MAX_RANGE).any(axis=1)
+    if 2 * int((is_far & is_point).sum()) > int(is_point.sum()):
+        x, y, _ = few[is_far & is_point][0]
+        raise InputError(f"{path} has coordinates of a map ({x:.0f}, {y:.0f}); give sweeps in the sensor's frame")
+
+
+def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
+    """Return the columns of an unnamed (N, C >= 3) array: x, y, z, intensity, ring; further ones are not used."""
+    if matrix.ndim != 2 or not 3 <= matrix.shape[1] <= MAX_COLUMNS:
+        raise InputError(
+            f"{path} holds an array of shape {matrix.shape}; points are (N, 3) or wider: x y z intensity ring"
+        )
+    return {name: matrix[:, i] for i, name in enumerate(("x", "y", "z", "intensity", "ring")[: matrix.shape[1]])}
+
+
+def time_column(columns: Columns) -> npt.NDArray | None:
+    """Return the first column named as a time whose values differ, else None."""
+    plain = _numbers(columns)
+    return next((times for name in _TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
+
+
+def _subtractable(times: npt.NDArray) -> npt.NDArray:
+    """Return `times` (N,) in a type that holds the difference of any two of them: int16 of either sign may not."""
+    return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
+
+
+def has_time_column(columns: Columns) -> bool:
+    """Return whether any column is named as a time, of use or not."""
+    return any(_plain(key) in _TIME for key in columns)
+
+
+def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
+    """Return the (N,) beam of each point, None where there is none."""
+    return _ring(_first(_numbers(columns), _RING))
+
+
+def sensor_column(columns: Columns) -> npt.NDArray[np.int64] | None:
+    """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
+    values = _ring(_first(_numbers(columns), _SENSOR))
+    return None if values is None else values.astype(np.int64)
+
+
+def find_time_unit(times: npt.NDArray) -> float:
+    """Return the seconds per count (1, 1e-3, 1e-6 or 1e-9) in which `times` (N,) of one sweep last at most MAX_SWEEP.
+
+    Units are a thousand apart, so any sweep of more than 2 ms, up to 2 s, has one answer; names and types say less (a
+    `timestamp` may be seconds or nanoseconds, a float or an integer).
+    """
+    span = _span(times)
+    return next((unit for unit in (1.0, 1e-3, 1e-6) if span * unit <= MAX_SWEEP), 1e-9)
+
+
+def _numbers(columns: Columns) -> Columns:
+    """Return by plain names what is numbers: dates and texts, which tables hold beside points, are of no use."""
+    return {_plain(key): column for key, column in columns.items() if column.dtype.kind in "fiu"}
+
+
+def _plain(name: str) -> str:
+    return name.lower().removeprefix("scalar_")  # CloudCompare's prefix
+
+
+def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
+    return next((columns[name] for name in names if name in columns), None)
+
+
+def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which points have a time.
+
+    NaN is none, nor is what 64 bits of nanoseconds do not reach, nor 0 where the clock began long before the sweep.
+    """
+    is_finite = (times > -_LAST_TIME) & (times < _LAST_TIME)
+    is_later = is_finite & (times > 0)
+    later = times[is_later]
+    has_zeros = 2 < len(later) < is_finite.sum()
+    return is_later if has_zeros and 0 < later.max() - later.min() < 0.1 * later.min() else is_finite
+
+
+def _span(times: npt.NDArray) -> float:
+    known = times[is_measured(times)]
+    # Subtract in the file's own type: nanoseconds since 1970 are beyond float64's whole numbers.
+    return float(known.max() - known.min()) if len(known) else 0.0
+
+
+def _seconds(times: npt.NDArray | None, unit: float | None) -> npt.NDArray[np.float32] | None:
+    """Return (N,) seconds after the first point; where the file has no finite time, those of the points beside it."""
+    if times is None:
+        return None
+    is_known = is_measured(times)
+    seconds = (times[is_known] - times[is_known].min()) * (find_time_unit(times) if unit is None else unit)
+    if not is_known.all():
+        seconds = np.interp(np.arange(len(times)), np.flatnonzero(is_known), seconds)
+    return seconds.astype(np.float32)
+
+
+def _ring(values: npt.NDArray | None) -> npt.NDArray[np.uint16] | None:
+    if values is None:
+        return None
+    with np.errstate(invalid="ignore"):
+        ring = values.astype(np.uint16)
+    return ring if np.array_equal(ring, values) else None

@@ -1,0 +1,250 @@
+"""The scan files of a folder in time order, and the times that their names may hold."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
+
+_SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
+_TEXT = {".txt", ".csv"}
+
+_LONGEST_HEADER = 1 << 14
+"""Bytes of a file that may be all header: longer ones hold points."""
+
+_EPOCH = (1.0e9, 2.2e9)
+"""Seconds since 1970 that a recording may bear: 2001 to 2039."""
+
+_PERIOD = (0.005, 5.0)
+"""Seconds between scans (median) that distinguish a clock from a counter."""
+
+
+def holds_point_files(folder: Path) -> bool:
+    """Return whether any file of `folder` could be a scan."""
+    return any(True for _ in _point_files(folder))
+
+
+def holds_scans(folder: Path) -> bool:
+    """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
+    return any(_suffix(name) not in _TEXT for name in _point_files(folder))
+
+
+def left_out_folders(source: Path, read: Path) -> list[str]:
+    """Return what to say where other folders than the one that is `read` hold scans, too, in it or in its `source`."""
+    warnings = []
+    for folder in dict.fromkeys([source, read]):
+        inner = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".") and p != read]
+        if names := ", ".join(sorted(p.name for p in inner if _holds_recording(p))[:5]):
+            warnings.append(f"Folders in {folder} hold scans, too ({names}): they are left out, give their own paths.")
+    return warnings
+
+
+def _holds_recording(folder: Path) -> bool:
+    with suppress(InputError, OSError):  # others' folders need not be readable
+        places = (folder, folder / "velodyne", *folder.glob("*/velodyne"))
+        return any(place.is_dir() and holds_scans(place) for place in places)
+    return False
+
+
+def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:
+    """Return the names of `folder`'s scan files in time order, their codec, and the stamps (s) in their names, or None.
+
+    `codec`, where given, picks the files of its suffix only. Order is that of the stamps, else natural (2 before 10).
+
+    Raises
+    ------
+    InputError
+        No scan files, or several kinds of them.
+    """
+    names = _point_files(folder)
+    if codec is not None:
+        names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
+    elif any(_suffix(name) not in _TEXT for name in names):
+        # .txt and .csv beside real point files are notes and tables.
+        names = [name for name in names if _suffix(name) not in _TEXT]
+    if not names:
+        kind = "" if codec is None else f" for format {codec!r}"
+        raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
+    _require_no_folder(folder, _suffix(names[0]))
+    counts = Counter(_suffix(name) for name in names)
+    if len(counts) > 1:
+        listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
+        raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
+    _require_sound(names, folder)
+    stamps = stamps_from_names(names)
+    if stamps is not None:
+        order = np.argsort(stamps)
+        return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
+    return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
+
+
+def find_copies(paths: Sequence[Path], n_points: Callable[[int], int]) -> npt.NDArray[np.int64]:
+    """Return (N,) for each of `paths` the index of the first that holds the same, byte for byte; empty ones differ.
+
+    `n_points` returns the number of points in one of them.
+    """
+    sizes = [path.stat().st_size for path in paths]
+    of_size = Counter(sizes)
+    glimpses = [
+        _glimpse(path, size) if size > 0 and of_size[size] > 1 else None
+        for path, size in zip(paths, sizes, strict=True)
+    ]
+    alike = Counter(glimpses)
+    copy_of = np.arange(len(paths))
+    first: dict[bytes, int] = {}
+    for i, path in enumerate(paths):
+        if glimpses[i] is not None and alike[glimpses[i]] > 1 and not _is_all_header(sizes[i], i, n_points):
+            copy_of[i] = first.setdefault(hashlib.sha256(path.read_bytes()).digest(), i)
+    return copy_of
+
+
+def _is_all_header(size: int, index: int, n_points: Callable[[int], int]) -> bool:
+    """Return whether a file, of `size` bytes, holds no points."""
+    if size > _LONGEST_HEADER:
+        return False
+    with suppress(InputError):  # reported when the scan itself is read
+        return n_points(index) == 0
+    return False
+
+
+def are_repeats(copy_of: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: which scans hold what the one before them holds; see `find_copies`."""
+    return np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
+
+
+def copy_warnings(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
+    """Return what to say where a scan holds what an earlier one holds, others between them; see `find_copies`."""
+    copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~are_repeats(copy_of))
+    if not len(copies):
+        return []
+    copy, first = names[copies[0]], names[copy_of[copies[0]]]
+    return [f"{len(copies)} scans are earlier ones once more (first: {copy} is {first}): remove the copies."]
+
+
+def _glimpse(path: Path, size: int) -> bytes:
+    """Return a few bytes from the middle of a file: nearly always enough to distinguish two scans."""
+    with path.open("rb") as file:
+        file.seek(size // 2)
+        return file.read(4096)
+
+
+def _require_sound(names: Sequence[str], folder: Path) -> None:
+    """Raise where two scans differ in their suffix alone, a name is not text, or a scan is not a regular file."""
+    known: dict[str, str] = {}
+    for name in names:
+        if not os.path.isfile(folder / name):
+            raise InputError(
+                f"{folder / name} is not a regular file (a pipe, a device or a link to nothing); remove it"
+            )
+        if not is_text(name):
+            raise InputError(f"{folder} holds a scan whose name is not UTF-8, {name!a}; rename it")
+        twin = known.setdefault(os.path.splitext(name)[0], name)
+        if twin != name:
+            raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
+
+
+def _require_no_folder(folder: Path, suffix: str) -> None:
+    """Raise where a folder has a scan's number: that scan would be left out in silence."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            stem, own = os.path.splitext(entry.name)
+            if own.lower() == suffix and stem.isdecimal() and entry.is_dir():
+                raise InputError(f"{folder / entry.name} is a folder among scans; rename or remove it")
+
+
+def is_text(name: str) -> bool:
+    """Return whether a file's name can be written down: systems allow any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def natural_key(name: str) -> tuple[list[str | int], str]:
+    """Return a sort key under which numbers in names count as numbers: 1, 2, 10."""
+    parts: list[str | int] = [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
+    return parts, name
+
+
+def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    """Return (N,) seconds if every name ends in a time, else None.
+
+    Times are seconds with decimals, seconds_nanoseconds, or whole seconds, milli-, micro- or nanoseconds since 1970;
+    they must differ and lie apart as scans do. Anything else is a counter.
+    """
+    found = [_stamp(name) for name in names]
+    if len(found) < 2 or any(stamp is None for stamp in found):
+        return None
+    stamps = np.array(found, np.float64)
+    unpadded = _unpadded_stamps(names)
+    if unpadded is not None and _unevenness(unpadded) < _unevenness(stamps):
+        stamps = unpadded
+    steps = np.diff(np.sort(stamps))
+    if steps.min() <= 0 or not _PERIOD[0] <= np.median(steps) <= _PERIOD[1]:
+        return None
+    return stamps
+
+
+def _unpadded_stamps(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+    """Return (N,) seconds where what is behind the points may be whole nanoseconds, 12.5000000 for 12.005; else None.
+
+    Scripts join a message's seconds and nanoseconds so. None of them begins with a zero, and some have nine digits.
+    """
+    found = [re.findall(r"(\d+)\.(\d+)", name[: -len(_suffix(name))])[-1:] for name in names]
+    parts = [part for last in found for part in last]
+    lengths = {len(behind) for _, behind in parts}
+    if len(parts) < len(names) or max(lengths) != 9 or len(lengths) == 1:
+        return None
+    if any(str(int(behind)) != behind for _, behind in parts):
+        return None
+    return np.array([int(seconds) + 1e-9 * int(behind) for seconds, behind in parts])
+
+
+def _unevenness(stamps: npt.NDArray[np.float64]) -> float:
+    """Return the seconds by which steps between `stamps` (N,) in order differ from the usual one, on average."""
+    steps = np.diff(np.sort(stamps))
+    return float(np.abs(steps - np.median(steps)).mean())
+
+
+def _stamp(name: str) -> float | None:
+    numbers = re.findall(r"\d+\.\d+|\d{9,10}[_-]\d{9}(?!\d)|\d+", name[: -len(_suffix(name))])
+    if not numbers:
+        return None
+    last = numbers[-1]
+    if "." in last:
+        return float(last)
+    if not last.isdecimal():
+        seconds, nanoseconds = re.split("[_-]", last)
+        return int(seconds) + int(nanoseconds) * 1e-9
+    value = int(last)
+    return next((value * unit for unit in (1e-9, 1e-6, 1e-3, 1.0) if _EPOCH[0] <= value * unit < _EPOCH[1]), None)
+
+
+def _point_files(folder: Path) -> list[str]:
+    try:
+        with os.scandir(folder) as entries:
+            return [entry.name for entry in entries if _is_point_file(entry)]
+    except OSError as error:
+        raise InputError(f"{error.filename or folder} cannot be read: {error.strerror}") from None
+
+
+def _is_point_file(entry: os.DirEntry[str]) -> bool:
+    name = entry.name.lower()
+    return (
+        _suffix(name) in CODEC_OF_SUFFIX and not name.startswith(".") and name not in _SIDE_FILES and not entry.is_dir()
+    )
+
+
+def _suffix(name: str) -> str:
+    return os.path.splitext(name)[1].lower()

@@ -1,0 +1,107 @@
+"""What KITTI's own recordings say of cameras and vehicle: calibration files, GPS/IMU packets, and the camera's view.
+
+Boxes were drawn only where the left colour camera sees; elsewhere nobody knows what moved.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.geometry import FARTHEST, make_transform, transform
+from automos.core.reading import read_text
+from automos.core.scan import Points, Pose
+from automos.readers.stamped_poses import rigid_transforms
+
+EARTH_RADIUS = 6378137.0
+_MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
+"""Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are not vehicles."""
+IMAGE_SIZE = (1242, 375)
+"""Pixels, width and height, of the rectified pictures where the calibration does not say."""
+
+
+def read_calibration(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    """Return the rows of numbers of a calibration file by name; rows of anything else are left out.
+
+    Raises
+    ------
+    InputError
+        The file is absent or cannot be read.
+    """
+    try:
+        lines = read_text(path).splitlines()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as text: {error}") from None
+    rows = {}
+    for line in lines:
+        name, *words = line.replace(":", " ", 1).split() or [""]
+        try:
+            rows[name] = np.array(words, np.float64)
+        except ValueError:
+            continue  # the date of the calibration
+    return rows
+
+
+def take(rows: dict[str, npt.NDArray[np.float64]], path: Path, *names: str, size: int) -> npt.NDArray[np.float64]:
+    """Return the row of the first of `names` that is there, of `size` numbers."""
+    row = next((rows[name] for name in names if name in rows), None)
+    if row is None or len(row) != size:
+        raise InputError(f"{path} has no line {names[0]!r} of {size} numbers; download the calibration again")
+    if not (np.abs(row) < FARTHEST).all():
+        raise InputError(f"{path}: line {names[0]!r} holds what is not a number; download the calibration again")
+    return row
+
+
+def rigid(row: npt.NDArray[np.float64], path: Path) -> Pose:
+    """Return (4, 4) from 12 numbers (3 x 4) or 9 (a rotation); InputError that names `path` where they are none."""
+    T = make_transform(row.reshape(3, 3)) if len(row) == 9 else np.vstack([row.reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+    return rigid_transforms(T[None], path)[0]
+
+
+def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
+    """Return (N, 4, 4) T_map_imu of GPS/IMU packets (N, 6 or more): latitude, longitude, altitude, roll, pitch, yaw.
+
+    Latitude and longitude in degrees are projected by Mercator at the first one's latitude, as KITTI's own tools do.
+
+    Raises
+    ------
+    InputError
+        A packet that is of no place on Earth; `path` is what they came from.
+    """
+    from scipy.spatial.transform import Rotation
+
+    is_on_earth = np.abs(packets[:, :6]) <= _MOST
+    if not is_on_earth.all():
+        bad = int(np.argmin(is_on_earth.all(axis=1)))
+        raise InputError(f"{path}: packet {bad} is of no place on Earth; download it again")
+    latitude, longitude, altitude = packets[:, :3].T
+    scale = np.cos(np.radians(latitude[0])) * EARTH_RADIUS
+    T = np.tile(np.eye(4), (len(packets), 1, 1))
+    T[:, 0, 3] = scale * np.radians(longitude)
+    T[:, 1, 3] = scale * np.log(np.tan(np.radians(90.0 + latitude) / 2.0))
+    T[:, 2, 3] = altitude
+    T[:, :3, :3] = Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix()
+    return T
+
+
+def in_view(
+    points: Points, T_rectified_sensor: Pose, projection: npt.NDArray[np.float64], size: tuple[float, float]
+) -> npt.NDArray[np.bool_]:
+    """Return (N,) bool: whether the camera sees each of `points` (N, 3), sensor frame.
+
+    Parameters
+    ----------
+    T_rectified_sensor : (4, 4) to the frame of the rectified cameras, z forward.
+    projection : (3, 4) from there to pixels.
+    size : width and height of the picture, pixels.
+    """
+    ahead = transform(T_rectified_sensor, points.astype(np.float64))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = ahead @ projection[:, :3].T + projection[:, 3]
+        u, v = pixels[:, 0] / pixels[:, 2], pixels[:, 1] / pixels[:, 2]
+        return (ahead[:, 2] > 0.0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1])

@@ -1,0 +1,176 @@
+"""KITTI raw drives, "road" ones too: DATE/DATE_drive_NNNN_sync with velodyne_points/, oxts/ and tracklet_labels.xml.
+
+Sweeps are as measured, not motion-compensated. The day's calibration lies beside its drives.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.geometry import inverse
+from automos.core.labels import Label
+from automos.core.pose_files import lines_of_scans
+from automos.core.reading import DAMAGE, is_there, read_bytes, read_text
+from automos.core.scan import Pose
+from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
+from automos.readers.folder import FolderSequence
+from automos.readers.formats import Format
+from automos.readers.kitti_calibration import in_view, poses_from_packets, read_calibration, rigid, take
+from automos.readers.listed import require_increasing
+from automos.readers.records import read_table
+from automos.readers.stamped_poses import sensor_poses
+
+_SCANS = Path("velodyne_points") / "data"
+_BOXES = "tracklet_labels.xml"
+_PACKET = 30
+"""Numbers in a GPS/IMU packet."""
+
+
+def find(path: Path) -> list[Path]:
+    """Return the drives at `path`: itself, those of its day, or those of all days in it, by name."""
+    if (path / _SCANS).is_dir():
+        return [path]
+    if not path.is_dir():
+        return []
+    return sorted({scans.parent.parent for pattern in (f"*/{_SCANS}", f"*/*/{_SCANS}") for scans in path.glob(pattern)})
+
+
+class KittiRawSequence(FolderSequence):
+    """One drive."""
+
+    def __init__(self, source: Path):
+        """List the scans of the drive in folder `source`; errors are those of a plain folder."""
+        super().__init__(source, str(_SCANS))
+        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
+        if stray is not None:
+            raise InputError(f"{source / _SCANS} has a scan named {stray!r}; a drive's scans are named by their number")
+
+    @property
+    def is_compensated(self) -> bool:
+        """Raw drives are as measured."""
+        return False
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+        path = self.source / "velodyne_points" / "timestamps.txt"
+        if not is_there(path):
+            return None
+        try:
+            lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
+            times = np.array([_seconds(line) for line in lines])
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{path} must hold a date and time a line, 2011-09-26 13:02:44.335092096: {error}"
+            ) from None
+        times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
+        require_increasing(times, self._names, path)
+        return times
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
+        if not (self.source / "oxts" / "data").is_dir():
+            return None
+        path = self.source.resolve().parent / "calib_imu_to_velo.txt"
+        return sensor_poses(self._T_map_imu, inverse(_read_transform(path)))
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return (N,) uint32 labels of scan `index` from the tracklets; None where the drive has none.
+
+        What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
+        """
+        if not is_there(self.source / _BOXES):
+            return None
+        index = self._scan_number(index)
+        scan = self[index]
+        packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
+        return np.where(in_view(scan.points, *self._camera), packed, np.uint32(Label.UNLABELED))
+
+    # ------------------------------------------------------------------------------------------------- files beside
+    @cached_property
+    def _T_map_imu(self) -> Pose:
+        folder = self.source / "oxts" / "data"
+        packets = [read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names]
+        twice = next((name for name, rows in zip(self._names, packets, strict=True) if len(rows) > 1), None)
+        if twice is not None:
+            raise InputError(f"{folder / twice}.txt holds more than one packet, the scan's; copy it again")
+        return poses_from_packets(np.concatenate(packets), folder)
+
+    @cached_property
+    def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+        day = self.source.resolve().parent
+        path = day / "calib_cam_to_cam.txt"
+        rows = read_calibration(path)
+        T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9), path)
+        T = T_rectified_camera @ _read_transform(day / "calib_velo_to_cam.txt")
+        width, height = take(rows, path, "S_rect_02", size=2)
+        return T, take(rows, path, "P_rect_02", size=12).reshape(3, 4), (float(width), float(height))
+
+    @cached_property
+    def _drawn(self) -> DrawnBoxes:
+        """The boxes of all scans by index, in the sensor's frame."""
+        path = self.source / _BOXES
+        try:
+            rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
+            table = np.array(rows, np.float64).reshape(-1, 9)
+        except (OSError, *DAMAGE, ElementTree.ParseError) as error:
+            raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
+        drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
+        frames = np.array([int(name) for name in self._names])
+        place = np.searchsorted(frames, table[:, 1]).clip(0, len(frames) - 1)
+        has_scan = frames[place] == table[:, 1]
+        table, drawn, scan = table[has_scan], drawn[has_scan], place[has_scan]
+        poses = self.reference_poses
+        if poses is None:
+            raise InputError(f"{self.source / 'oxts'} is missing; without poses it is not known which boxes move")
+        seconds = 0.1 * table[:, 1] if self._stamps is None else self._stamps[scan]
+        track = table[:, 0].astype(np.int64)
+        return DrawnBoxes(
+            scan,
+            track,
+            drawn,
+            judge_boxes(track, seconds, centers_in_world(poses[scan], drawn.center)),
+        )
+
+
+def _seconds(text: str) -> float:
+    """Return the seconds since 1970 of a time with nanoseconds."""
+    whole, _, fraction = text.partition(".")
+    moment = datetime.strptime(whole, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
+    return moment.timestamp() + float(f"0.{fraction or 0}")
+
+
+def _read_transform(path: Path) -> Pose:
+    rows = read_calibration(path)
+    T = rigid(take(rows, path, "R", size=9), path)
+    T[:3, 3] = take(rows, path, "T", size=3)
+    return T
+
+
+def _items(path: Path) -> list[ElementTree.Element]:
+    return ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
+
+
+def _rows_of(item: ElementTree.Element, track: int) -> list[list[float]]:
+    """Return a tracklet's boxes: track, frame, centre, length, width, height, yaw; KITTI gives the bottom's centre."""
+    height, width, length = (float(str(item.findtext(side))) for side in ("h", "w", "l"))
+    first = int(str(item.findtext("first_frame")))
+    rows = []
+    for k, pose in enumerate(item.findall("poses/item")):
+        x, y, z, yaw = (float(str(pose.findtext(name))) for name in ("tx", "ty", "tz", "rz"))
+        rows.append([track, first + k, x, y, z + 0.5 * height, length, width, height, yaw])
+    return rows
+
+
+FORMAT = Format(
+    layout="KITTI raw drive: velodyne_points/data/, timestamps.txt, oxts/, calib_*.txt of its day",
+    truth="tracklet_labels.xml, where the left colour camera sees",
+    find=find,
+    open=KittiRawSequence,
+)

@@ -1,0 +1,154 @@
+"""KITTI's tracking benchmark: training/velodyne/SSSS/*.bin, label_02/SSSS.txt, calib/SSSS.txt, oxts/SSSS.txt."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
+from automos.core.labels import Label
+from automos.core.reading import is_there, read_text
+from automos.core.scan import Pose
+from automos.core.upright_boxes import Boxes
+from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
+from automos.readers.folder import FolderSequence
+from automos.readers.formats import Format
+from automos.readers.kitti_calibration import IMAGE_SIZE, in_view, poses_from_packets, read_calibration, rigid, take
+from automos.readers.listed import require_increasing
+from automos.readers.records import read_table
+from automos.readers.stamped_poses import sensor_poses
+
+_PERIOD = 0.1
+"""Seconds between scans; the benchmark gives no times."""
+_PACKET = 30
+_WORDS = (17, 18)
+"""Of a line about a box; some programs add a score."""
+
+
+def find(path: Path) -> list[Path]:
+    """Return the sequences at `path`: itself, or those of a split or of the root, by name."""
+    if path.is_dir() and path.parent.name == "velodyne" and is_there(_calib_of(path)):
+        return [path]
+    root = path / "training" if (path / "training" / "velodyne").is_dir() else path
+    if not (root / "velodyne").is_dir():
+        return []
+    return sorted(p for p in (root / "velodyne").iterdir() if p.is_dir() and is_there(_calib_of(p)))
+
+
+def _calib_of(path: Path) -> Path:
+    return path.parent.parent / "calib" / f"{path.name}.txt"
+
+
+class KittiTrackingSequence(FolderSequence):
+    """One sequence; scans are matched to labels and poses by their number."""
+
+    def __init__(self, source: Path):
+        """List the scans in folder `source`."""
+        super().__init__(source, codec="bin")
+        self._frames = np.array([int(name) for name in self._names])
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
+        if stray is not None:
+            raise InputError(f"{self.source} has a scan named {stray!r}; the benchmark names scans by their number")
+        times = _PERIOD * np.array([int(name) for name in self._names])
+        require_increasing(times, self._names, self.source)
+        return times
+
+    @property
+    def is_compensated(self) -> bool:
+        """Sweeps are as measured."""
+        return False
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
+        path = self._beside("oxts")
+        if not is_there(path):
+            return None
+        packets = read_table(path, _PACKET, "poses")
+        if len(packets) <= self._frames.max():
+            raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
+        return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return (N,) uint32 labels of scan `index` from the boxes; None for the test split.
+
+        What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
+        """
+        if not is_there(self._beside("label_02")):
+            return None
+        index = self._scan_number(index)
+        scan = self[index]
+        packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
+        seen = in_view(scan.points, self._T_rectified_sensor, self._projection, IMAGE_SIZE)
+        return np.where(seen, packed, np.uint32(Label.UNLABELED))
+
+    # ------------------------------------------------------------------------------------------------- files beside
+    def _beside(self, folder: str) -> Path:
+        return self.source.resolve().parent.parent / folder / f"{self.source.name}.txt"
+
+    @cached_property
+    def _calibration(self) -> dict[str, npt.NDArray[np.float64]]:
+        return read_calibration(_calib_of(self.source))
+
+    @cached_property
+    def _T_rectified_sensor(self) -> Pose:
+        path = _calib_of(self.source)
+        R = rigid(take(self._calibration, path, "R_rect", "R0_rect", size=9), path)
+        return R @ rigid(take(self._calibration, path, "Tr_velo_cam", "Tr_velo_to_cam", size=12), path)
+
+    @cached_property
+    def _T_sensor_imu(self) -> Pose:
+        path = _calib_of(self.source)
+        return rigid(take(self._calibration, path, "Tr_imu_velo", "Tr_imu_to_velo", size=12), path)
+
+    @cached_property
+    def _projection(self) -> npt.NDArray[np.float64]:
+        return take(self._calibration, _calib_of(self.source), "P2", size=12).reshape(3, 4)
+
+    @cached_property
+    def _drawn(self) -> DrawnBoxes:
+        """The boxes of all scans by index, in the sensor's frame."""
+        path = self._beside("label_02")
+        try:
+            words = [line.split() for line in read_text(path).splitlines() if line.strip()]
+            if any(len(row) not in _WORDS for row in words):
+                raise ValueError("a line of another number of words")
+            objects = [row for row in words if row[2] != "DontCare"]
+            numbers = np.array([row[:2] for row in objects], np.int64).reshape(-1, 2)
+            table = np.array([row[10:17] for row in objects], np.float64).reshape(-1, 7)
+        except (OSError, ValueError, IndexError, OverflowError) as error:
+            raise InputError(f"{path} is not a file of KITTI's tracking labels ({error}); download it again") from None
+        in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
+        place = np.searchsorted(self._frames, numbers[:, 0]).clip(0, len(self._frames) - 1)
+        has_scan = self._frames[place] == numbers[:, 0]
+        numbers, in_camera, scan = numbers[has_scan], in_camera[has_scan], place[has_scan]
+        T_sensor_rectified = inverse(self._T_rectified_sensor)
+        # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.
+        raised = in_camera.center - np.outer(0.5 * in_camera.size[:, 2], [0.0, 1.0, 0.0])
+        center = transform(T_sensor_rectified, raised)
+        turn = in_camera.yaw
+        heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
+        poses = self.reference_poses
+        if poses is None:
+            raise InputError(f"{self._beside('oxts')} is missing; without poses it is not known which boxes move")
+        track = numbers[:, 1] + 1
+        return DrawnBoxes(
+            scan,
+            track,
+            Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score),
+            judge_boxes(track, _PERIOD * numbers[:, 0], centers_in_world(poses[scan], center)),
+        )
+
+
+FORMAT = Format(
+    layout="KITTI tracking: training/velodyne/SSSS/, calib/SSSS.txt, label_02/, oxts/",
+    truth="label_02/SSSS.txt, where the left colour camera sees",
+    find=find,
+    open=KittiTrackingSequence,
+)

@@ -1,0 +1,210 @@
+"""nuScenes: tables in v1.0-*/*.json, sweeps of the LIDAR_TOP in samples/ and sweeps/; a scene is a recording.
+
+Scenes are named as if they lay in the tables' folder: `v1.0-mini/scene-0061`. Boxes are drawn twice a second, so two
+scans a second have truth. The tables are read directly; of the large ones only what belongs to the scene is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.labels import Label
+from automos.core.reading import damage_reported, is_there, read_json
+from automos.core.scan import Pose, Scan
+from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, paint_boxes
+from automos.readers.codecs import read_columns
+from automos.readers.columns import to_scan
+from automos.readers.formats import Format
+from automos.readers.listed import ListedSequence
+from automos.readers.stamped_poses import from_quaternions, sensor_poses
+
+_CHANNEL = "LIDAR_TOP"
+_MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")
+
+Row = dict[str, Any]
+
+
+def find(path: Path) -> list[Path]:
+    """Return the scenes at `path`: itself, those of its tables, or those of all tables in it, by name."""
+    if _is_tables(path.parent) and not path.exists():
+        return [path]
+    if _is_tables(path):
+        names = sorted(scene["name"] for scene in _read(path, "scene"))
+        if len(set(names)) < len(names) or any(name != Path(name).name for name in names):
+            raise InputError(f"{path / 'scene.json'} names a scene twice, or by a path; unpack the metadata again")
+        return [path / name for name in names]
+    if not path.is_dir():
+        return []
+    return [scene for tables in sorted(path.glob("v1.0-*")) if _is_tables(tables) for scene in find(tables)]
+
+
+def _is_tables(path: Path) -> bool:
+    return all(is_there(path / f"{name}.json") for name in ("scene", "sample", "sample_data"))
+
+
+class NuscenesSequence(ListedSequence):
+    """One scene, in the frame of the LiDAR."""
+
+    def __init__(self, path: Path):
+        """Find the sweeps of the scene that `path` names below its tables.
+
+        Raises
+        ------
+        InputError
+            No such scene, a damaged table, or a table that names a file or row that is absent.
+        """
+        tables, root = path.parent, path.parent.parent
+        scene = next((row for row in _read(tables, "scene") if row["name"] == path.name), None)
+        if scene is None:
+            raise InputError(
+                f"{tables / 'scene.json'} has no scene {path.name!r}; its scenes are listed by giving {tables}"
+            )
+        samples = {row["token"]: row for row in _read(tables, "sample") if row["scene_token"] == scene["token"]}
+        sweeps = _sweeps_of(tables, samples)
+        files = [root / row["filename"] for row in sweeps]
+        absent = next((file for file in files if not file.exists()), None)
+        if absent is not None:
+            raise InputError(
+                f"{tables / 'sample_data.json'} names {absent}, which is absent; unpack the archive of its sweeps too"
+            )
+        names = [file.name.split(".")[0] for file in files]
+        super().__init__(path, files, names, [1e-6 * row["timestamp"] for row in sweeps], path.name)
+        self._T_global_sensor = _poses_of(tables, sweeps)
+        self._keyframe_of = [row["sample_token"] if row["is_key_frame"] else None for row in sweeps]
+        self._drawn = _boxes_of(tables, samples)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = self._scan_number(index)
+        assert self.stamps is not None
+        columns = read_columns(self._files[index], "bin5")
+        return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]))
+
+    @property
+    def reference_poses(self) -> Pose:
+        """(len, 4, 4) T_world_sensor from the tables."""
+        return sensor_poses(self._T_global_sensor)
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return (N,) uint32 labels of scan `index` from the boxes drawn in it; None between keyframes.
+
+        An instance moves if any of its attributes in the scene says so. If none says anything, its boxes are judged.
+        """
+        index = self._scan_number(index)
+        keyframe = self._keyframe_of[index]
+        if keyframe is None or self._drawn is None:
+            return None
+        return paint_boxes(self[index], self._T_global_sensor[index], self._drawn.of(keyframe))
+
+
+# ------------------------------------------------------------------------------------------------------- tables
+@lru_cache(maxsize=8)
+def _read(tables: Path, name: str) -> list[Row]:
+    path = tables / f"{name}.json"
+    try:
+        rows = read_json(path)
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise ValueError("it is no list of rows")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; unpack the metadata of nuScenes again") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}); unpack the metadata of nuScenes again") from None
+    return rows
+
+
+def _pick(tables: Path, name: str, tokens: Iterable[str]) -> dict[str, Row]:
+    """Return the rows of a table that have these tokens."""
+    wanted = set(tokens)
+    found = {row["token"]: row for row in _read(tables, name) if row["token"] in wanted}
+    missing = next(iter(wanted - found.keys()), None)
+    if missing is not None:
+        raise InputError(f"{tables / f'{name}.json'} has no row {missing}, which another table names; unpack it again")
+    return found
+
+
+def _sweeps_of(tables: Path, samples: dict[str, Row]) -> list[Row]:
+    """Return the rows of the LiDAR's sweeps in a scene, in order of time."""
+    sensors = {row["token"] for row in _read(tables, "sensor") if row["channel"] == _CHANNEL}
+    mounts = {row["token"] for row in _read(tables, "calibrated_sensor") if row["sensor_token"] in sensors}
+    rows = [
+        row
+        for row in _read(tables, "sample_data")
+        if row["sample_token"] in samples and row["calibrated_sensor_token"] in mounts
+    ]
+    if not rows:
+        raise InputError(f"{tables / 'sample_data.json'} has no sweeps of the {_CHANNEL} for this scene")
+    links = {row["token"] for row in rows} | {"", None}
+    lost = next((row[way] for row in rows for way in ("prev", "next") if row.get(way) not in links), None)
+    if lost is not None:
+        raise InputError(
+            f"{tables / 'sample_data.json'} has no row {lost}, which others name as the sweep beside them; it was cut: "
+            "unpack it again"
+        )
+    return sorted(rows, key=lambda row: row["timestamp"])
+
+
+def _poses_of(tables: Path, sweeps: list[Row]) -> Pose:
+    """Return (N, 4, 4) T_global_sensor of the sweeps."""
+    mounts = _pick(tables, "calibrated_sensor", (row["calibrated_sensor_token"] for row in sweeps))
+    egos = _pick(tables, "ego_pose", (row["ego_pose_token"] for row in sweeps))
+    T_global_ego = _transforms([egos[row["ego_pose_token"]] for row in sweeps], tables / "ego_pose.json")
+    of_sweeps = [mounts[row["calibrated_sensor_token"]] for row in sweeps]
+    T_ego_sensor = _transforms(of_sweeps, tables / "calibrated_sensor.json")
+    return T_global_ego @ T_ego_sensor
+
+
+def _transforms(rows: list[Row], path: Path) -> Pose:
+    """Return (N, 4, 4) of rows of the table at `path` with a translation and a rotation, scalar first."""
+    with damage_reported(path):
+        quaternions = np.roll([row["rotation"] for row in rows], -1, axis=1)
+        return from_quaternions([row["translation"] for row in rows], quaternions, path)
+
+
+def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
+    """Return the boxes of a scene by keyframe, in the global frame; None where it came without, as the test split."""
+    if not is_there(tables / "sample_annotation.json"):
+        return None
+    rows = [row for row in _read(tables, "sample_annotation") if row["sample_token"] in samples]
+    if not rows:
+        return None
+    T_global_box = _transforms(rows, tables / "sample_annotation.json")
+    center = T_global_box[:, :3, 3]
+    yaw = np.arctan2(T_global_box[:, 1, 0], T_global_box[:, 0, 0])
+    size = np.array([row["size"] for row in rows], np.float64)[:, [1, 0, 2]]  # theirs is width, length, height
+    _, instance = np.unique([row["instance_token"] for row in rows], return_inverse=True)
+    seconds = np.array([1e-6 * samples[row["sample_token"]]["timestamp"] for row in rows])
+    return DrawnBoxes(
+        np.array([row["sample_token"] for row in rows]),
+        instance.astype(np.int64) + 1,
+        checked_boxes(center, size, yaw, tables / "sample_annotation.json"),
+        _judge(tables, rows, instance, seconds, center),
+    )
+
+
+def _judge(
+    tables: Path, rows: list[Row], instance: npt.NDArray, seconds: npt.NDArray, center: npt.NDArray
+) -> npt.NDArray[np.uint8]:
+    """Return the label of each box's instance."""
+    attributes = {row["token"]: row["name"] for row in _read(tables, "attribute")}
+    names = [[attributes[token] for token in row["attribute_tokens"]] for row in rows]
+    says_moving = np.array([any(name in _MOVING for name in found) for found in names])
+    says_anything = np.array([bool(found) for found in names])
+    n = int(instance.max()) + 1
+    moves = np.bincount(instance, says_moving, n) > 0
+    is_annotated = np.bincount(instance, says_anything, n) > 0
+    by_attribute = np.where(moves, Label.MOVING, Label.STATIC)[instance]
+    return np.where(is_annotated[instance], by_attribute, judge_boxes(instance, seconds, center)).astype(np.uint8)
+
+
+FORMAT = Format(
+    layout="nuScenes: v1.0-*/*.json, samples/, sweeps/; give a scene: v1.0-mini/scene-0061",
+    truth="boxes of the keyframes and their attributes",
+    find=find,
+    open=NuscenesSequence,
+)

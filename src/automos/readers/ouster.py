@@ -1,0 +1,212 @@
+"""Packets of Ouster sensors: a .pcap and the sensor's metadata beside it, name.json (or name_0.json).
+
+Decoded by the maker's own library. A scan is a frame, column after column as it was measured, pixels without a return
+included; the second returns of a sensor that gives two follow the first. Of several sensors one is named by its serial
+number, as if the file were a folder: `drive.pcap/122150000150`.
+"""
+
+from __future__ import annotations
+
+import threading
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import AutomosError, InputError
+from automos.core.reading import require_regular
+from automos.core.scan import Scan, Sequence
+from automos.readers.foreign import limited
+from automos.readers.formats import Format, import_extra, recordings_at
+from automos.readers.listed import digest_of_files, require_increasing
+from automos.readers.pcap import require_whole
+from automos.readers.sensor_choice import choose_sensor, split_sensor
+
+_RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
+_TURN, _FARTHEST_MOUNT = 360.0, 1e4
+"""Degrees of any beam, and millimetres of any offset in a sensor, at most."""
+_IS_VALID = 1
+"""Bit of a column's status; columns whose packet was lost have none."""
+
+
+def find(path: Path) -> list[Path]:
+    """Return the .pcap files at `path`: itself, a sensor of it, or those that lie in it by name."""
+    return [path] if _is_pcap(path.parent) else recordings_at(path, _is_pcap)
+
+
+def _is_pcap(path: Path) -> bool:
+    return path.suffix == ".pcap" and path.is_file()
+
+
+class OusterSequence(Sequence):
+    """The frames of one sensor, found once, read when asked for."""
+
+    source: Path
+
+    def __init__(self, path: Path):
+        """Find the frames in the file at `path`, or those of the sensor whose serial number `path` names below it.
+
+        Raises
+        ------
+        InputError
+            No metadata, a damaged file, several sensors, or no frames.
+        """
+        self.source, wanted = split_sensor(path)
+        self._address = path
+        self._threads = threading.local()
+        stem = self.source.stem
+        names = (f"{stem}.json", f"{stem}_*.json")
+        self._metadata = sorted({file for name in names for file in self.source.parent.glob(name)})
+        if not self._metadata:
+            raise InputError(
+                f"{self.source} has no metadata {stem}.json beside it, which Ouster's packets need, and no packets of "
+                "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
+                "makers' packets to a ROS bag, PCD or LAS"
+            )
+        serials = [str(info.sn) for info in self._reader.sensor_info]
+        self._serial = choose_sensor(self.source, wanted, serials, "sensor")
+        self.name = stem if wanted is None else f"{stem}_{wanted}"
+        require_whole(self.source)  # the library passes over the end of one that is cut short
+        self._places, stamps = self._index()
+        if not self._places:
+            raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")
+        self._stamps = np.array(stamps, np.float64)
+        require_increasing(self._stamps, self.names, self.source)
+
+    @property
+    def address(self) -> Path:
+        """The file, or the sensor that was asked for below it."""
+        return self._address
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, index: int) -> Scan:
+        index = self._scan_number(index)
+        place, within = self._places[index]
+        with limited(self.source):
+            frame = [frame for frame in self._reader[place] if frame is not None][within]
+        return frame_to_scan(frame, self._to_points, float(self._stamps[index]), self.names[index])
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds, of each frame's first column, on the sensor's clock."""
+        return self._stamps
+
+    @property
+    def is_compensated(self) -> bool:
+        """Packets are as measured."""
+        return False
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the file or its metadata does, or the sensor."""
+        return f"{super().fingerprint()}:{self._serial}:{digest_of_files([self.source, *self._metadata])}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key not in ("_threads", "_to_points")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _threads=threading.local())
+
+    # ------------------------------------------------------------------------------------------------ the library
+    @property
+    def _reader(self) -> Any:
+        """The opened and indexed file; one for each thread, as readers are not made to be shared."""
+        if not hasattr(self._threads, "reader"):
+            pcap = import_extra("ouster.sdk.pcap", "ouster")
+            for file in (self.source, *self._metadata):
+                require_regular(file)
+            try:
+                metadata = [str(file) for file in self._metadata]
+                self._threads.reader = pcap.PcapScanSource(str(self.source), meta=metadata, index=True)
+            except Exception as error:  # damaged files break the library in many ways
+                raise InputError(
+                    f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+                ) from error
+        return self._threads.reader
+
+    @cached_property
+    def _to_points(self) -> Any:
+        """Turns ranges (H, W), millimetres, into points (H, W, 3), metres, sensor frame; 0 stays at the origin."""
+        info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
+        return make_to_points(info, self.source)
+
+    def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
+        """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""
+        places, stamps = [], []
+        try:
+            for item, frames in enumerate(self._reader):
+                for within, frame in enumerate(frame for frame in frames if frame is not None):
+                    if str(frame.sensor_info.sn) == self._serial:
+                        places.append((item, within))
+                        stamps.append(first_stamp(frame))
+        except AutomosError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+            ) from error
+        return places, stamps
+
+
+def make_to_points(info: Any, path: Path) -> Any:
+    """Return what turns ranges of the sensor into points, as the library does.
+
+    Raises
+    ------
+    InputError
+        The metadata lists beams without a direction; `path` is what it came with.
+    """
+    angles = np.concatenate([info.beam_altitude_angles, info.beam_azimuth_angles])
+    mounts = np.concatenate([np.ravel(info.beam_to_lidar_transform), np.ravel(info.lidar_to_sensor_transform)])
+    if not ((np.abs(angles) <= _TURN).all() and (np.abs(mounts) < _FARTHEST_MOUNT).all()):
+        raise InputError(f"{path} has metadata of beams that point nowhere; save it from the sensor again")
+    return import_extra("ouster.sdk.core", "ouster").XYZLut(info, use_extrinsics=False)
+
+
+def frame_to_scan(frame: Any, to_points: Any, stamp: float, name: str) -> Scan:
+    """Return a frame of the library as a scan; `to_points` turns its ranges (H, W) into points (H, W, 3)."""
+    times = _column_seconds(frame)
+    points, intensity = [], []
+    for range_, reflectivity in _RETURNS:
+        if range_ not in frame.fields:
+            continue
+        # (H, W, 3): the library has rows of beams; columns are what was measured together.
+        points.append(to_points(frame.field(range_)).transpose(1, 0, 2).reshape(-1, 3))
+        if reflectivity in frame.fields:
+            intensity.append(frame.field(reflectivity).T.ravel())
+    n = len(points)
+    return Scan(
+        np.concatenate(points).astype(np.float32),
+        intensity=np.concatenate(intensity).astype(np.float32) if len(intensity) == n else None,
+        time=np.tile(np.repeat(times, frame.h), n).astype(np.float32),
+        ring=np.tile(np.arange(frame.h, dtype=np.uint16), frame.w * n),
+        stamp=stamp,
+        name=name,
+    )
+
+
+def first_stamp(frame: Any) -> float:
+    """Return the seconds of the frame's first column that was received."""
+    received = np.flatnonzero(frame.status & _IS_VALID)
+    return 1e-9 * int(frame.timestamp[received[0]]) if len(received) else 0.0
+
+
+def _column_seconds(frame: Any) -> npt.NDArray[np.float64]:
+    """Return (W,) seconds of each column after the first one received; lost columns lie evenly between the others."""
+    received = np.flatnonzero(frame.status & _IS_VALID)
+    if len(received) == 0:
+        return np.zeros(frame.w)
+    stamps = frame.timestamp[received]
+    return np.interp(np.arange(frame.w), received, (stamps - stamps[0]).astype(np.float64) * 1e-9)
+
+
+FORMAT = Format(
+    layout="Ouster packets: a .pcap and its .json; of several sensors give one: drive.pcap/SERIAL",
+    truth="",
+    find=find,
+    open=OusterSequence,
+    needs="ouster",
+)

@@ -1,0 +1,80 @@
+"""Parquet tables: whole columns of small ones, and single rows of those whose columns are images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import AutomosError, InputError
+from automos.core.reading import require_regular
+from automos.readers.foreign import limited
+from automos.readers.formats import import_extra
+
+_BATCH = 5
+"""Rows decoded at once."""
+
+
+def read_columns(path: Path, columns: Sequence[str]) -> dict[str, npt.NDArray]:
+    """Return whole columns of a table; of lists, as arrays of arrays.
+
+    Raises
+    ------
+    InputError
+        The table is absent, damaged, or has no such column.
+    """
+    with _reported(path, columns) as parquet:
+        table = parquet.read_table(path, columns=list(columns))
+        return {name: table[name].to_numpy() for name in columns}
+
+
+class RowReader:
+    """Rows of an opened table, one at a time, fastest forwards: what lies before a row in its group is decoded too."""
+
+    def __init__(self, path: Path, columns: Sequence[str]):
+        """Open the table at `path` to read `columns` of it; errors are those of `read_columns`."""
+        self._path, self._columns = path, list(columns)
+        with _reported(path, columns) as parquet:
+            self._file = parquet.ParquetFile(path)
+            groups = [self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)]
+        self._starts = np.concatenate([[0], np.cumsum(groups)])
+        self._batches: Iterator[Any] = iter(())
+        self._batch: Any = None
+        self._first = self._end = 0
+
+    def __getitem__(self, row: int) -> dict[str, npt.NDArray]:
+        with _reported(self._path, self._columns):
+            group = int(np.searchsorted(self._starts, row, side="right")) - 1
+            if row < self._first or self._starts[group] > self._end or self._batch is None:
+                groups = list(range(group, len(self._starts) - 1))
+                self._batches = self._file.iter_batches(_BATCH, row_groups=groups, columns=self._columns)
+                self._first = self._end = int(self._starts[group])
+            while row >= self._end:
+                self._batch = next(self._batches)
+                self._first, self._end = self._end, self._end + self._batch.num_rows
+            return {
+                name: self._batch.column(name)[row - self._first].values.to_numpy(zero_copy_only=False)
+                for name in self._columns
+            }
+
+
+@contextmanager
+def _reported(path: Path, columns: Sequence[str]) -> Iterator[Any]:
+    """Give the library; turn what it stumbles over into one sentence."""
+    parquet, arrow = import_extra("pyarrow.parquet", "arrow"), import_extra("pyarrow", "arrow")
+    try:
+        require_regular(path)
+        with limited(path):
+            yield parquet
+    except AutomosError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; the recording needs it: download it too") from None
+    except KeyError as error:
+        raise InputError(f"{path} has no column {error}; it must have: {', '.join(columns)}") from None
+    except (OSError, arrow.ArrowException, StopIteration, AttributeError) as error:
+        raise InputError(f"{path} is damaged or of another layout ({error}); download it again") from None

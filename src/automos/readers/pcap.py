@@ -1,0 +1,191 @@
+"""Captures of network traffic (libpcap's classic files): the UDP datagrams of one size in a part of one.
+
+Records can be read from any record on, a piece of the file in memory at a time, so the part before need not be read
+again. Libraries for captures read from the start and do not report positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+
+from automos.core.errors import InputError
+from automos.core.kernels import kernel
+
+_MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
+"""First four bytes, and the seconds that a fraction counts."""
+_PCAPNG = 0x0A0D0D0A
+_HEADER, _RECORD = 24, 16
+_PIECE = 1 << 24
+"""Bytes read at once; the longest record has a quarter of a million."""
+_NO_SIZE = 1 << 16
+"""Bytes that no datagram has."""
+_LINKS = {0: 4, 1: 14, 101: 0, 108: 4, 113: 16, 228: 0, 276: 20}
+"""Bytes before the IP header by type of link: loopback, Ethernet, raw IP, Linux's cooked captures."""
+
+
+@dataclass(frozen=True, eq=False)
+class Datagrams:
+    """Datagrams in the order of their records.
+
+    Attributes
+    ----------
+    records : (N,) int64, byte of the file at which each one's record begins.
+    payloads : (N, size) uint8, what was sent.
+    seconds : (N,) float64, when it was recorded.
+    senders : (N,) int64, the sender's IPv4 address and, in the lowest 16 bits, the port it sent to.
+    """
+
+    records: npt.NDArray[np.int64]
+    payloads: npt.NDArray[np.uint8]
+    seconds: npt.NDArray[np.float64]
+    senders: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __getitem__(self, rows: npt.NDArray) -> Datagrams:
+        return Datagrams(self.records[rows], self.payloads[rows], self.seconds[rows], self.senders[rows])
+
+    def numbers(self, place: int, dtype: str) -> npt.NDArray[np.int64]:
+        """Return (N,) the number of type `dtype` at byte `place` of each datagram."""
+        width = np.dtype(dtype).itemsize
+        return np.ascontiguousarray(self.payloads[:, place : place + width]).view(dtype)[:, 0].astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A file of `size` bytes: its byte order, seconds per count of a fraction, and bytes before the IP header."""
+
+    path: Path
+    size: int
+    is_big: bool
+    unit: float
+    before_ip: int
+
+    def datagrams(self, n_bytes: int, start: int = _HEADER, stop: int | None = None) -> Iterator[Datagrams]:
+        """Yield, piece by piece, the datagrams of `n_bytes` in the records from byte `start` of the file to `stop`.
+
+        Raises
+        ------
+        InputError
+            The file ends within a record, or such a datagram was not recorded whole.
+        """
+        stop = self.size if stop is None else min(stop, self.size)
+        while start < stop:
+            data = np.fromfile(self.path, np.uint8, min(stop - start, _PIECE), offset=start)
+            most = len(data) // (n_bytes + _RECORD) + 1
+            places, records = np.empty(most, np.int64), np.empty(most, np.int64)
+            seconds, senders = np.empty(most), np.empty(most, np.int64)
+            n, end, is_whole = _walk(
+                data, n_bytes, self.is_big, self.unit, self.before_ip, records, places, seconds, senders
+            )
+            at_every_byte = sliding_window_view(data, n_bytes) if n else np.empty((0, n_bytes), np.uint8)
+            yield Datagrams(start + records[:n], at_every_byte[places[:n]], seconds[:n], senders[:n])
+            if not is_whole:
+                raise InputError(
+                    f"{self.path} holds only the beginning of its packets (byte {start + end}); record it again with "
+                    "whole ones: tcpdump -s 0"
+                )
+            if end < len(data) and (end == 0 or start + len(data) == self.size):
+                raise InputError(
+                    f"{self.path} ends within a packet (byte {start + end} of {self.size}); copy it again or, if its "
+                    f"recorder was killed, keep what is whole: editcap -F pcap {self.path.name} whole.pcap"
+                )
+            start += end
+
+
+def open_capture(path: Path) -> Capture:
+    """Return the capture at `path`.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is not a classic capture.
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEADER)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    for order, is_big in (("<u4", False), (">u4", True)):
+        words = np.frombuffer(head[: len(head) // 4 * 4], order).tolist()
+        if len(words) == 6 and words[0] in _MAGIC:
+            link = words[5] & 0xFFFF
+            if link not in _LINKS:
+                raise InputError(f"{path} was captured on a link of type {link}, which is not read; capture Ethernet")
+            return Capture(path, path.stat().st_size, is_big, _MAGIC[words[0]], _LINKS[link])
+    if head[:4] == _PCAPNG.to_bytes(4, "big"):
+        raise InputError(f"{path} is a pcapng file; make it a classic one: editcap -F pcap {path.name} classic.pcap")
+    raise InputError(f"{path} is not a capture of packets (libpcap); copy it again")
+
+
+def require_whole(path: Path) -> None:
+    """Raise InputError where a classic capture ends within a packet; pcapng files are not looked into."""
+    with open(path, "rb") as file:
+        if file.read(4) == _PCAPNG.to_bytes(4, "big"):
+            return
+    for _ in open_capture(path).datagrams(_NO_SIZE):
+        pass
+
+
+def join(pieces: Iterable[Datagrams]) -> Datagrams:
+    """Return the datagrams of all `pieces` (at least one) in order."""
+    columns = zip(*((piece.records, piece.payloads, piece.seconds, piece.senders) for piece in pieces), strict=True)
+    return Datagrams(*map(np.concatenate, columns))
+
+
+def sender_name(sender: int) -> str:
+    """Return a sender's address and port as text that may be part of a path, 192.168.1.201-2368."""
+    address = sender >> 16
+    return ".".join(str(address >> shift & 255) for shift in (24, 16, 8, 0)) + f"-{sender & 0xFFFF}"
+
+
+@kernel
+def _u32(data, at, is_big):  # type: ignore[no-untyped-def]
+    a, b, c, d = np.int64(data[at]), np.int64(data[at + 1]), np.int64(data[at + 2]), np.int64(data[at + 3])
+    return (a << 24 | b << 16 | c << 8 | d) if is_big else (d << 24 | c << 16 | b << 8 | a)
+
+
+@kernel
+def _u16(data, at):  # type: ignore[no-untyped-def]
+    return np.int64(data[at]) << 8 | np.int64(data[at + 1])
+
+
+@kernel
+def _walk(data, n_bytes, is_big, unit, before_ip, records, places, seconds, senders):  # type: ignore[no-untyped-def]
+    """Fill a row for each datagram; return how many, the first record that does not end in `data`, and True.
+
+    Where only the beginning of a datagram was recorded, its record and False.
+    """
+    n = at = 0
+    while at + _RECORD <= len(data) and at + _RECORD + _u32(data, at + 8, is_big) <= len(data):
+        end = at + _RECORD + _u32(data, at + 8, is_big)
+        ip, udp = _ip_and_udp(data, at + _RECORD, end, before_ip)
+        if udp >= 0 and _u16(data, udp + 4) == n_bytes + 8:
+            if udp + 8 + n_bytes > end:
+                return n, at, False
+            records[n], places[n] = at, udp + 8
+            seconds[n] = _u32(data, at, is_big) + unit * _u32(data, at + 4, is_big)
+            senders[n] = _u32(data, ip + 12, True) << 16 | _u16(data, udp + 2)
+            n += 1
+        at = end
+    return n, at, True
+
+
+@kernel
+def _ip_and_udp(data, frame, end, before_ip):  # type: ignore[no-untyped-def]
+    """Return the bytes at which the headers of IPv4 and UDP begin in a frame, -1 and -1 if it holds no such."""
+    ip = frame + before_ip
+    if before_ip == 14:
+        while ip + 4 <= end and (_u16(data, ip - 2) == 0x8100 or _u16(data, ip - 2) == 0x88A8):  # virtual LANs
+            ip += 4
+    if ip + 28 > end or data[ip] >> 4 != 4 or data[ip + 9] != 17 or _u16(data, ip + 6) & 0x1FFF:
+        return -1, -1
+    udp = ip + 4 * (np.int64(data[ip]) & 15)
+    return (ip, udp) if udp + 8 <= end else (-1, -1)

@@ -1,0 +1,158 @@
+"""Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.core.geometry import make_transform
+from automos.core.reading import read_bytes
+from automos.core.scan import Pose
+from automos.readers.columns import MAX_FIELDS, Columns
+from automos.readers.lzf import decompress
+from automos.readers.records import require_no_more
+from automos.readers.text import parse_points
+
+_MAX_COUNT = 1 << 16
+"""Values per point of one field; the largest histograms have hundreds."""
+_KINDS = {"F": "f", "I": "i", "U": "u"}
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a PCD file says of itself.
+
+    Attributes
+    ----------
+    dtype : one point; fields of COUNT > 1 are sub-arrays, padding fields ("_") carry their place in the name.
+    n_points : WIDTH times HEIGHT.
+    viewpoint : (4, 4) float64, VIEWPOINT as a transform: where the sensor was, in the frame of the writer's choice.
+    encoding : "ascii", "binary" or "binary_compressed".
+    start : byte at which the points start.
+    """
+
+    dtype: np.dtype
+    n_points: int
+    viewpoint: Pose
+    encoding: str
+    start: int
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of one file; those of several values per point (histograms) and padding are left out."""
+    raw = read_bytes(path)
+    header = _parse_header(raw, path)
+    body = raw[header.start :]
+    if header.encoding == "ascii":
+        return _from_text(body, header, path)
+    if header.encoding == "binary":
+        _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
+        require_no_more(body[header.n_points * header.dtype.itemsize :], path)
+        points = np.frombuffer(body, header.dtype, header.n_points)
+        return {name: points[name] for name in _scalar_fields(header.dtype)}
+    return _from_compressed(body, header, path)
+
+
+def read_header(path: Path) -> Header:
+    """Return the header of one file without reading its points."""
+    with open(path, "rb") as file:
+        return _parse_header(file.read(1 << 16), path)
+
+
+# ------------------------------------------------------------------------------------------------------- header
+def _parse_header(raw: bytes, path: Path) -> Header:
+    entries: dict[str, list[str]] = {}
+    start = 0
+    while "DATA" not in entries:
+        end = raw.find(b"\n", start)
+        if end < 0:
+            raise InputError(f"{path} is not a whole PCD file: its header has no DATA line")
+        words = raw[start:end].decode("ascii", "replace").split()
+        start = end + 1
+        if words and not words[0].startswith("#"):
+            entries[words[0].upper()] = words[1:]
+    try:
+        return _interpret(entries, start)
+    except (KeyError, ValueError, IndexError, TypeError, OverflowError, MemoryError) as error:
+        raise InputError(f"{path} has a PCD header that cannot be understood: {error}") from None
+
+
+def _interpret(entries: dict[str, list[str]], start: int) -> Header:
+    names = entries["FIELDS"] if "FIELDS" in entries else entries["COLUMNS"]
+    if len(names) > MAX_FIELDS:
+        raise ValueError(f"{len(names)} fields")
+    if max(names.count(axis) for axis in "xyz") > 1:
+        raise ValueError("x, y or z is there twice")
+    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+    fields = []
+    for i, (name, kind, size, count) in enumerate(zip(names, entries["TYPE"], entries["SIZE"], counts, strict=True)):
+        label = f"_{i}" if name == "_" or name in names[:i] else name
+        scalar = np.dtype(f"<{_KINDS[kind.upper()]}{int(size)}")
+        if not 1 <= count <= _MAX_COUNT:
+            raise ValueError(f"COUNT is {count}")
+        fields.append((label, scalar) if count == 1 else (label, scalar, (count,)))
+    width, height = int(entries["WIDTH"][0]), int(entries.get("HEIGHT", ["1"])[0])
+    n_points = width * height
+    if min(width, height) < 0 or int(entries.get("POINTS", [str(n_points)])[0]) != n_points:
+        raise ValueError(f"WIDTH {width}, HEIGHT {height} and POINTS do not agree")
+    encoding = entries["DATA"][0].lower()
+    if encoding not in ("ascii", "binary", "binary_compressed"):
+        raise ValueError(f"DATA is {encoding}, not ascii, binary or binary_compressed")
+    return Header(np.dtype(fields), n_points, _viewpoint(entries.get("VIEWPOINT")), encoding, start)
+
+
+def _viewpoint(words: list[str] | None) -> Pose:
+    """Return (4, 4) from x y z qw qx qy qz; the identity where absent or all zero."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, qw, qx, qy, qz = (float(word) for word in words or ["0", "0", "0", "1", "0", "0", "0"])
+    quaternion = [qx, qy, qz, qw] if any((qw, qx, qy, qz)) else [0.0, 0.0, 0.0, 1.0]
+    return make_transform(Rotation.from_quat(quaternion).as_matrix(), [x, y, z])
+
+
+# ------------------------------------------------------------------------------------------------------- points
+def _scalar_fields(dtype: np.dtype) -> list[str]:
+    return [name for name in dtype.names or () if dtype[name].shape == () and not name.startswith("_")]
+
+
+def _require_bytes(got: int, promised: int, path: Path) -> None:
+    if got < promised:
+        raise InputError(
+            f"{path} is cut short: {got} bytes of points, but its header promises {promised}; copy it again"
+        )
+
+
+def _from_text(body: bytes, header: Header, path: Path) -> Columns:
+    widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
+    matrix = parse_points(path, body, sum(widths), 0, header.n_points, is_last=True)
+    first = dict(zip(header.dtype.names or (), np.cumsum([0, *widths]), strict=False))
+    return {name: matrix[:, first[name]] for name in _scalar_fields(header.dtype)}
+
+
+def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
+    """Compressed points are stored field after field: all x, then all y, and so on."""
+    _require_bytes(len(body), 8, path)
+    # The longest copy, 264 bytes, takes 3.
+    n_packed, n_unpacked = (int(size) for size in np.frombuffer(body, "<u4", 2))
+    promised = header.n_points * header.dtype.itemsize
+    if n_unpacked != promised:
+        raise InputError(f"{path} is damaged: it says it unpacks to {n_unpacked} bytes, but its points need {promised}")
+    _require_bytes(len(body) - 8, n_packed, path)
+    _require_bytes(88 * n_packed, n_unpacked, path)
+    require_no_more(body[8 + n_packed :], path)
+    try:
+        unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
+    except ValueError as error:
+        raise InputError(f"{path} cannot be unpacked: {error}; copy it again") from None
+    columns: Columns = {}
+    start = 0
+    for name in header.dtype.names or ():
+        field = header.dtype[name]
+        end = start + field.itemsize * header.n_points
+        if name in _scalar_fields(header.dtype):
+            columns[name] = unpacked[start:end].view(field)
+        start = end
+    return columns

@@ -1,0 +1,145 @@
+"""Polygon files: a text header, then the points as text or as packed numbers of either byte order.
+
+Only the element `vertex` is read. What comes before it has a fixed size. What follows it (faces, cameras) is skipped,
+but must end where the file does: else bytes were lost or came in, and all points behind them are others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.core.reading import read_bytes
+from automos.readers.columns import MAX_FIELDS, Columns
+from automos.readers.records import require_no_more
+from automos.readers.text import parse_points
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_COUNTERS = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2,
+             "int": 4, "uint": 4, "int32": 4, "uint32": 4}  # fmt: skip
+"""Bytes of what counts a list's entries."""
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
+
+
+@dataclass
+class _Element:
+    name: str
+    count: int
+    fields: list[tuple[str, str]] = field(default_factory=list)
+    counters: dict[str, int] = field(default_factory=dict)
+    """Of the fields that are lists, the bytes of what counts their entries."""
+
+    def has(self, name: str) -> bool:
+        return any(name == known for known, _ in self.fields)
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of the file's vertices."""
+    raw = read_bytes(path)
+    encoding, elements, start = _parse_header(raw, path)
+    before, vertex, after = _around_vertex(elements, path)
+    if encoding == "ascii":
+        return _from_text(raw[start:], before, vertex, after, path)
+    order = _ORDERS[encoding]
+    skipped = sum(element.count * _dtype(element, order).itemsize for element in before)
+    dtype = _dtype(vertex, order)
+    promised = skipped + vertex.count * dtype.itemsize
+    end = start + promised
+    for element in after:
+        end = _behind(element, order, raw, end)
+    if len(raw) < end:
+        raise InputError(
+            f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
+        )
+    require_no_more(raw[end:], path)
+    points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
+    return {name: points[name] for name, _ in vertex.fields}
+
+
+def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
+    """Return the encoding, the elements in order, and the byte at which they start."""
+    encoding, start = "", 0
+    elements: list[_Element] = []
+    if not raw.startswith(b"ply"):
+        raise InputError(f"{path} is not a PLY file: it does not start with 'ply'")
+    while True:
+        end = raw.find(b"\n", start)
+        if end < 0:
+            if raw[start:].strip() != b"end_header":  # of no points, it may be the last word of the file
+                raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
+            end = len(raw)
+        line = raw[start:end].decode("ascii", "replace").strip()
+        start = min(end + 1, len(raw))
+        words = line.split()
+        try:
+            match words:
+                case ["end_header"]:
+                    break
+                case ["format", name, *_]:
+                    encoding = name
+                case ["element", name, count]:
+                    elements.append(_Element(name, int(count)))
+                    if int(count) < 0:
+                        raise ValueError("fewer elements than none")
+                case ["property", kind, name] | ["property", "list", _, kind, name] if not elements[-1].has(name):
+                    elements[-1].fields.append((name, _TYPES[kind]))
+                    if words[1] == "list":
+                        elements[-1].counters[name] = _COUNTERS[words[2]]
+                    if len(elements[-1].fields) > MAX_FIELDS:
+                        raise ValueError("more properties than any point has")
+                case ["ply" | "comment" | "obj_info", *_] | []:
+                    pass
+                case _:
+                    raise ValueError("no keyword, or a property that is malformed or named twice")
+        except (KeyError, ValueError, IndexError):
+            raise InputError(f"{path} has a PLY header line that cannot be understood: {line!r}") from None
+    if encoding not in _ORDERS:
+        raise InputError(f"{path} has PLY format {encoding!r}; known are {', '.join(_ORDERS)}")
+    return encoding, elements, start
+
+
+def _around_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element], _Element, list[_Element]]:
+    """Return the elements before the vertices, these, and those behind them."""
+    at = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
+    if at is None:
+        raise InputError(f"{path} has no element 'vertex'; a point cloud keeps its points there")
+    if any(element.counters for element in elements[: at + 1]):
+        raise InputError(f"{path} has lists in or before its vertices; save it as a plain point cloud")
+    return elements[:at], elements[at], elements[at + 1 :]
+
+
+def _dtype(element: _Element, order: str) -> np.dtype:
+    return np.dtype([(name, order + kind) for name, kind in element.fields])
+
+
+def _behind(element: _Element, order: str, raw: bytes, at: int) -> int:
+    """Return the byte of `raw` behind an element that begins at byte `at`; one beyond its end where that is cut."""
+    if not element.counters:
+        return at + element.count * _dtype(element, order).itemsize
+    fields = [(np.dtype(kind).itemsize, element.counters.get(name, 0)) for name, kind in element.fields]
+    for _ in range(element.count):
+        for width, counter in fields:
+            length = int.from_bytes(raw[at : at + counter], "big" if order == ">" else "little") if counter else 1
+            at += counter + length * width
+        if at > len(raw):
+            break
+    return at
+
+
+def _from_text(body: bytes, before: list[_Element], vertex: _Element, after: list[_Element], path: Path) -> Columns:
+    """Return the columns of vertices that are text, every element a line."""
+    n_before, n_after = (sum(element.count for element in elements) for elements in (before, after))
+    matrix = parse_points(path, body, len(vertex.fields), n_before, vertex.count, not after)
+    promised = n_before + vertex.count + n_after
+    n_lines = sum(map(bool, map(bytes.strip, body.split(b"\n")))) if after else promised
+    if n_lines != promised:
+        raise InputError(f"{path} holds {n_lines} lines, its header promises {promised}; it is damaged: copy it again")
+    return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}

@@ -1,0 +1,97 @@
+"""What the points' own times are good for: their unit, whether they are of one clock for all scans, or of no use.
+
+Drivers write seconds, milli-, micro- or nanoseconds, after the scan's first point, since 1970 or since the sensor was
+switched on. Times that cannot be are not used, and that is said once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.readers.columns import (
+    MAX_SWEEP,
+    Columns,
+    find_time_unit,
+    has_time_column,
+    is_measured,
+    ring_column,
+    time_column,
+)
+
+_LONGEST, _SHORTEST = 1.7, 0.01
+"""Times the usual gap between scans that a sweep may last: more, or less, is of an unknown unit."""
+_BACKWARDS = 0.9
+"""Share of steps within a beam that go back in time from which the times are not those of the points."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointTimes:
+    """How the points' times of a recording are to be read.
+
+    Attributes
+    ----------
+    unit : seconds per count; None where there are no times, or none of use.
+    is_absolute : whether they are of one clock for all scans, so that they give the scans' times, too.
+    warnings : why they are not used, in a sentence; none where they are.
+    """
+
+    unit: float | None = None
+    is_absolute: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+def judge_times(scans: Sequence[Columns], where: Path, gap: float | None = None) -> PointTimes:
+    """Return how the times of points are to be read.
+
+    Parameters
+    ----------
+    scans : a few scans' columns, the fullest first.
+    where : the recording, for the warning.
+    gap : seconds, the usual time between scans, where it is known.
+    """
+    times = time_column(scans[0])
+    if times is None:
+        if has_time_column(scans[0]) and len(scans[0].get("x", ())) > 1:
+            return PointTimes(warnings=(f"{where}: the points' times are all the same or NaN; they are not used.",))
+        return PointTimes()
+    unit = find_time_unit(times)
+    start, end = sweep_bounds(times, unit)
+    why = None
+    if gap is not None and not _SHORTEST * gap <= end - start <= _LONGEST * gap:
+        why = f"span {end - start:.3g} s, but a scan comes every {gap:.3g} s"
+    elif not end - start <= MAX_SWEEP:
+        why = f"span {end - start:.3g} s in any unit, which no sweep lasts"
+    elif _share_backwards(scans[0]) > _BACKWARDS:
+        why = "run backwards within a beam"
+    if why is not None:
+        return PointTimes(warnings=(f"{where}: the points' times {why}; they are not used.",))
+    known = [column for column in map(time_column, scans) if column is not None]
+    starts = np.array([sweep_bounds(column, unit)[0] for column in known])
+    return PointTimes(unit, len(starts) > 1 and float(np.ptp(starts)) > max(1.5 * (end - start), 0.01))
+
+
+def sweep_bounds(times: npt.NDArray, unit: float) -> tuple[float, float]:
+    """Return when a sweep began and ended, seconds on the clock of its points; NaN where no point has a time."""
+    known = times[is_measured(times)]
+    if len(known) == 0:
+        return np.nan, np.nan
+    first = known.min()
+    # Subtract in the file's own type: nanoseconds since 1970 are beyond float64's whole numbers.
+    return float(first) * unit, float(first) * unit + float(known.max() - first) * unit
+
+
+def _share_backwards(columns: Columns) -> float:
+    """Return the share of steps in time, from a point to the next of its beam in the file, that go back."""
+    times, ring = time_column(columns), ring_column(columns)
+    if times is None:
+        return 0.0
+    beam = np.zeros(len(times), np.uint16) if ring is None else ring
+    order = np.argsort(beam, kind="stable")
+    after, before = times[order][1:], times[order][:-1]
+    is_step = (np.diff(beam[order]) == 0) & np.isfinite(after) & np.isfinite(before) & (after != before)
+    return float((after < before)[is_step].mean()) if is_step.any() else 0.0

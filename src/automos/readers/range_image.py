@@ -1,0 +1,68 @@
+"""Range images of a LiDAR that turns on a moving vehicle, made into points (Waymo's, with a pose for every pixel)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.kernels import kernel
+from automos.core.scan import Points, Pose
+
+
+def place_pixels(
+    distance: npt.NDArray[np.float32],
+    pixel_pose: npt.NDArray[np.float32],
+    elevation: npt.NDArray[np.float64],
+    T_vehicle_laser: Pose,
+    T_target_world: Pose,
+) -> Points:
+    """Return the (H * W, 3) float32 points of a range image, row by row, in the target frame.
+
+    Parameters
+    ----------
+    distance : (H, W) metres; not above 0 without a return, whose point is at the origin.
+    pixel_pose : (H, W, 6) roll, pitch, yaw (radians, about fixed axes) and x, y, z of the vehicle in the world, when
+        each pixel was measured.
+    elevation : (H,) radians of each row.
+    T_vehicle_laser : (4, 4). Columns go clockwise around the vehicle, from behind it to behind it, whichever way the
+        laser's own x-axis points.
+    T_target_world : (4, 4).
+    """
+    height, width = distance.shape
+    azimuth = np.pi * (1.0 - 2.0 * (np.arange(width) + 0.5) / width)
+    azimuth -= np.arctan2(T_vehicle_laser[1, 0], T_vehicle_laser[0, 0])
+    points = np.zeros((height * width, 3), np.float32)
+    _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_world, points)
+    return points
+
+
+@kernel
+def _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_world, points):  # type: ignore[no-untyped-def]
+    """Fill `points` (H * W, 3) from ranges (H, W) and poses (H, W, 6: roll, pitch, yaw, x, y, z) of the vehicle."""
+    height, width = distance.shape
+    for i in range(height):
+        for j in range(width):
+            r = distance[i, j]
+            if r <= 0.0:
+                continue
+            x, y, z = (
+                r * np.cos(elevation[i]) * np.cos(azimuth[j]),
+                r * np.cos(elevation[i]) * np.sin(azimuth[j]),
+                r * np.sin(elevation[i]),
+            )
+            x, y, z = _apply(T_vehicle_laser, x, y, z)
+            roll, pitch, yaw = pixel_pose[i, j, 0], pixel_pose[i, j, 1], pixel_pose[i, j, 2]
+            y, z = np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z
+            x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x
+            x, y = np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y
+            x, y, z = x + pixel_pose[i, j, 3], y + pixel_pose[i, j, 4], z + pixel_pose[i, j, 5]
+            points[i * width + j] = _apply(T_target_world, x, y, z)
+
+
+@kernel
+def _apply(T, x, y, z):  # type: ignore[no-untyped-def]
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )

@@ -1,0 +1,101 @@
+"""Points as text, one a line: x y z [intensity [ring]], or columns named in the first line.
+
+Blanks, tabs, commas or semicolons divide the columns; lines starting with # or // are comments, and one before the
+numbers that names x, y and z names the columns; else the first line that is none may.
+"""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF8
+from pathlib import Path
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.core.reading import read_bytes
+from automos.readers.columns import Columns, from_matrix
+from automos.readers.text import parse_table
+
+_DIVIDERS = bytes.maketrans(b",;", b"  ")
+_EMPTY = (b",,", b";;", b", ,", b"; ;", b",\t,", b";\t;", b"\n,", b"\n;")
+"""What a cell without a number looks like; left out it would move all that follow it to other columns."""
+_COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]+[^,\s]")
+"""Where a line has both, its commas are those of decimals."""
+_COMMENT = re.compile(rb"(#|//)[^\n]*")
+_REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
+    text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    first_line, _, rest = _behind_remarks(text).partition(b"\n")
+    names = _names_in(first_line)
+    axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
+    if len(set(axes)) < len(axes) or any(map(_is_number, names)):
+        raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
+    if names and _has_empty_cell(first_line):
+        raise InputError(f"{path} has a column without a name in its first line; write a name, or leave the column out")
+    numbers = _without_comments(rest if names else text)
+    _require_one_divider(numbers, path)
+    try:
+        matrix = parse_table(numbers.translate(_DIVIDERS))
+    except ValueError as error:
+        raise InputError(f"{path} is not a table of numbers: {error}") from None
+    if len(matrix) == 0:
+        matrix = np.zeros((0, len(names) or 3))
+    if not names:
+        return from_matrix(matrix, path)
+    if len(names) != matrix.shape[1]:
+        raise InputError(f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}")
+    return dict(zip(names, matrix.T, strict=True))
+
+
+def _require_one_divider(numbers: bytes, path: Path) -> None:
+    """Raise where it is not clear what divides the columns of `numbers`, of which another point would come out."""
+    commas, semicolons = b"," in numbers, b";" in numbers
+    if not commas and not semicolons:
+        return
+    line = numbers.lstrip().partition(b"\n")[0]
+    if (commas and semicolons) or (_COMMA_WITHIN.search(line) and _BLANK_BETWEEN.search(line)):
+        raise InputError(f"{path} divides numbers by commas and by something else; write decimals with a point")
+    if _has_empty_cell(numbers):
+        raise InputError(f"{path} has cells without a number; write nan in them, or leave the column out")
+
+
+def _has_empty_cell(lines: bytes) -> bool:
+    return lines.startswith((b",", b";")) or any(empty in lines for empty in _EMPTY)
+
+
+def _without_comments(text: bytes) -> bytes:
+    return _COMMENT.sub(b"", text) if b"#" in text or b"//" in text else text
+
+
+def _behind_remarks(text: bytes) -> bytes:
+    """Return `text` without the comments at its start, up to one that names the columns."""
+    at = 0
+    while (remark := _REMARK.match(text, at)) and not _names_in(remark[0].lstrip()):
+        at = remark.end()
+    return text[at:].lstrip()
+
+
+def _names_in(line: bytes) -> list[str]:
+    return _names(line.translate(_DIVIDERS, b'"').decode("utf-8", "replace"))  # statistics programs quote names
+
+
+def _names(first_line: str) -> list[str]:
+    """Return the column names that the first line holds, none if it holds numbers or a remark."""
+    words = first_line.lstrip("#/ ").split()
+    if first_line.startswith(("#", "//")):
+        return words if {"x", "y", "z"} <= {word.lower() for word in words} else []
+    return [] if all(map(_is_number, words)) else words
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

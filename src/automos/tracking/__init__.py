@@ -1,1 +1,0 @@
-"""III-D: tracks, whether they move, and their points."""

@@ -1,0 +1,119 @@
+"""The area of a recording from above: static points grey, moving green, errors red and blue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.views.png import data_url, palette_png
+
+REACH = 60.0
+"""Metres around the trajectory that are drawn."""
+MAX_PIXELS = 1300
+"""Longest side of the picture; with it the page stays small whatever the length of the drive."""
+MIN_CELL = 0.1
+"""Metres a pixel at least."""
+LOW, HIGH = 0.3, 3.0
+"""Metres above the ground from which, and up to which, what stands is drawn darker."""
+BLOCK = 3.0
+"""Metres, side of the squares within which the ground is taken for flat, so that a hill is not drawn as a wall."""
+SHADES = 12
+GROUND_GREY, DARK_GREY = 226, 92
+
+STANDS, MOVES, FALSE, MISSED = 0, 1, 2, 3
+"""What a point is on the map: static; moving; moving though the truth says static; static though it says moving."""
+LAYERS = {MOVES: ("moving", (10, 157, 60)), FALSE: ("false", (224, 38, 43)), MISSED: ("missed", (31, 95, 255))}
+"""Layers above the grey one: their names and colours."""
+
+
+class GroundMap:
+    """A raster in the level frame to which scans are added one by one."""
+
+    def __init__(self, path_level: npt.NDArray[np.float64]):
+        """Cover the surroundings of `path_level` (N, 2 or 3), metres: where the sensor was."""
+        low, high = path_level[:, :2].min(axis=0) - REACH, path_level[:, :2].max(axis=0) + REACH
+        self.cell = max(MIN_CELL, float((high - low).max()) / MAX_PIXELS)
+        self.low = low
+        self.shape = tuple(int(side) for side in np.ceil((high - low) / self.cell)[::-1])
+        self._seen = np.zeros(self.shape, np.int64)
+        self._highest = np.full(self.shape, -np.inf, np.float32)
+        self._lowest = np.full(self.shape, np.inf, np.float32)
+        self._counts = {kind: np.zeros(self.shape, np.int64) for kind in LAYERS}
+
+    def add(self, points: npt.NDArray, kinds: npt.NDArray[np.uint8]) -> None:
+        """Add the points (N, 3) of a scan, level frame, metres, each of a kind (N,): STANDS, MOVES, FALSE or MISSED.
+
+        What is not finite or too far away is left out.
+        """
+        with np.errstate(invalid="ignore"):
+            column, row = np.floor((points[:, :2] - self.low) / self.cell).T
+            inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
+        kind, height = kinds[inside], points[inside, 2].astype(np.float32)
+        cells = row[inside].astype(np.int64), column[inside].astype(np.int64)
+        for layer, count in self._counts.items():
+            here = kind == layer
+            np.add.at(count, (cells[0][here], cells[1][here]), 1)
+        is_still = kind == STANDS
+        still = cells[0][is_still], cells[1][is_still]
+        np.add.at(self._seen, still, 1)
+        np.maximum.at(self._highest, still, height[is_still])
+        np.minimum.at(self._lowest, still, height[is_still])
+
+    def to_page(self) -> dict[str, Any]:
+        """Return the layers that are not empty, lowest first, and their place: `low` (2,) and `cell`, metres."""
+        layers = {"static": data_url(palette_png(self._flipped(self._shade()), _static_colors()))}
+        for kind, (name, color) in LAYERS.items():
+            if self._counts[kind].any():
+                image = self._flipped(_levels(self._counts[kind]))
+                layers[name] = data_url(palette_png(image, _layer_colors(color)))
+        return {
+            "layers": layers,
+            "low": [round(float(v), 3) for v in self.low],
+            "cell": self.cell,
+            "width": self.shape[1],
+            "height": self.shape[0],
+        }
+
+    def _shade(self) -> npt.NDArray[np.uint8]:
+        """Return (H, W): 0 unseen, 1 ground, larger for higher objects."""
+        tall = np.clip((self._highest - self._floor() - LOW) / (HIGH - LOW), 0.0, 1.0)
+        shade = 1 + np.round(tall * (SHADES - 1)).astype(np.uint8)
+        # Isolated points far away are noise that compresses badly.
+        return np.where(self._seen > (1 if self.cell > MIN_CELL else 0), shade, 0).astype(np.uint8)
+
+    def _floor(self) -> npt.NDArray[np.float32]:
+        """Return (H, W) metres, the ground's height: of each square of `BLOCK` what a quarter of its cells are below.
+
+        Not the lowest point, which is often a reflection from under the ground.
+        """
+        block = max(1, round(BLOCK / self.cell))
+        floor = np.zeros(self.shape, np.float32)
+        for top in range(0, self.shape[0], block):
+            for left in range(0, self.shape[1], block):
+                square = slice(top, top + block), slice(left, left + block)
+                lowest = self._lowest[square]
+                seen = lowest[np.isfinite(lowest)]
+                if len(seen):
+                    floor[square] = np.partition(seen, len(seen) // 4)[len(seen) // 4]
+        return floor
+
+    @staticmethod
+    def _flipped(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+        return np.ascontiguousarray(image[::-1])  # north is up, rows go down
+
+
+def _levels(count: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+    """Return 0 for empty cells and 1 to 4 by the number of points."""
+    return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
+
+
+def _static_colors() -> npt.NDArray[np.uint8]:
+    grey = np.linspace(GROUND_GREY, DARK_GREY, SHADES).round()
+    opaque = np.column_stack([grey, grey + 3, grey + 6, np.full(SHADES, 255)])
+    return np.vstack([np.zeros((1, 4)), opaque]).astype(np.uint8)
+
+
+def _layer_colors(color: tuple[int, int, int]) -> npt.NDArray[np.uint8]:
+    return np.array([[0, 0, 0, 0], *([*color, alpha] for alpha in (70, 110, 150, 190))], np.uint8)

@@ -1,0 +1,182 @@
+"""One walk through a run and its recording that gathers all a report shows, ready to be written as JSON."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.geometry import transform
+from automos.core.labels import Label, to_mos
+from automos.core.reading import damage_reported, is_there, read_text
+from automos.core.workspace import Workspace
+from automos.evaluation.moving import Counts, Scores, count
+from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.results.run_files import RunFiles
+from automos.views.caveats import caveats
+from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
+from automos.views.thumbnails import Thumbnails
+
+MAX_THUMBNAILS = 900
+"""Tracks that get a picture; the least certain and all that moves go first."""
+MAX_BOXES = 40_000
+"""Boxes of moving tracks that the map can play back; of more, every second scan is kept, or every third."""
+FOUND = 0.5
+"""Share of its points from which an object counts as found, as `automos evaluate` counts it."""
+_CLASSES = (Label.UNLABELED, Label.STATIC, Label.MOVING)
+
+
+def survey(run: RunFiles) -> dict[str, Any]:
+    """Return the data of a report on `run`: plain numbers, texts and packed arrays.
+
+    Raises
+    ------
+    InputError
+        Label files or poses that are missing or damaged.
+    """
+    about = Workspace(run.folder).read_run()
+    tracks = run.tracks_file["tracks"]
+    n = len(run)
+    T_level_sensor = np.array([run.T_level_sensor(i) for i in range(n)])
+    path = T_level_sensor[:, :3, 3]
+    ground, pictures = GroundMap(path), Thumbnails(_most_telling(tracks))
+    points = np.zeros((n, len(_CLASSES)), np.int64)
+    truth = _Truth(n)
+    for i in run.each("report"):
+        scan = run.scan(i)
+        labels = run.labels(i, len(scan))
+        points[i] = [(labels == label).sum() for label in _CLASSES]
+        level = transform(T_level_sensor[i], run.points_at_pose(scan, i))
+        is_shown = scan.is_valid & (labels != Label.UNLABELED)
+        kinds = truth.compare(i, run, labels, scan.points)
+        ground.add(level[is_shown], kinds[is_shown])
+        pictures.add(i, level[scan.is_valid])
+    return {
+        "name": about.get("recording", {}).get("name", run.sequence.name),
+        "scans": n,
+        "names": run.names,
+        "stamps": np.round(run.stamps - run.stamps[0], 3).tolist() if n else [],
+        "has_clock": run.sequence.stamps is not None,
+        "points": points.T.tolist(),  # one list per class
+        "path": path[:, :2].round(2).tolist(),
+        "heading": np.arctan2(T_level_sensor[:, 1, 0], T_level_sensor[:, 0, 0]).round(3).tolist(),
+        "length": round(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), 1),
+        "map": ground.to_page(),
+        "tracks": [track_row(track) for track in sorted(tracks, key=doubt)],
+        "pictures": pictures.to_page(),
+        "boxes": _packed_boxes(tracks, n),
+        "truth": truth.to_page(),
+        "caveats": caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0)),
+        "warnings": [_pointed(warning, run.names) for warning in about.get("warnings", []) if "scan" in warning],
+        "run": {key: about.get(key, {}) for key in ("seconds", "versions", "odometry", "review", "quality")},
+        "settings": _settings_text(run),
+    }
+
+
+def doubt(track: dict[str, Any]) -> tuple[float, int]:
+    """Return the sort key of a track: the least certain first, then the longest."""
+    return track["confidence"], -len(track["boxes"])
+
+
+def _most_telling(tracks: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    order = sorted(tracks, key=lambda track: (track["verdict"] == "static", *doubt(track)))
+    return order[:MAX_THUMBNAILS]
+
+
+def track_row(track: dict[str, Any]) -> dict[str, Any]:
+    """Return the table row of a track of tracks.json."""
+    seen = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
+    centers = np.array([box["center"] for box in seen])
+    speeds = np.array([np.hypot(*box["velocity"][:2]) for box in seen])
+    row = {
+        "id": track["id"],
+        "verdict": track["verdict"],
+        "confidence": track["confidence"],
+        "first": track["boxes"][0]["scan"],
+        "last": track["boxes"][-1]["scan"],
+        "seen": len(seen),
+        "size": np.max([box["size"] for box in seen], axis=0).round(1).tolist(),
+        "moved": round(float(np.linalg.norm(centers[-1] - centers[0])), 1),
+        "speed": round(float(np.median(speeds)), 1) if track["verdict"] == "moving" else 0.0,
+        "at": centers[len(centers) // 2, :2].round(1).tolist(),
+    }
+    return {**row, "reviewed": True} if "found" in track else row
+
+
+def _packed_boxes(tracks: list[dict[str, Any]], n_scans: int) -> dict[str, Any]:
+    """Return the boxes of what moves: float32 scan, track, x, y, length, width, yaw a box, by scan (base64)."""
+    rows = np.array(
+        [
+            (box["scan"], track["id"], *box["center"][:2], *box["size"][:2], box["yaw"])
+            for track in tracks
+            if track["verdict"] == "moving"
+            for box in track["boxes"]
+        ],
+        np.float32,
+    ).reshape(-1, 7)
+    step = 1 + len(rows) // MAX_BOXES
+    rows = rows[rows[:, 0].astype(int) % step == 0]
+    rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+    starts = np.searchsorted(rows[:, 0], np.arange(n_scans + 1))
+    return {"step": step, "starts": starts.tolist(), "rows": base64.b64encode(rows.tobytes()).decode()}
+
+
+def _pointed(warning: dict[str, Any], names: list[str]) -> dict[str, Any]:
+    """Return a warning of run.json as the page shows it: with the number of the scan that it points at, if any."""
+    shown: dict[str, Any] = {key: warning[key] for key in ("sentence", "track", "at") if key in warning}
+    scan = warning.get("scan")
+    return {**shown, "scan": names.index(scan)} if scan in names else shown
+
+
+def _settings_text(run: RunFiles) -> str:
+    path = run.folder / "settings.yaml"
+    with damage_reported(path):
+        return read_text(path) if is_there(path) else ""
+
+
+class _Truth:
+    """Counts against the ground truth, if there is any."""
+
+    def __init__(self, n_scans: int):
+        self._counts = Counts()
+        self._objects = ObjectCounts()
+        self._per_scan = np.full((n_scans, 3), -1, np.int64)
+
+    def compare(self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray) -> npt.NDArray[np.uint8]:
+        """Count the labels of a scan against its ground truth; return what the map draws for each point."""
+        says_moving = labels == Label.MOVING
+        truth = run.sequence.truth(index)
+        if truth is None:
+            return np.where(says_moving, MOVES, STANDS).astype(np.uint8)
+        with np.errstate(invalid="ignore", over="ignore"):
+            ranges = np.linalg.norm(points, axis=1)
+        counted = count(labels, truth, ranges)
+        scores = counted.scores
+        self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
+        self._counts += counted
+        self._objects += count_objects(labels, truth)
+        true = to_mos(truth)
+        kinds = np.where(says_moving, np.where(true == Label.STATIC, FALSE, MOVES), STANDS)
+        return np.where(~says_moving & (true == Label.MOVING), MISSED, kinds).astype(np.uint8)
+
+    def to_page(self) -> dict[str, Any] | None:
+        if not self._counts.n_scans:
+            return None
+        recall = self._objects.recall
+        return {
+            "all": _scores(self._counts.scores),
+            "ranges": {name: _scores(scores) for name, scores in self._counts.scores_by_range.items()},
+            "scans": self._per_scan.tolist(),  # true, false, missed moving points; -1 where there is no truth
+            "objects": len(recall),
+            "found": int((recall >= FOUND).sum()),
+            "n_scans": self._counts.n_scans,
+            "untold": int(self._counts.confusion[:, Label.UNLABELED].sum()),  # points without truth in these scans
+        }
+
+
+def _scores(scores: Scores) -> dict[str, float | int | None]:
+    ratios = {"iou": scores.iou, "precision": scores.precision, "recall": scores.recall}
+    found = {name: round(value, 5) if np.isfinite(value) else None for name, value in ratios.items()}
+    return {**found, "td": scores.true_dynamic, "fd": scores.false_dynamic, "fs": scores.false_static}

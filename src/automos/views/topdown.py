@@ -1,0 +1,112 @@
+"""Labels seen from above, against the truth where there is one, as in Fig. 4 of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.atomic import atomic_path
+from automos.core.labels import Label
+
+COLORS = {
+    "true static": "#9aa0a6",
+    "true moving": "#0a9d3c",
+    "false moving": "#e0262b",
+    "missed": "#1f5fff",
+}
+"""What a point's label and its truth make of it: the paper's true static, true dynamic, false dynamic, false static."""
+
+STATIC = ("#c9cdd2", "#a4a9ae", "#50555a")
+"""Greys of static points, from the ground up to two metres above it."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One picture: points (N, 3) in metres, labels (N,), truth (N,) or None, both uint8 of `Label`."""
+
+    title: str
+    points: npt.NDArray
+    labels: npt.NDArray[np.uint8]
+    truth: npt.NDArray[np.uint8] | None = None
+
+    def kinds(self) -> dict[str, npt.NDArray[np.bool_]]:
+        """Return for each key of `COLORS` which points are drawn in its colour, in drawing order."""
+        says_moving = self.labels == Label.MOVING
+        # Where the truth is unknown nothing can be wrong; the point is drawn as what it was labelled.
+        is_moving = says_moving if self.truth is None else self.truth == Label.MOVING
+        is_known = np.ones(len(self.labels), bool) if self.truth is None else self.truth != Label.UNLABELED
+        return {
+            "true static": ~says_moving & ~(is_moving & is_known),
+            "true moving": says_moving & (is_moving | ~is_known),
+            "false moving": says_moving & ~is_moving & is_known,
+            "missed": ~says_moving & is_moving & is_known,
+        }
+
+
+def draw_views(
+    views: list[View],
+    path: Path,
+    center: npt.NDArray,
+    radius: float,
+    tracks: list[npt.NDArray] | None = None,
+    columns: int = 3,
+) -> None:
+    """Write the views side by side, all of the same square of ground, to a PNG file.
+
+    Parameters
+    ----------
+    center : (2,) array
+        Metres, the middle of the square.
+    radius : float
+        Metres, half its side.
+    tracks : list of array, optional
+        Paths (T, 2 or 3) of moving objects, drawn as lines into every view.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    greys = LinearSegmentedColormap.from_list("static", STATIC)
+    columns = min(columns, len(views))
+    rows = -(-len(views) // columns)
+    figure = Figure(figsize=(7.0 * columns, 7.3 * rows + 0.5), dpi=110, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(views) :]:
+        axis.set_axis_off()
+    for axis, view in zip(axes, views, strict=False):
+        for kind, is_kind in view.kinds().items():
+            x, y, z = view.points[is_kind].T
+            if kind == "true static":  # the ground lighter than what stands on it
+                style = {"s": 0.3, "c": z, "cmap": greys, "vmin": -0.5, "vmax": 2.0}
+            else:
+                style = {"s": 1.6, "c": COLORS[kind]}
+            axis.scatter(x, y, linewidths=0, rasterized=True, **style)
+        for track in tracks or []:
+            axis.plot(track[:, 0], track[:, 1], color="black", linewidth=0.6, alpha=0.5)
+        axis.set(xlim=(center[0] - radius, center[0] + radius), ylim=(center[1] - radius, center[1] + radius))
+        axis.set_aspect("equal")
+        axis.set_title(view.title)
+        axis.set(xticks=[], yticks=[])
+        _draw_scale(axis, radius)
+    handles = [Line2D([], [], marker="o", linestyle="", color=color, label=kind) for kind, color in COLORS.items()]
+    if tracks:
+        handles.append(Line2D([], [], color="black", alpha=0.5, label="path of what moves"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        FigureCanvasAgg(figure).print_png(file)
+
+
+def _draw_scale(axis: Any, radius: float) -> None:
+    """Draw a bar of a round number of metres, about a fifth of the picture long, into its lower left corner."""
+    length = max(step for step in (1, 2, 5, 10, 20, 50, 100, 200) if step <= max(0.4 * radius, 1.0))
+    share = length / (2.0 * radius)
+    bar = {"transform": axis.transAxes, "color": "black", "solid_capstyle": "butt"}
+    axis.plot([0.03, 0.03 + share], [0.03, 0.03], linewidth=7, **{**bar, "color": "white"})
+    axis.plot([0.03, 0.03 + share], [0.03, 0.03], linewidth=3, **bar)
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+    axis.text(0.03 + 0.5 * share, 0.045, f"{length} m", transform=axis.transAxes, ha="center", bbox=box)

@@ -1,0 +1,219 @@
+"""Reads boxes that were corrected in another tool: SUSTechPOINTS or CVAT.
+
+Both give boxes in the scans' upright frames, as they were exported. SUSTechPOINTS keeps the ids of tracks; CVAT
+renumbers them, so its tracks are recognised by the places of their boxes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.core.reading import read_json
+from automos.core.scan import MAX_RANGE
+from automos.core.upright_boxes import Boxes, iou_3d
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import MIN_SIDE, VERDICTS
+from automos.writers.cvat import ANNOTATIONS
+from automos.writers.datumaro import Datumaro, read_datumaro
+
+MAX_TILT = 0.2
+"""Radians a box may be tilted about x or y; tools that fit boxes to points tilt them a little, which is not kept."""
+_ID_DIGITS = 9
+SAME_OBJECT = 0.3
+"""Intersection over union above which two boxes of a scan are taken to be around the same object."""
+
+
+@dataclass(frozen=True)
+class EditedBox:
+    """One box of one scan, in the scan's upright frame: metres, radians; `verdict` is an index into `VERDICTS`."""
+
+    center: tuple[float, float, float]
+    size: tuple[float, float, float]
+    yaw: float
+    verdict: int
+
+    def to_boxes(self) -> Boxes:
+        """Return it as the only one of a set of boxes."""
+        return Boxes(np.array([self.center]), np.array([self.size]), np.array([self.yaw]), np.ones(1))
+
+
+EditedScan = dict[int, EditedBox]
+"""The boxes of one scan, by track id."""
+
+
+def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
+    """Return the corrected boxes at `path` by scan; scans that the tool left out are not there.
+
+    Parameters
+    ----------
+    path : a SUSTechPOINTS scene or its label folder, or CVAT's export "Datumaro 3D" as a zip, a folder or its JSON.
+    run : the results that the boxes were exported from.
+
+    Raises
+    ------
+    InputError
+        Nothing of the kind is there, it is damaged, or it has boxes of a class that says nothing of motion.
+    """
+    if not path.exists():
+        raise InputError(f"{path} does not exist; check the path")
+    labels = path / "label" if (path / "label").is_dir() else path
+    if labels.is_dir() and any(labels.glob("*.json")) and not (path / ANNOTATIONS).exists():
+        return _read_sustech(labels, run)
+    document = read_datumaro(path)
+    if document is None:
+        raise InputError(f"{path} is neither a SUSTechPOINTS scene (label/*.json) nor CVAT's export as 'Datumaro 3D'")
+    return _recognise(_boxes_of(document, path, run), run)
+
+
+# ------------------------------------------------------------------------------------------------- SUSTechPOINTS
+def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
+    files = {path.stem: path for path in folder.glob("[!.]*.json")}
+    require_known(files, run, folder)
+    found = {index: _boxes_in(files[name]) for index, name in enumerate(run.names) if name in files}
+    ids = _Ids(run, [name for boxes in found.values() for name, _ in boxes])
+    edits: dict[int, EditedScan] = {index: {} for index in found}
+    for index, boxes in found.items():
+        for name, box in boxes:
+            track = ids.of(name)
+            if track in edits[index]:
+                path = files[run.names[index]]
+                raise InputError(f"{path} has two boxes with obj_id {name!r}; give each object its own")
+            edits[index][track] = box
+    return edits
+
+
+def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
+    """Return the boxes in one label file, each with what its object is called."""
+    try:
+        document = read_json(path)
+        boxes = []
+        for box in document["objs"] if isinstance(document, dict) else document:
+            position, scale, rotation = (_xyz(box["psr"][key]) for key in ("position", "scale", "rotation"))
+            made = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
+            boxes.append((_name_of(box.get("obj_id"), path), made))
+        return boxes
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise InputError(f"{path} is not a label file of SUSTechPOINTS ({error}); save the scene again") from None
+
+
+def _name_of(obj_id: Any, path: Path) -> str:
+    """Return what a tool calls the object of a box; "" where it has no name."""
+    name = "" if obj_id is None else str(obj_id)
+    if name.isascii() and name.isdecimal() and len(name) > _ID_DIGITS:
+        raise InputError(f"{path} has a box with obj_id {name[:20]}...; ids have up to {_ID_DIGITS} digits")
+    return name
+
+
+def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
+    return float(values["x"]), float(values["y"]), float(values["z"])
+
+
+class _Ids:
+    """Track ids of what a tool calls its objects: numbers are kept, other names and none get new ones."""
+
+    def __init__(self, run: RunFiles, names: list[str]) -> None:
+        numbers = [self._number(name) for name in names]
+        self._next = max([*run.tracks, *numbers], default=0) + 1
+        self._of: dict[str, int] = {}
+
+    def of(self, name: str) -> int:
+        track = self._number(name) or self._of.get(name, self._next)
+        if track == self._next:
+            self._next += 1
+            if name:
+                self._of[name] = track
+        return track
+
+    @staticmethod
+    def _number(name: str) -> int:
+        """Return `name` as a number, 0 where it is none."""
+        return int(name) if name.isascii() and name.isdecimal() else 0
+
+
+# ---------------------------------------------------------------------------------------------------------- CVAT
+def _boxes_of(document: Datumaro, path: Path, run: RunFiles) -> dict[int, EditedScan]:
+    """Return the boxes by scan, under the numbers that CVAT gave the tracks; single shapes have negative ones."""
+    names = [label.name for label in document.categories.label.labels]
+    items = {Path(str(item.id)).name: item for item in document.items}
+    if len(items) < len(document.items):
+        raise InputError(f"{path} has the boxes of a scan twice; export it from CVAT again")
+    require_known(items, run, path)
+    n_shapes = 0
+    edits: dict[int, EditedScan] = {}
+    for index, name in enumerate(run.names):
+        if name not in items:
+            continue
+        edits[index] = {}
+        for box in items[name].cuboids:
+            n_shapes += 1
+            track = -n_shapes if box.attributes.track_id is None else box.attributes.track_id
+            if track in edits[index]:
+                raise InputError(f"{path} has two boxes of track {track} in scan {name!r}; give each object its own")
+            if box.label_id >= len(names):
+                raise InputError(f"{path} has a box of class {box.label_id}, but names {len(names)}; export it again")
+            center, size, rotation = tuple(box.position), tuple(box.scale), tuple(box.rotation)
+            edits[index][track] = _make_box(center, size, rotation, names[box.label_id], path)
+    return edits
+
+
+def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedScan]:
+    """Return `edits` with the run's track ids: each track is the one most of whose boxes lie where its own do."""
+    votes: Counter[tuple[int, int]] = Counter()
+    for index, scan in edits.items():
+        found = run.boxes_upright(index)
+        for track, box in scan.items():
+            overlap = iou_3d(box.to_boxes(), found.boxes)[0]
+            if len(overlap) and overlap.max() > SAME_OBJECT:
+                votes[track, int(found.ids[overlap.argmax()])] += 1
+    known: dict[int, int] = {}
+    taken: set[int] = set()
+    for (track, original), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
+        if track not in known and original not in taken:
+            known[track] = original
+            taken.add(original)
+    new = max(run.tracks, default=0) + 1
+    for track in sorted({track for scan in edits.values() for track in scan} - known.keys()):
+        known[track], new = new, new + 1
+    return {index: {known[track]: box for track, box in scan.items()} for index, scan in edits.items()}
+
+
+# ----------------------------------------------------------------------------------------------------- both tools
+def _make_box(
+    center: tuple[float, ...], size: tuple[float, ...], rotation: tuple[float, ...], kind: str, path: Path
+) -> EditedBox:
+    if str(kind).lower() not in VERDICTS:
+        raise InputError(
+            f"{path} has a box of class {kind!r}; classes are {', '.join(VERDICTS)}: change it in the tool"
+        )
+    values = (*center, *size, *rotation)
+    if not len(center) == len(size) == len(rotation) == 3:
+        raise InputError(f"{path} has a box at {center} of size {size}, turned by {rotation}; each has three numbers")
+    if not (np.abs(values) < MAX_RANGE).all():
+        raise InputError(f"{path} has a box of size {size} at {center}, turned by {rotation}; no sensor sees so far")
+    if min(size) < 0 or max(size) == 0:
+        raise InputError(f"{path} has a box of size {size} at {center}; boxes have three sides, none below 0")
+    size = tuple(max(side, MIN_SIDE) for side in size)  # tools round thin ones to nothing
+    # Some tools write a heading beyond 90 degrees as a half turn about x or y; the box is the same.
+    if max(abs(np.sin(rotation[0])), abs(np.sin(rotation[1]))) > np.sin(MAX_TILT):
+        raise InputError(f"{path} has a box at {center} that is tilted by {rotation[:2]} rad; stand it upright")
+    yaw = rotation[2] if np.cos(rotation[0]) * np.cos(rotation[1]) > 0 else -rotation[2]
+    return EditedBox(center, size, float(yaw), VERDICTS.index(kind.lower()))  # type: ignore[arg-type]
+
+
+def require_known(names: Iterable[str], run: RunFiles, path: Path) -> None:
+    """Raise where the corrections at `path` are of other scans than the run's."""
+    strays = sorted(set(names) - set(run.names))
+    if strays:
+        raise InputError(
+            f"{path} has corrections of a scan {strays[0]!r}, which {run.sequence.name} has not; give the recording "
+            "that it was exported from"
+        )

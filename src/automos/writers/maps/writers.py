@@ -1,0 +1,107 @@
+"""Point cloud writers that append: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.atomic import atomic_path
+from automos.core.errors import InputError
+from automos.readers.formats import import_extra
+
+Write = Callable[[npt.NDArray], None]
+"""Takes points (N, 3), metres."""
+
+_LAZ_STEP = 1e-4
+"""Metres."""
+_LAZ_REACH = (2**31 - 1) * _LAZ_STEP
+"""Metres that 32 bits of steps reach: 214 km."""
+
+
+@contextmanager
+def open_cloud(path: Path) -> Iterator[Write]:
+    """Give a function that appends points (N, 3) to the file `path`, of the kind its suffix says; whole or not at all.
+
+    Raises
+    ------
+    InputError
+        A suffix other than .ply, .pcd or .laz.
+    MissingExtraError
+        The library for .laz is not installed.
+    """
+    check_kind(path)
+    with atomic_path(path) as temporary:
+        if path.suffix == ".laz":
+            with _open_laz(temporary) as write:
+                yield write
+        else:
+            with _open_binary(temporary, _HEADERS[path.suffix]) as write:
+                yield write
+
+
+def check_kind(path: Path) -> None:
+    """Raise the error that `open_cloud` would raise."""
+    if path.suffix not in (*_HEADERS, ".laz"):
+        raise InputError(f"{path} is of no kind that maps are written in: choose .ply, .pcd or .laz")
+    if path.suffix == ".laz":
+        import_extra("laspy", "las")
+        import_extra("lazrs", "las")
+
+
+def _ply_header(n: int) -> str:
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    return f"ply\nformat binary_little_endian 1.0\nelement vertex {n:012d}\n{properties}end_header\n"
+
+
+def _pcd_header(n: int) -> str:
+    return (
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH {n:012d}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {n:012d}\nDATA binary\n"
+    )
+
+
+_HEADERS: dict[str, Callable[[int], str]] = {".ply": _ply_header, ".pcd": _pcd_header}
+"""Headers of one length whatever the number of points, so that it can be filled in at the end."""
+
+
+@contextmanager
+def _open_binary(path: Path, header: Callable[[int], str]) -> Iterator[Write]:
+    n = 0
+    with path.open("wb") as file:
+        file.write(header(0).encode())
+
+        def write(points: npt.NDArray) -> None:
+            nonlocal n
+            n += len(points)
+            file.write(np.ascontiguousarray(points, "<f4").tobytes())
+
+        yield write
+        file.seek(0)
+        file.write(header(n).encode())
+
+
+@contextmanager
+def _open_laz(path: Path) -> Iterator[Write]:
+    laspy, lazrs = import_extra("laspy", "las"), import_extra("lazrs", "las")
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales, header.offsets = np.full(3, _LAZ_STEP), np.zeros(3)
+
+    def write(points: npt.NDArray) -> None:
+        if not (np.abs(points) < _LAZ_REACH).all():
+            raise InputError(f"the map reaches further than {_LAZ_REACH / 1e3:.0f} km, as LAZ does: choose --kind ply")
+        record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
+        record.x, record.y, record.z = points.astype(np.float64).T
+        cloud.write_points(record)
+
+    try:
+        with (
+            path.open("w+b") as file,
+            laspy.open(file, mode="w", header=header, do_compress=True, closefd=False) as cloud,
+        ):
+            yield write
+    except lazrs.LazrsError as error:  # which it raises where the disk is full
+        raise OSError(str(error)) from error

@@ -1,0 +1,45 @@
+"""Everything known of each point, as named columns in the scan's order."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.scan import Points, Scan
+from automos.results.run_files import RunFiles
+
+
+def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
+    """Return the (N,) columns of scan `index`, points as the recording has them, or as seen from the scan's pose.
+
+    x, y, z (float32, metres, sensor frame), intensity (float32), time (float32, seconds) and ring (uint16) where the
+    recording has them, label (uint16, values of `Label`), instance (uint32, 0: none). Deskewed points are all of one
+    time, and come without.
+    """
+    scan = run.scan(index)
+    columns = scan_columns(scan, run.points_at_pose(scan, index) if run.deskewed else scan.points)
+    if run.deskewed:
+        columns.pop("time", None)
+    return columns | {
+        "label": run.labels(index, len(scan)),
+        "instance": run.instances(index, len(scan)).astype(np.uint32),
+    }
+
+
+def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
+    """Return x, y, z of `points` and what else `scan` has, each (N,)."""
+    columns: dict[str, npt.NDArray] = {axis: points[:, k] for k, axis in enumerate("xyz")}
+    for name in ("intensity", "time", "ring"):
+        column = getattr(scan, name)
+        if column is not None:
+            columns[name] = column
+    return columns
+
+
+def packed_rows(columns: dict[str, npt.NDArray]) -> npt.NDArray:
+    """Return (N,) structured rows of little-endian columns, without gaps."""
+    dtype = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
+    rows = np.empty(len(columns["x"]), dtype)
+    for name, column in columns.items():
+        rows[name] = column
+    return rows

@@ -1,0 +1,51 @@
+"""A scene for SUSTechPOINTS: lidar/*.pcd and label/*.json; put the folder into the tool's data folder.
+
+Points and boxes are in each scan's upright frame, so that boxes turn about z only.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from automos.core.atomic import write_text
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import VERDICTS
+from automos.writers.formats import Export
+from automos.writers.pcd import write_pcd
+from automos.writers.point_columns import scan_columns
+
+
+def write(run: RunFiles, out: Path) -> None:
+    """Write the scene folder `out`; `obj_type` is Moving, Static or Unknown, `obj_id` the track's number."""
+    for folder in ("lidar", "label"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for index in run.each("writing scene"):
+        name, scan = run.names[index], run.scan(index)
+        write_pcd(out / "lidar" / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        found = run.boxes_upright(index)
+        boxes = [
+            {
+                "psr": {
+                    "position": xyz(found.boxes.center[k]),
+                    "scale": xyz(found.boxes.size[k]),
+                    "rotation": xyz(np.array([0.0, 0.0, found.boxes.yaw[k]])),
+                },
+                "obj_type": VERDICTS[found.verdict[k]].capitalize(),
+                "obj_id": str(found.ids[k]),
+            }
+            for k in range(len(found))
+        ]
+        write_text(out / "label" / f"{name}.json", json.dumps(boxes))
+
+
+def xyz(values: np.ndarray) -> dict[str, float]:
+    """Return three numbers by their axes' names."""
+    return {axis: round(float(value), 6) for axis, value in zip("xyz", values, strict=True)}
+
+
+EXPORT = Export(
+    writes="SUSTechPOINTS scene: lidar/*.pcd, label/*.json", write=write, per_scan=("lidar/*.pcd", "label/*.json")
+)

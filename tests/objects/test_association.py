@@ -1,0 +1,172 @@
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from automos.core.upright_boxes import Boxes
+from automos.objects import filter as kalman
+from automos.objects.association import Objects, assign, association_cost, motion_cost
+from automos.objects.detections import Detections
+from automos.settings import AssociationSettings, FilterSettings, GateSettings
+
+OPEN = {"max_distance": 100.0, "max_overlap_cost": 1.0, "max_volume_cost": 1.0}
+
+
+def box(x=0.0, size=(1.0, 1.0, 1.0)) -> Boxes:
+    return Boxes(np.array([[x, 0.0, 0.0]]), np.array([size], float), np.zeros(1), np.ones(1))
+
+
+def cost(a: Boxes, b: Boxes, **settings) -> float:
+    return float(association_cost(a, b, AssociationSettings(**settings))[0, 0])
+
+
+# ----------------------------------------------------------------------------------------------------- cost, gates
+def test_the_cost_by_hand():
+    # 0.5 m apart; overlap 0.5 of 1 + 2 - 0.5; volumes 1 and 2
+    a, b = box(), box(0.5, (1.0, 1.0, 2.0))
+    assert cost(a, b) == pytest.approx(0.5 + (1.0 - 0.2) + 0.5)
+    assert cost(a, b, weight_distance=2.0) == pytest.approx(1.0 + 0.8 + 0.5)
+    assert cost(a, b, weight_overlap=2.0) == pytest.approx(0.5 + 1.6 + 0.5)
+    assert cost(a, b, weight_volume=0.0) == pytest.approx(0.5 + 0.8)
+    assert cost(a, a) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "gate"),
+    [
+        (box(size=(10, 2, 2)), box(1.99, (10, 2, 2)), None),
+        (box(size=(10, 2, 2)), box(2.01, (10, 2, 2)), "max_distance"),
+        (box(), box(0.90), None),  # overlap 0.1 / 1.9: cost 0.947
+        (box(), box(0.91), "max_overlap_cost"),  # 0.09 / 1.91: 0.953
+        (box(), box(size=(1, 1, 3.3)), None),  # 1 / 3.3: cost 0.697
+        (box(), box(size=(1, 1, 3.4)), "max_volume_cost"),  # 0.706
+        (box(size=(1, 1, 3.4)), box(), "max_volume_cost"),
+    ],
+    ids=["near", "far", "overlapping", "hardly overlapping", "three times as large", "too large", "too small"],
+)
+def test_each_gate_closes_by_itself(a, b, gate):
+    assert np.isfinite(cost(a, b)) == (gate is None)
+    for name, value in OPEN.items():
+        assert np.isfinite(cost(a, b, **{name: value})) == (gate in (None, name))
+
+
+def test_a_flat_box_fits_nothing():
+    assert cost(box(size=(1, 1, 0)), box(size=(1, 1, 0))) == np.inf
+
+
+@pytest.mark.parametrize(("n_tracked", "n_detected"), [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
+    parts = [Boxes.concatenate([box(float(i)) for i in range(n)]) for n in (n_tracked, n_detected)]
+    assert association_cost(*parts, AssociationSettings()).shape == (n_tracked, n_detected)
+
+
+# --------------------------------------------------------------------------------------------- cost of the default
+def cost_of_seeing(
+    before: Boxes,
+    now: Boxes,
+    share: float = 0.5,
+    n_moving: float = 0.0,
+    is_lost: bool = False,
+    n_points: float = 100.0,
+    speed: float = 0.0,
+) -> float:
+    """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later.
+
+    share : what the evidence said of it.   n_moving : of the `n_points` seen now, that have moved.
+    speed : along x, m/s.
+    """
+    noise = FilterSettings()
+    belief = kalman.start(before, noise, noise.initial_velocity_variance)
+    for _ in range(10):
+        belief = kalman.update(kalman.predict(belief, 0.1, noise), before, noise)
+    count, nothing = np.full(1, n_points), np.zeros(1)
+    known = nothing if share == 0.5 else count
+    found = Detections.of_objects(now, count, nothing + n_moving, known - n_moving)
+    belief.mean[:, kalman.VELOCITY] = speed, 0.0, 0.0
+    belief = kalman.predict(belief, 0.1, noise)
+    one, misses = np.zeros(1, np.int64), np.full(1, 2 if is_lost else 1)  # the current scan is included
+    state = np.full(1, share), count, np.full(1, share > 0.5)
+    objects = Objects(belief.mean, belief.covariance, one, nothing, misses, *state)
+    return float(motion_cost(objects, found, noise, GateSettings())[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "is_possible"),
+    [
+        (box(size=(14.2, 1.5, 3.8)), box(2.5, (16.0, 2.4, 3.8)), True),
+        (box(size=(4, 2, 1.5)), box(2.0, (4, 2, 1.5)), True),
+        (box(size=(4, 2, 1.5)), box(4.0, (4, 2, 1.5)), False),
+        (box(size=(14.2, 1.5, 3.8)), box(2.5, (1.0, 1.0, 1.8)), False),
+    ],
+    ids=["an end comes into sight", "half a car's length", "a car in its place behind", "a walker beside a lorry"],
+)
+def test_what_is_where_an_object_must_be_is_that_object_if_it_is_of_its_size(before, now, is_possible):
+    assert np.isfinite(cost_of_seeing(before, now)) == is_possible
+
+
+@pytest.mark.parametrize(
+    ("share", "n_moving", "is_lost", "is_possible"),
+    [(1.0, 0, True, False), (1.0, 0, False, True), (1.0, 60, True, True), (0.4, 0, True, True), (0.0, 100, True, True)],
+    ids=["it has stayed", "in sight it may halt", "doubtful", "it had halted", "it starts"],
+)
+def test_a_mover_that_was_lost_is_not_what_has_been_standing_there(share, n_moving, is_lost, is_possible):
+    assert np.isfinite(cost_of_seeing(box(), box(0.1), share, n_moving, is_lost)) == is_possible
+
+
+@pytest.mark.parametrize(
+    ("share", "speed", "length", "is_possible"),
+    [(0.86, 7.0, 1.0, False), (0.86, 0.5, 1.0, True), (0.86, 7.0, 12.0, True), (0.6, 7.0, 1.0, True)],
+    ids=["it has been elsewhere", "it is slow", "the middle of a lorry", "it was halting when lost"],
+)
+def test_a_few_points_that_have_stayed_are_no_lost_mover_that_passes_its_length_in_a_second(
+    share, speed, length, is_possible
+):
+    before, now = box(size=(length, 1, 1)), box(0.1 + 0.1 * speed, (length, 1, 1))
+    cost = cost_of_seeing(before, now, share, 0, is_lost=True, n_points=5, speed=speed)
+    assert np.isfinite(cost) == is_possible
+
+
+def test_the_nearer_of_two_that_overlap_is_the_cheaper():
+    lorry = box(size=(14.0, 2.4, 3.8))
+    assert cost_of_seeing(lorry, box(2.0, (15.0, 2.4, 3.8))) < cost_of_seeing(lorry, box(4.0, (15.0, 2.4, 3.8)))
+
+
+# ------------------------------------------------------------------------------------------------------ assignment
+def best_by_brute_force(table: np.ndarray) -> tuple[int, float]:
+    """Return the most pairs possible and the least cost of so many, by trying all."""
+    n_rows, n_columns = table.shape
+    for n_pairs in range(min(n_rows, n_columns), 0, -1):
+        costs = [
+            table[list(rows), list(columns)].sum()
+            for rows in combinations(range(n_rows), n_pairs)
+            for columns in permutations(range(n_columns), n_pairs)
+        ]
+        if np.isfinite(min(costs)):
+            return n_pairs, min(costs)
+    return 0, 0.0
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5), st.integers(1, 5), st.sampled_from([0.0, 0.4, 0.8]))
+def test_the_assignment_has_the_most_pairs_and_then_the_least_cost(seed, n_rows, n_columns, forbidden):
+    rng = np.random.default_rng(seed)
+    # a few very dear pairs, which a greedy or a soft assignment would leave out
+    table = np.where(rng.random((n_rows, n_columns)) < 0.2, 50.0, rng.random((n_rows, n_columns)))
+    table[rng.random(table.shape) < forbidden] = np.inf
+    rows, columns = assign(table)
+    n_pairs, least = best_by_brute_force(table)
+    assert len(rows) == len(columns) == n_pairs
+    assert len(set(rows)) == len(set(columns)) == n_pairs
+    assert table[rows, columns].sum() == pytest.approx(least)
+
+
+def test_two_dear_pairs_go_before_one_cheap_pair():
+    rows, columns = assign(np.array([[0.1, 50.0], [50.0, np.inf]]))
+    assert sorted(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 1), (1, 0)]
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_where_no_pair_is_allowed_none_is_made(shape):
+    rows, columns = assign(np.full(shape, np.inf))
+    assert len(rows) == len(columns) == 0

@@ -1,0 +1,48 @@
+"""Coordinates in metres, centimetres, millimetres, and of a map."""
+
+import numpy as np
+import pytest
+
+from automos.core.errors import InputError
+from automos.readers import open_sequence
+from automos.readers.units import unit_of
+
+
+def street(n=2000, seed=0):
+    """Return points around a sensor as a street has them: many near, some 80 m away."""
+    rng = np.random.default_rng(seed)
+    azimuth, ranges = rng.uniform(-np.pi, np.pi, n), rng.gamma(1.5, 10.0, n) + 1.0
+    return np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), rng.uniform(-1.8, 3.0, n)])
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, 1.0), (3.0, 1.0), (100.0, 0.01), (1000.0, 0.001)])
+def test_the_unit_is_the_one_under_which_ranges_are_those_of_a_lidar(factor, unit):
+    found, words = unit_of(factor * street())
+    assert found == unit
+    assert len(words) == (unit != 1.0)
+
+
+EVEN = np.random.default_rng(0).uniform(-900.0, 900.0, (1000, 3))
+
+
+@pytest.mark.parametrize(
+    "cloud", [np.zeros((0, 3)), np.zeros((9, 3)), np.full((9, 3), np.nan), street() + 500_000.0, EVEN]
+)
+def test_nothing_and_a_map_are_in_metres(cloud):
+    assert unit_of(cloud) == (1.0, [])
+
+
+def test_a_folder_in_centimetres_is_read_in_metres_with_a_warning(tmp_path):
+    for i in range(3):
+        cloud = np.column_stack([100.0 * street(seed=i), np.zeros(2000)]).astype(np.float32)
+        cloud.tofile(tmp_path / f"{i:06d}.bin")
+    sequence = open_sequence(tmp_path)
+    np.testing.assert_allclose(sequence[1].points, street(seed=1), rtol=1e-5, atol=1e-5)
+    assert any("centimetres" in words for words in sequence.warnings)
+
+
+def test_a_folder_of_maps_is_refused_still(tmp_path):
+    cloud = np.column_stack([street() + 500_000.0, np.zeros(2000)]).astype(np.float32)
+    cloud.tofile(tmp_path / "000000.bin")
+    with pytest.raises(InputError, match="coordinates of a map"):
+        open_sequence(tmp_path)[0]
