@@ -30,12 +30,12 @@ from automos.settings import Settings
 def label_scans(scans: Scans, objects: TrackedObjects, settings: Settings, workers: int, missing: list[int]) -> PerScan:
     """Yield for each missing scan every point's label, moving track and confidence."""
     is_followed = settings.tracking.method == "paper" or can_follow(scans.frames.stamps)
-    rows_of_scan = objects.tracks.rows_by_scan(len(scans.names))
+    rows_of_scan, parts_of_scan = (of.rows_by_scan(len(scans.names)) for of in (objects.tracks, objects.parts))
 
     def label_scan(i: int) -> Arrays:
         found, about = scans.instances.load(scans.names[i]), scans.candidates.load(scans.names[i], "kind", "log_odds")
-        here = objects.tracks[rows_of_scan[i]]
-        return label_points(scans.frames[i], about, found, here, objects, settings, is_followed)
+        here, parts = objects.tracks[rows_of_scan[i]], objects.parts[parts_of_scan[i]]
+        return label_points(scans.frames[i], about, found, here, parts, objects, settings, is_followed)
 
     return zip(missing, map_in_order(label_scan, missing, workers, threads=True), strict=True)
 
@@ -45,18 +45,20 @@ def label_points(
     about: Mapping[str, npt.NDArray],
     found: Mapping[str, npt.NDArray],
     here: Tracks,
+    parts: Tracks,
     objects: TrackedObjects,
     settings: Settings,
     is_followed: bool,
 ) -> dict[str, npt.NDArray]:
     """Return every point's label, moving track and confidence.
 
-    about, found : the frame's candidates and instances.   here : the rows of all tracks in it.
+    about, found : the frame's candidates and instances.   here, parts : the rows of all tracks and of all
+    their parts in it.
     is_followed : whether the scan rate is high enough for tracking.
     """
-    track = _moving_tracks(frame, about, found, here, objects, settings)
+    track = _moving_tracks(frame, about, found, here, parts, objects, settings)
     label = np.where(track >= 0, Label.MOVING, Label.STATIC).astype(np.uint8)
-    owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], here))
+    owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], parts))
     confidence = point_confidence(track >= 0, owner, objects.verdicts.confidence, about["log_odds"], about["kind"])
     if not is_followed:
         moves = find_moved(found["ids"], Detections.from_arrays(found))
@@ -75,19 +77,21 @@ def _moving_tracks(
     about: Mapping[str, npt.NDArray],
     found: Mapping[str, npt.NDArray],
     here: Tracks,
+    parts: Tracks,
     objects: TrackedObjects,
     settings: Settings,
 ) -> npt.NDArray[np.int32]:
     """Return (M,) the moving track that each point of a frame belongs to, -1 for none."""
     is_moving = objects.verdicts.is_moving[here.track]
     if settings.labels.moving == "now":
-        is_moving &= np.linalg.norm(here.velocity, axis=1) >= settings.labels.now_speed
+        is_moving &= here.p_moving >= 0.5
     moving, points = here[np.flatnonzero(is_moving)], frame.points_level
+    parts = parts[np.flatnonzero(np.isin(parts.track, moving.track))]
     if settings.tracking.method == "paper":
         return paint_points(points, found["ids"], moving)
     may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
     is_ground, completion = about["kind"] == GROUND, settings.tracking.completion
-    track = paint_objects(points, found["ids"], found["stayed"], is_ground, may_move, moving, completion)
+    track = paint_objects(points, found["ids"], found["stayed"], is_ground, may_move, moving, parts, completion)
     if objects.places is not None:
         track[objects.places.static_points(points, track)] = -1
     return track
