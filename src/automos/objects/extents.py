@@ -25,6 +25,7 @@ Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations of a velocity from which on its direction is the heading
 AROUND = 0.5  # seconds before and after a scan over which directions of motion are averaged
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
+ROUNDS = 2  # the heading needs centres, the centres a heading
 STRAY = 0.02  # share of a body's points in a scan, on either side, that are on mirrors and the like
 
 
@@ -38,17 +39,16 @@ class Scans:
     instances: Stage
 
 
-def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, rounds: int, workers: int) -> Tracks:
+def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, workers: int) -> Tracks:
     """Return `tracks` with the whole boxes and velocities of its bodies.
 
     tracks : the rows of bodies, sorted by body, then scan; their centres are those of the main segments.
     parts : all segments of the bodies, rows as of tracks.   yaw : (R,) radians, of the main segments' own boxes.
-    rounds : the heading needs centres, the centres a heading; each reads all scans once.
     """
     first = np.append(np.flatnonzero(np.diff(tracks.track, prepend=-1)), len(tracks.track))
     times = scans.frames.stamps[tracks.scan]
     measured, extent = np.where(tracks.is_observed[:, None], tracks.center, np.nan), tracks.size
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         path, velocity, variance = smooth_paths(first, times, measured)
         heading = headings(first, times, velocity, variance, yaw)
         tracks = replace(tracks, center=path, yaw=heading, velocity=velocity)

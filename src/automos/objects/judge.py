@@ -1,21 +1,22 @@
-"""Whether a body moves: log-likelihoods of standing and of moving in every scan, and the states that follow.
+"""Whether a body has moved, and in which scans it moves: what each scan says, and the states that follow.
 
-The chain of `states` has two states. What a scan says of them is the sum of
+The chain of `states` has two readings, and each its log-likelihoods. Of *moved at some time* a scan says
+
+    body + evidence - pieces - porosity - unsteadiness
 
 *Evidence*: the points of a scan are correlated, so the numbers of moved, stayed and unknown ones follow a
-Dirichlet-multinomial distribution in either state.
-
-*Displacement*: while a body stands it keeps its place, so its velocity over a look is zero up to the noise of the
-segments' faces; that of a mover has heavy tails (Cauchy). A static object of which more comes into sight extends at
-one face only. So on each axis the smaller velocity of the two faces counts, if their signs agree.
+Dirichlet-multinomial distribution in either state. Where poses are off it is wrong, so it is a mixture with its own
+opposite, which bounds what one look can say. While a mover waits its place is known to the centimetre; the scans in
+which it comes or leaves outweigh those, as a chain has both.
 
 *Body*: pieces that the evidence cut out of a segment are seldom objects. The face of a vehicle or a person returns all
 rays that meet it; rain, dust, spray and leaves let rays through. On a square face of n rays, the share 1 - 1.5 /
 sqrt(n) + 0.5 / n of the neighbours of a ray are on the face, too; porosity is the missing part of that share. What
 stands on the ground keeps the height of its bottom or top; segments of trees and walls do not.
 
-Evidence and displacement are both wrong at times: poses are off, segments jump. So each is a mixture with its own
-opposite, which bounds what one look can say. Scans within a look are not independent and count by the time between.
+*Moves now* follows from the velocity of the body's box (`moving_now`).
+
+Scans within a look are not independent and count by the time between them.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from scipy.special import gammaln
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
-from automos.objects.face_paths import face_scatter, face_velocities
+from automos.objects.face_paths import face_scatter
+from automos.objects.motion import NOISE
 from automos.objects.states import chain_of_two
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -40,13 +42,15 @@ Array = npt.NDArray[np.float64]
 MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
-LOOK = 1.0  # seconds within which scans say the same
-SPEED = 3.0  # m/s, scale of the velocities of movers
-WRONG_EVIDENCE, WRONG_DISPLACEMENT = 0.05, 0.05  # shares of looks
-BEGINS_MOVING, BEGIN, END = 0.3, 0.02, 0.2  # probability of moving in the first scan; changes of state per second
-BODY, PIECE, POROUS, UNSTEADY = 0.0, -3.0, -3.0, 0.0  # log-odds of moving, per look: of all, and per unit of the terms
+LOOK = 2.3  # seconds within which scans say the same
+WRONG = 0.006  # share of looks in which the evidence is that of the other state
+START, BEGIN, END = 0.06, 0.0017, 0.02  # probability of motion in the first scan; changes of state per second
+BODY, PIECE, POROUS, UNSTEADY = 2.1, -2.6, -0.56, -0.75  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
-NOISE = 0.05  # metres, least scatter of a face of a box
+LEAST_SCATTER = 0.05  # metres, of the faces of a box
+SPEED = 5.0  # m/s, scale of the velocities of movers
+JUMPS = 0.05  # share of looks in which a body's box says the opposite: it is cut or joined with another
+CHANGE = 0.1  # per second, rates at which movers set off and come to rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +59,11 @@ class SegmentTerms(ColumnData):
 
     Attributes
     ----------
-    faces : (M, 6) float64, metres, x, y, z of the low and of the high faces.
+    heights : (M, 2) float64, metres, of the lower and of the upper face.
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
     """
 
-    faces: Array
+    heights: Array
     evidence: Array
 
 
@@ -68,75 +72,71 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
 
     Unknown points count as evidence only if scans a second or more away were asked (`is_asked`).
     """
-    boxes = found.boxes
-    c, s = np.abs(np.cos(boxes.yaw)), np.abs(np.sin(boxes.yaw))
-    length, width, height = boxes.size.T
-    half = 0.5 * np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
     # Relative deficit of solidity from a face of as many rays.
     n = np.maximum(found.n_points, 2.0)
     porosity = np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
-    is_body = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
-    evidence = _doubted(_evidence(found, is_asked), WRONG_EVIDENCE) + is_body
-    return SegmentTerms(np.hstack([boxes.center - half, boxes.center + half]), evidence)
+    of_bodies = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
+    center, half = found.boxes.center[:, 2], 0.5 * found.boxes.size[:, 2]
+    evidence = BODY + of_bodies + _doubted(_evidence(found, is_asked), WRONG)
+    return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
 
 
 def judge_tracks(
     tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, shifts: Array | None = None
-) -> tuple[Tracks, Verdicts]:
-    """Return `tracks` with the probability of moving in every scan, and the verdicts: moving if more likely than not.
+) -> Verdicts:
+    """Return moving for every track that has moved more likely than not.
 
-    The confidence of a verdict is the probability that it is right. Tracks with a single observation are static.
+    The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
+    the probabilities hold for what was observed twice; where `shifts` are positive, they are judged, too.
 
     Parameters
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    shifts : (N,) float64, optional, log-odds of moving added to those of observations in each scan.
+    shifts : (N,) float64, optional, log-odds of moving added per look in each scan.
     """
-    p_moving, p_ever = np.zeros(len(tracks.track)), np.zeros(len(tracks))
     seen = np.flatnonzero(tracks.is_observed)
-    if len(seen):
-        first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-        times = stamps[tracks.scan[seen]]
-        ratio = log_ratios(first, times, SegmentTerms.concatenate(list(terms))[_segments(tracks, seen, terms)])
-        if shifts is not None:
-            ratio += shifts[tracks.scan[seen]]
-        p_moving[seen], p_ever = chain_of_two(first, times, ratio, BEGINS_MOVING, BEGIN, END)
-        p_ever[np.diff(first) < 2] = 0.0
-        unseen = np.flatnonzero(~tracks.is_observed)
-        p_moving[unseen] = p_moving[seen[np.maximum(np.searchsorted(seen, unseen) - 1, 0)]]
+    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
+    n_seen, times = np.diff(first), stamps[tracks.scan[seen]]
+    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 2)), np.zeros(0)), *terms])
+    of_rows = every[_segments(tracks, seen, terms)]
+    unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
+    ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), n_seen)
+    if shifts is not None:
+        ratio += shifts[tracks.scan[seen]]
+        n_seen = n_seen + np.bincount(tracks.track[seen], shifts[tracks.scan[seen]] > 0.0, len(tracks))
+    _, p_ever = chain_of_two(first, times, ratio * looks(first, times), START, BEGIN, END)
+    p_ever[n_seen < 2] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
-    return replace(tracks, p_moving=p_moving), Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever))
+    return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever))
 
 
-def log_ratios(first: npt.NDArray[np.int64], times: Array, terms: SegmentTerms) -> Array:
-    """Return (R,) the log-likelihood ratio of moving against standing of each observation.
+def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
+    """Return `tracks` with the probability of moving in every scan, from the smoothed velocities of their boxes.
 
-    first : (T + 1,) the first observation of each track.   times : (R,) seconds.   terms : of the R observations.
+    While a body stands its velocity is zero up to the noise of the smoother, and that of a mover has heavy tails. A
+    body that has moved with probability p moves at a scan with p times the probability that follows.
     """
-    faces, length = terms.faces, np.diff(first)
-    scatter = face_scatter(first, faces)
-    steadier = np.minimum(scatter[:, 0] + scatter[:, 1], scatter[:, 3] + scatter[:, 4])
-    noise = NOISE + np.sqrt(steadier)
-    velocity, deviation = face_velocities(first, times, faces[:, 0:2], faces[:, 3:5], noise, LOOK)
-    squared = (velocity**2).sum(axis=1)
-    known = np.isfinite(deviation)
-    deviation = np.where(known, deviation, 1.0)
-    moves = -1.5 * np.log1p(squared / SPEED**2) - 2.0 * np.log(SPEED)
-    stands = -0.5 * squared / deviation**2 - 2.0 * np.log(deviation)
-    ratio = terms.evidence + np.where(known, _doubted(moves - stands, WRONG_DISPLACEMENT), 0.0) + BODY
-    unsteady = UNSTEADY * np.log1p(np.sqrt(np.minimum(scatter[:, 2], scatter[:, 5])) / NOISE)
-    since = np.diff(times, prepend=times[:1])
-    since[first[:-1][length > 0]] = LOOK
-    return (ratio + np.repeat(unsteady, length)) * np.minimum(since / LOOK, 1.0)
+    first = np.searchsorted(tracks.track, np.arange(len(tracks) + 1))
+    squared = (tracks.velocity[:, :2] ** 2).sum(axis=1)
+    moves = -1.5 * np.log1p(squared / SPEED**2) - 2.0 * np.log(SPEED)  # Cauchy in the plane
+    stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
+    times = stamps[tracks.scan]
+    ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 1.0)
+    p_moving, _ = chain_of_two(first, times, ratio, 0.5, CHANGE, CHANGE)
+    p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)
+    return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
 
 
-def without_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> tuple[Tracks, Verdicts]:
-    """Return the tracks and their verdicts without those that have stayed in every scan and do not move."""
-    is_kept = ~is_scenery(tracks, verdicts, detections)
-    kept = tracks[is_kept[tracks.track]]
-    return replace(kept, track=(np.cumsum(is_kept) - 1)[kept.track]), verdicts[is_kept]
+def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK) -> Array:
+    """Return (R,) the looks that each observation is worth: 1 for a track's first, then the time since the one before.
+
+    first : (T + 1,) the first observation of each track.   times : (R,) seconds.
+    """
+    worth = np.minimum(np.diff(times, prepend=times[:1]) / look, 1.0)
+    worth[first[:-1][np.diff(first) > 0]] = 1.0
+    return worth
 
 
 def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> Mask:

@@ -27,15 +27,12 @@ def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Arr
     first : (P + 1,) where each path begins among the rows.   times : (R,) seconds.
     measured : (R, D) metres; NaN where a path was not observed.
     """
-    position, velocity = np.empty_like(measured), np.empty_like(measured)
-    variance = np.empty(len(times))
+    position, velocity, variance = np.empty_like(measured), np.empty_like(measured), np.empty(len(times))
     for begin, end in zip(first[:-1], first[1:], strict=True):
-        rows = slice(begin, end)
-        for axis in range(measured.shape[1]):
-            z = np.ascontiguousarray(measured[rows, axis])
-            position[rows, axis], velocity[rows, axis], variance[rows] = smooth(
-                times[rows], z, NOISE**2, ACCELERATION**2
-            )
+        t = times[begin:end]
+        for axis, z in enumerate(measured[begin:end].T.copy()):
+            x, v, variance[begin:end] = smooth(t, z, NOISE**2, ACCELERATION**2)
+            position[begin:end, axis], velocity[begin:end, axis] = x, v
     return position, velocity, variance
 
 

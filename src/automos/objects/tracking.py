@@ -13,51 +13,55 @@ from automos.core.scan import OBJECT, Mask
 from automos.objects.detections import Detections
 from automos.objects.bodies import joined, links_in_time, parts_of_bodies
 from automos.objects.extents import Scans, whole_boxes
-from automos.objects.judge import is_scenery, judge_tracks, segment_terms
+from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
-from automos.objects.paper.verdict import judge_by_trajectory
+from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
 from automos.objects.tracker import can_follow, track_objects
-from automos.objects.tracks import Tracks, observed, of_tracks
+from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
 from automos.settings import Settings
 
 Array = npt.NDArray[np.float64]
 
 
+MIN_POINTS = 50
+"""Points, over its life, of the smallest body that is in any list: of what is less, neither extent nor kind is known."""
+_OF_PARTS = ("track", "scan", "segment", "p_moving")
+
+
 @dataclass(frozen=True, eq=False)
 class TrackedObjects:
     """Bodies and all else that was tracked, the verdict on each, and the places of static objects beside them.
 
-    `parts` has a row for every segment of every track; of several in a scan, `tracks` has the main one.
+    `parts` has a row for every segment of every track; of several in a scan, `tracks` has the main one. `scraps` are
+    segments that moved and are too small to be bodies; their `p_moving` is the probability that they did.
     """
 
     tracks: Tracks
     verdicts: Verdicts
     places: Places | None = None
     parts: Tracks = None  # type: ignore[assignment]
+    scraps: Tracks = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.parts is None:
-            object.__setattr__(self, "parts", self.tracks[np.flatnonzero(self.tracks.is_observed)])
+            object.__setattr__(self, "parts", observed(self.tracks))
+        if self.scraps is None:
+            object.__setattr__(self, "scraps", self.tracks[np.zeros(0, np.int64)])
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return everything by name, for saving."""
         places = {} if self.places is None else self.places.to_arrays()
-        parts = {name: getattr(self.parts, name) for name in _OF_PARTS}
-        parts = {f"part_{name}": column for name, column in parts.items()}
-        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places, **parts}
+        more = {f"{name}_{c}": getattr(getattr(self, name), c) for name in ("parts", "scraps") for c in _OF_PARTS}
+        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places, **more}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
         """Return the objects saved by `to_arrays`."""
         places = Places.from_arrays(arrays) if "places" in arrays else None
-        tracks, verdicts = Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays)
-        parts = Tracks.of_segments(*(arrays[f"part_{name}"] for name in _OF_PARTS))
-        return TrackedObjects(tracks, verdicts, places, parts)
-
-
-_OF_PARTS = ("track", "scan", "segment")
+        more = [Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")]
+        return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places, *more)
 
 
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
@@ -66,52 +70,57 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     detections = [Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names]
     if tracking.method == "paper":
         tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-        return TrackedObjects(tracks, judge_by_trajectory(tracks, tracking.verdict))
+        return TrackedObjects(with_speed_as_state(tracks), judge_by_trajectory(tracks, tracking.verdict))
     if not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-    terms = [segment_terms(found) for found in detections]
-    tracks, verdicts = judge_tracks(tracks, terms, stamps)
-    tracks = with_whole_boxes(scans, tracks, observed(tracks), verdicts.is_moving, detections, 1, workers)
-    n_points = _of_rows(tracks, [found.n_points for found in detections])
-    owner = parts_of_bodies(tracks, verdicts.is_moving, np.bincount(tracks.track, n_points, len(tracks)))
-    ends, beginnings = links_in_time(tracks, verdicts.is_moving, np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0, stamps)
-    tracks, parts = joined(tracks, owner, ends, beginnings, n_points)
-    tracks, verdicts = judge_tracks(tracks, terms, stamps)
+    tracks, parts = _bodies(scans, tracks, detections, workers)
+    verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
     kept = ~is_scenery(tracks, verdicts, detections)
+    n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
+    is_scrap = verdicts.is_moving & (np.bincount(parts.track, n_points, len(tracks)) < MIN_POINTS)
+    scraps = of_tracks(parts, is_scrap)
+    scraps = replace(scraps, p_moving=verdicts[is_scrap].confidence[scraps.track])
+    kept &= ~is_scrap
     tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
-    tracks = with_whole_boxes(scans, tracks, parts, verdicts.is_moving, detections, 2, workers)
-    return TrackedObjects(tracks, verdicts, find_places(scans, tracks, parts, verdicts, settings, workers), parts)
+    tracks = _with_whole_boxes(scans, tracks, parts, verdicts.is_moving, detections, workers)
+    tracks = moving_now(tracks, verdicts, stamps)
+    places = find_places(scans, tracks, parts, verdicts, settings, workers)
+    return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-def with_whole_boxes(
+def _bodies(
+    scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int
+) -> tuple[Tracks, Tracks]:
+    """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
+    stamps = scans.frames.stamps
+    is_moving = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps).is_moving
+    tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)
+    n_points = np.nan_to_num(of_rows(tracks, [found.n_points for found in detections]))
+    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
+    is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
+    return joined(tracks, owner, *links_in_time(tracks, is_moving, is_whole, stamps), n_points)
+
+
+def _with_whole_boxes(
     scans: Scans,
     tracks: Tracks,
     parts: Tracks,
     is_moving: Mask,
     detections: Sequence[Detections],
-    rounds: int,
     workers: int,
 ) -> Tracks:
     """Return `tracks` with the whole boxes of moving bodies, and the others as they are, at rest."""
     rows = np.flatnonzero(is_moving[tracks.track])
-    yaw = _of_rows(tracks, [found.boxes.yaw for found in detections])
-    center = np.stack([_of_rows(tracks, [found.boxes.center[:, a] for found in detections]) for a in range(3)], axis=1)
-    moving = replace(tracks[rows], center=center[rows])
-    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw[rows], rounds, workers)
-    out = replace(tracks, velocity=np.zeros_like(tracks.velocity))
+    moving = tracks[rows]
+    moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
+    yaw = np.nan_to_num(of_rows(moving, [found.boxes.yaw for found in detections]))
+    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, workers)
+    columns = {"velocity": np.zeros_like(tracks.velocity)}
     for name in ("center", "size", "yaw", "velocity"):
-        column = getattr(out, name).copy()
-        column[rows] = getattr(moving, name)
-        out = replace(out, **{name: column})
-    return out
-
-
-def _of_rows(tracks: Tracks, per_scan: Sequence[Array]) -> Array:
-    """Return (R,) what `per_scan` says of the segment of each row, 0 where there is none."""
-    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
-    every = np.append(np.concatenate([np.zeros(0), *per_scan]), 0.0)
-    return every[np.where(tracks.is_observed, begins[tracks.scan] + tracks.segment, -1)]
+        columns[name] = columns.get(name, getattr(tracks, name).copy())
+        columns[name][rows] = getattr(moving, name)
+    return replace(tracks, **columns)
 
 
 def find_places(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,10 +53,12 @@ class Tracks(ColumnData):
         return table[np.lexsort((table.scan, table.track))]
 
     @classmethod
-    def of_segments(cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray) -> Tracks:
-        """Return rows of which only the segments are known."""
+    def of_segments(
+        cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray, p_moving: npt.NDArray
+    ) -> Tracks:
+        """Return rows of which the boxes are not known."""
         nowhere = np.zeros((len(track), 3))
-        return cls(track, scan, segment, nowhere, nowhere, np.zeros(len(track)), nowhere)
+        return cls(track, scan, segment, nowhere, nowhere, np.zeros(len(track)), nowhere, p_moving)
 
     @property
     def is_observed(self) -> npt.NDArray[np.bool_]:
@@ -90,3 +93,10 @@ def of_tracks(tracks: Tracks, is_kept: npt.NDArray[np.bool_]) -> Tracks:
     """Return the rows of the tracks that are kept (T,), numbered anew."""
     kept = tracks[np.flatnonzero(is_kept[tracks.track])]
     return replace(kept, track=(np.cumsum(is_kept) - 1)[kept.track])
+
+
+def of_rows(tracks: Tracks, per_scan: Sequence[npt.NDArray]) -> npt.NDArray:
+    """Return (R, ...) what `per_scan` says of the segment of each row, NaN where there is none."""
+    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
+    nothing = np.full((1, *per_scan[0].shape[1:]), np.nan)
+    return np.concatenate([*per_scan, nothing])[np.where(tracks.is_observed, begins[tracks.scan] + tracks.segment, -1)]

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.objects.detections import Detections
-from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
-from automos.objects.smoothing import smooth_tracks
+from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
+from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
@@ -133,7 +133,7 @@ class Following:
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
         shifts = np.array([step.shift for step in steps])
-        verdicts = judge_tracks(tracks, [step.terms for step in steps], self._settings.judge, shifts)
+        verdicts = judge_tracks(tracks, [step.terms for step in steps], stamps, shifts)
         verdicts = self._with_memory(verdicts, numbers)
         begins = np.full(len(numbers), len(steps))
         # Rows of a track are in the order of scans: assigned backwards, the first one remains.
@@ -143,7 +143,7 @@ class Following:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
         kept = ~is_scenery(tracks, verdicts, detections)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        smooth = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
+        smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
         return Followed(smooth[rows], verdicts, numbers, is_followed)
 
     def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:
@@ -161,6 +161,18 @@ class Following:
         self._moved = {number: p for number, p in self._moved.items() if number in alive}
         for k in np.flatnonzero(is_old & verdicts.is_moving):
             self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))
+
+
+def _smooth(
+    tracks: Tracks, is_moving: npt.NDArray[np.bool_], detections: list[Detections], stamps: npt.NDArray[np.float64]
+) -> Tracks:
+    """Return `tracks` with smoothed centres and velocities of the moving ones."""
+    rows = np.flatnonzero(is_moving[tracks.track])
+    first = np.append(np.flatnonzero(np.diff(tracks.track[rows], prepend=-1)), len(rows))
+    measured = of_rows(tracks[rows], [found.boxes.center for found in detections])
+    center, velocity = tracks.center.copy(), tracks.velocity.copy()
+    center[rows], velocity[rows], _ = smooth_paths(first, stamps[tracks.scan[rows]], measured)
+    return replace(tracks, center=center, velocity=velocity)
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:

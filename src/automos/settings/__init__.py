@@ -22,7 +22,6 @@ from automos.settings.tracking import (
     CompletionSettings,
     FilterSettings,
     GateSettings,
-    JudgeSettings,
     TrackingSettings,
     VerdictSettings,
 )
@@ -33,7 +32,6 @@ __all__ = [
     "AssociationSettings",
     "CandidatesSettings", "CompletionSettings", "DetectSettings",
     "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
-    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
