@@ -41,7 +41,7 @@ def test_smoothed_states_are_the_sum_over_all_paths():
 def test_at_a_lag_only_the_scans_up_to_it_count(lag):
     p_moving, p_ever = state_probabilities(LIKELIHOODS, TIMES, START, BEGIN, END, lag)
     for t in range(len(TIMES)):
-        n = int((TIMES <= TIMES[t] + lag).sum())
+        n = int((TIMES[t] + lag >= TIMES).sum())
         moving, ever = over_all_paths(LIKELIHOODS[:n], TIMES[:n])
         assert p_moving[t] == pytest.approx(moving[t])
         assert p_ever[t] == pytest.approx(ever)

@@ -33,7 +33,7 @@ BIRTHS = 1e-3
 """Bodies that come into sight, per square metre and square metre per second squared: the alternative to a link."""
 
 
-def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: Array) -> Rows:
+def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray) -> Rows:
     """Return (R,) for each row the track that it is a part of: its own, or a heavier moving one whose box it lies in.
 
     tracks : whole boxes of the moving ones.   weight : (T,) points over life.
@@ -63,7 +63,7 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: Array) -> Rows:
 
 
 def _enclosed(tracks: Tracks, is_moving: Mask) -> tuple[Rows, Rows]:
-    """Return the observed rows (P,) in the box of a moving track in their scan, and its rows (P,); by pair, then scan."""
+    """Return the observed rows (P,) in a moving track's box in their scan, and its rows (P,), by pair and scan."""
     found: list[tuple[Rows, Rows]] = [(np.zeros(0, np.int64),) * 2]
     for here in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
         bodies = here[is_moving[tracks.track[here]]]
@@ -99,8 +99,9 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array)
     times : (N,) seconds of the scans.
     """
     first = tracks.first_rows()
-    last = np.append(first[1:], len(tracks.track)) - 1
-    a, b, rows = (np.concatenate(c) for c in zip(_followed(tracks, first, last, times), _overlapping(tracks, first, last), strict=True))
+    last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
+    pairs = _followed(tracks, first, last, times), _overlapping(tracks, first, last)
+    a, b, rows = (np.concatenate(column) for column in zip(*pairs, strict=True))
     possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
     a, b, rows = a[possible], b[possible], rows[possible]
     score = _link_score(tracks, rows, first[b], times[tracks.scan[first[b]]] - times[tracks.scan[rows]])
@@ -113,7 +114,7 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array)
 
 
 def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> tuple[Rows, Rows, Rows]:
-    """Return pairs of tracks (P,) of which the second begins after the first ends, near there, and their last rows."""
+    """Return pairs of tracks (P,), the second of which begins near the end of the first, and the last rows of that."""
     end, begin = times[tracks.scan[last]], times[tracks.scan[first]]
     speed = np.hypot(*tracks.velocity[last, :2].T)
     reach = LONGEST * speed + REACH * (NOISE + ACCELERATION * LONGEST)

@@ -8,6 +8,7 @@ the body's life are its extent, and the face towards the sensor says where the b
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -68,19 +69,17 @@ def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: A
     out = np.empty(len(times))
     moves = velocity[:, 0] + 1j * velocity[:, 1]
     is_sure = np.abs(moves) > SURE * np.sqrt(variance)
-    for begin, end in zip(first[:-1], first[1:], strict=True):
+    for begin, end in pairwise(first):
         sure = begin + np.flatnonzero(is_sure[begin:end])
         if not len(sure):
             out[begin:end] = 0.25 * np.angle(np.exp(4j * yaw[begin:end]).sum())  # sides are a quarter turn apart
             continue
         total = np.concatenate([[0.0], np.cumsum(moves[sure])])
-        low, high = (np.searchsorted(times[sure], times[sure] + side * AROUND, how) for side, how in _ENDS)
+        low = np.searchsorted(times[sure], times[sure] - AROUND)
+        high = np.searchsorted(times[sure], times[sure] + AROUND, side="right")
         nearest = np.searchsorted(0.5 * (times[sure][1:] + times[sure][:-1]), times[begin:end])
         out[begin:end] = np.angle(total[high] - total[low])[nearest]
     return out
-
-
-_ENDS = ((-1.0, "left"), (1.0, "right"))
 
 
 def shown_intervals(scans: Scans, tracks: Tracks, parts: Tracks, workers: int) -> tuple[Array, Array, Array]:
@@ -115,7 +114,7 @@ def extents(first: Rows, low: Array, high: Array, speed: Array) -> Array:
     """Return (R, 3) the extent of each row's body, from the intervals that it showed and its speed (R,)."""
     n = np.diff(first)
     shown, fastest = np.zeros((len(n), 3)), np.zeros(len(n))
-    for k, (begin, end) in enumerate(zip(first[:-1], first[1:], strict=True)):
+    for k, (begin, end) in enumerate(pairwise(first)):
         intervals = (high - low)[begin:end]
         intervals = intervals[np.isfinite(intervals[:, 0])]
         if len(intervals):

@@ -42,10 +42,10 @@ Array = npt.NDArray[np.float64]
 MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
-LOOK = 2.3  # seconds within which scans say the same
-WRONG = 0.006  # share of looks in which the evidence is that of the other state
-START, BEGIN, END = 0.06, 0.0017, 0.02  # probability of motion in the first scan; changes of state per second
-BODY, PIECE, POROUS, UNSTEADY = 2.1, -2.6, -0.56, -0.75  # log-odds of moving per look: of all, and per unit of a term
+LOOK = 1.7  # seconds within which scans say the same
+WRONG = 0.001  # share of looks in which the evidence is that of the other state
+START, BEGIN, END = 0.12, 0.003, 0.02  # probability of motion in the first scan; changes of state per second
+BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.4, -0.6  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 LEAST_SCATTER = 0.05  # metres, of the faces of a box
 SPEED = 5.0  # m/s, scale of the velocities of movers
@@ -81,9 +81,7 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
 
 
-def judge_tracks(
-    tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, shifts: Array | None = None
-) -> Verdicts:
+def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, shifts: Array | None = None) -> Verdicts:
     """Return moving for every track that has moved more likely than not.
 
     The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
@@ -149,10 +147,10 @@ def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detectio
 
 
 def _doubted(log_ratio: Array, wrong: float) -> Array:
-    """Return the log-likelihood ratio of two hypotheses of which each holds as the other in a share `wrong` of looks."""
+    """Return the log-likelihood ratio of two hypotheses, each of which looks as the other in a share `wrong`."""
     log_ratio = np.clip(log_ratio, -100.0, 100.0)
-    right, wrong = np.log1p(-wrong), np.log(wrong)
-    return np.logaddexp(right + log_ratio, wrong) - np.logaddexp(right, wrong + log_ratio)
+    sure, doubt = np.log1p(-wrong), np.log(wrong)
+    return np.logaddexp(sure + log_ratio, doubt) - np.logaddexp(sure, doubt + log_ratio)
 
 
 def _evidence(found: Detections, is_asked: bool) -> Array:

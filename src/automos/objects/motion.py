@@ -10,6 +10,8 @@ position (Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dyna
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -28,7 +30,7 @@ def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Arr
     measured : (R, D) metres; NaN where a path was not observed.
     """
     position, velocity, variance = np.empty_like(measured), np.empty_like(measured), np.empty(len(times))
-    for begin, end in zip(first[:-1], first[1:], strict=True):
+    for begin, end in pairwise(first):
         t = times[begin:end]
         for axis, z in enumerate(measured[begin:end].T.copy()):
             x, v, variance[begin:end] = smooth(t, z, NOISE**2, ACCELERATION**2)

@@ -58,7 +58,7 @@ def paint_objects(
         # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
         low, high = np.array([-0.5, 0.5])[:, None] * size
         if segment >= 0:
-            own = owned[track_of[owned] == moving.track[k]]
+            own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
             own = _in_box(points[own], center, turn)
             low, high = own.min(axis=1), own.max(axis=1)
         rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RING + margin)

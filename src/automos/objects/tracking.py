@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
-from automos.objects.detections import Detections
 from automos.objects.bodies import joined, links_in_time, parts_of_bodies
+from automos.objects.detections import Detections
 from automos.objects.extents import Scans, whole_boxes
 from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 
 
 MIN_POINTS = 50
-"""Points, over its life, of the smallest body that is in any list: of what is less, neither extent nor kind is known."""
+"""Points, over its life, of the smallest body in any list: of what is less, neither extent nor kind is known."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -89,9 +89,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-def _bodies(
-    scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int
-) -> tuple[Tracks, Tracks]:
+def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:
     """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
     stamps = scans.frames.stamps
     is_moving = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps).is_moving
@@ -116,11 +114,10 @@ def _with_whole_boxes(
     moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
     yaw = np.nan_to_num(of_rows(moving, [found.boxes.yaw for found in detections]))
     moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, workers)
-    columns = {"velocity": np.zeros_like(tracks.velocity)}
-    for name in ("center", "size", "yaw", "velocity"):
-        columns[name] = columns.get(name, getattr(tracks, name).copy())
-        columns[name][rows] = getattr(moving, name)
-    return replace(tracks, **columns)
+    center, size, yaw = tracks.center.copy(), tracks.size.copy(), tracks.yaw.copy()
+    velocity = np.zeros_like(tracks.velocity)
+    center[rows], size[rows], yaw[rows], velocity[rows] = moving.center, moving.size, moving.yaw, moving.velocity
+    return replace(tracks, center=center, size=size, yaw=yaw, velocity=velocity)
 
 
 def find_places(
@@ -136,7 +133,9 @@ def find_places(
         name = scans.names[i]
         found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
         stands = np.flatnonzero(about["kind"] == OBJECT)
-        track = tracks_of_points(found["ids"][stands], found["stayed"][stands], parts[rows_of_scan[i][is_moving[rows_of_scan[i]]]])
+        track = tracks_of_points(
+            found["ids"][stands], found["stayed"][stands], parts[rows_of_scan[i][is_moving[rows_of_scan[i]]]]
+        )
         has_stayed = about["log_odds"][stands] < -settings.instances.components.min_log_odds
         return held_places(scans.frames[i].points_level[stands], track >= 0, (track < 0) & has_stayed, columns)
 

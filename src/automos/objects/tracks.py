@@ -53,9 +53,7 @@ class Tracks(ColumnData):
         return table[np.lexsort((table.scan, table.track))]
 
     @classmethod
-    def of_segments(
-        cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray, p_moving: npt.NDArray
-    ) -> Tracks:
+    def of_segments(cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray, p_moving: npt.NDArray) -> Tracks:
         """Return rows of which the boxes are not known."""
         nowhere = np.zeros((len(track), 3))
         return cls(track, scan, segment, nowhere, nowhere, np.zeros(len(track)), nowhere, p_moving)

@@ -75,7 +75,13 @@ class Stream:
         followed = self._following.at(scan.stamp, ahead)
         judged = TrackedObjects(followed.here, followed.verdicts)
         painted = label_points(
-            frame, scan.about, scan.segments, InScan(judged.tracks, judged.parts, judged.scraps), judged, self._settings, followed.is_followed
+            frame,
+            scan.about,
+            scan.segments,
+            InScan(judged.tracks, judged.parts, judged.scraps),
+            judged,
+            self._settings,
+            followed.is_followed,
         )
         labels, track = painted["label"], painted["track"]
         unknown = is_unknown(scan.about, scan.segments)

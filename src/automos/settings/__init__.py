@@ -32,6 +32,7 @@ __all__ = [
     "AssociationSettings",
     "CandidatesSettings", "CompletionSettings", "DetectSettings",
     "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
+    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",
