@@ -142,7 +142,7 @@ def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> tuple[Rows, Rows, R
 
 
 def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:
-    """Return (K,) the log-likelihood ratio of one body against two, of ends at rows `last` and beginnings at `first`."""
+    """Return (K,) the log-likelihood ratio of one body against two: ends at rows `last`, beginnings at `first`."""
     offset = tracks.center[first] - tracks.center[last]
     v0, v1 = tracks.velocity[last, :2], tracks.velocity[first, :2]
     # The mean of both velocities carries a body over the gap; half of the gap's acceleration is free at either end.

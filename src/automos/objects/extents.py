@@ -24,6 +24,7 @@ from automos.objects.tracks import Tracks
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations of a velocity from which on its direction is the heading
+SIDE = 0.2  # metres, standard deviation of the end of a side about the other
 AROUND = 0.5  # seconds before and after a scan over which directions of motion are averaged
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
 ROUNDS = 2  # the heading needs centres, the centres a heading
@@ -40,31 +41,35 @@ class Scans:
     instances: Stage
 
 
-def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, workers: int) -> Tracks:
+def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, length: Array, workers: int) -> Tracks:
     """Return `tracks` with the whole boxes and velocities of its bodies.
 
     tracks : the rows of bodies, sorted by body, then scan; their centres are those of the main segments.
-    parts : all segments of the bodies, rows as of tracks.   yaw : (R,) radians, of the main segments' own boxes.
+    parts : all segments of the bodies, rows as of tracks.   yaw, length : (R,) of the main segments' own boxes.
     """
     first = np.append(np.flatnonzero(np.diff(tracks.track, prepend=-1)), len(tracks.track))
     times = scans.frames.stamps[tracks.scan]
     measured, extent = np.where(tracks.is_observed[:, None], tracks.center, np.nan), tracks.size
     for _ in range(ROUNDS):
         path, velocity, variance = smooth_paths(first, times, measured)
-        heading = headings(first, times, velocity, variance, yaw)
+        heading = headings(first, times, velocity, variance, yaw, length)
         tracks = replace(tracks, center=path, yaw=heading, velocity=velocity)
         low, high, origin = shown_intervals(scans, tracks, parts, workers)
         extent = extents(first, low, high, np.hypot(velocity[:, 0], velocity[:, 1]))
         measured = centers(tracks, low, high, origin, extent)
     path, velocity, variance = smooth_paths(first, times, measured)
-    heading = headings(first, times, velocity, variance, yaw)
+    heading = headings(first, times, velocity, variance, yaw, length)
     return replace(tracks, center=path, size=extent, yaw=heading, velocity=velocity)
 
 
-def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array) -> Array:
-    """Return (R,) radians: directions of motion, kept while a body stands; of what never moves, the sides' direction.
+def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array, length: Array) -> Array:
+    """Return (R,) radians: directions of motion, kept while a body stands, and corrected by the sides that it shows.
 
-    velocity : (R, 3) m/s.   variance : (R,) (m/s)^2 of its components.   yaw : (R,) of boxes about single segments.
+    A long side says the direction better than the motion does, but not which of four it is. What never moves has the
+    direction of its sides.
+
+    velocity : (R, 3) m/s.   variance : (R,) (m/s)^2 of its components.
+    yaw, length : (R,) radians and metres, of boxes about single segments; length 0 where there is none.
     """
     out = np.empty(len(times))
     moves = velocity[:, 0] + 1j * velocity[:, 1]
@@ -79,7 +84,11 @@ def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: A
         high = np.searchsorted(times[sure], times[sure] + AROUND, side="right")
         nearest = np.searchsorted(0.5 * (times[sure][1:] + times[sure][:-1]), times[begin:end])
         out[begin:end] = np.angle(total[high] - total[low])[nearest]
-    return out
+    of_motion = np.sqrt(variance) / np.maximum(np.abs(moves), SURE * np.sqrt(variance))
+    of_side = SIDE / np.maximum(length, 1e-6)
+    off = 0.25 * np.angle(np.exp(4j * (yaw - out)))
+    agree = np.abs(off) < SURE * np.hypot(of_motion, of_side)
+    return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
 
 
 def shown_intervals(scans: Scans, tracks: Tracks, parts: Tracks, workers: int) -> tuple[Array, Array, Array]:

@@ -45,7 +45,7 @@ static object."""
 LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
 START, BEGIN, END = 0.12, 0.003, 0.02  # probability of motion in the first scan; changes of state per second
-BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.4, -0.6  # log-odds of moving per look: of all, and per unit of a term
+BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.6  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 LEAST_SCATTER = 0.05  # metres, of the faces of a box
 SPEED = 5.0  # m/s, scale of the velocities of movers

@@ -112,8 +112,11 @@ def _with_whole_boxes(
     rows = np.flatnonzero(is_moving[tracks.track])
     moving = tracks[rows]
     moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
-    yaw = np.nan_to_num(of_rows(moving, [found.boxes.yaw for found in detections]))
-    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, workers)
+    yaw, length = (
+        np.nan_to_num(of_rows(moving, of_scans))
+        for of_scans in ([found.boxes.yaw for found in detections], [found.boxes.size[:, 0] for found in detections])
+    )
+    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, length, workers)
     center, size, yaw = tracks.center.copy(), tracks.size.copy(), tracks.yaw.copy()
     velocity = np.zeros_like(tracks.velocity)
     center[rows], size[rows], yaw[rows], velocity[rows] = moving.center, moving.size, moving.yaw, moving.velocity
