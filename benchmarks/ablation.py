@@ -1,52 +1,27 @@
-"""What each choice of the preset `default` is worth: labels with one of them taken back, on the same recordings.
+"""Changes of the method, by name or by place: what is a setting, a number or a rule worth?
 
-    python benchmarks/ablation.py RECORDING [RECORDING ...] [--store FOLDER] [--choices NAME ...] [--scans N]
-                                  [--json FILE]
-    python benchmarks/ablation.py --gate 100 --store FOLDER [--sensors ...] [--json FILE]
-
-A recording is a path or, with --store, a simulated world as scenario:sensor:scans:seed (`avenue:OS1-128:60:4`). Either
-may be followed by @ and a case of `conventions.py` (`DRIVE@cut every 1.09 turns`, `city:VLP-16:40:2@dust`): then it is
-kept and read as that recorder would, and the world needs no --store.
---gate takes all worlds of the gate's seed, without looking at them: the table gives what taking each choice back costs
-each sensor on the mean, and the world that it costs, and gains, most. Scores of worlds are kept in FOLDER by the
-contents of the package.
-A choice is a setting, or a constant or function beside its code ("module:NAME" or "module:NAME.key"); a constant that
-a compiled kernel reads as a global cannot be taken back so. The poses are estimated once a recording; only `poses not
-refined` has others. The table gives the IoU of the moving class, and in brackets the false points, with everything and
-with each choice taken back.
+A change is one of `CHOICES`, each of which takes something back, or PLACE=VALUE: a setting (`tracking.max_gap=0`), or a
+constant beside its code as "module:NAME" or "module:NAME.key" (`automos.objects.judge:WEIGHTS.pieces=0`). Several are
+joined by " + ". A constant that a compiled kernel reads as a global cannot be changed so.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from conventions import CASES
-from lines import show_lines
-from rich.console import Console
-from rich.table import Table
-from robustness import Altered
-from scores import code_digest
-from store import stored_world
+import yaml
 
-from automos import Workspace, label, load_settings, open_sequence
-from automos.core.atomic import write_text
 from automos.core.beam_pattern import BeamPattern
-from automos.core.progress import StageProgress
-from automos.core.scan import Mask, Points, Sequence
-from automos.evaluation.moving import Counts, Scores, count
+from automos.core.errors import InputError
+from automos.core.scan import Mask, Points
+from automos.odometry import missing_scans, speed
+from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
 from automos.settings import PRESETS
-from automos.simulation import SCENARIOS, record, write_recorded
-from automos.simulation.recorders import Recorded, TurnsByAzimuth
 
 NEVER = 1e9
 
@@ -120,6 +95,69 @@ OTHER_METHODS = (
 """Choices of whole methods, not of a rule or a term."""
 
 
+def _without_direction(window: Any, settings: Any, pool: Any = None) -> SpeedSearch:
+    is_known = speed.direction_of(window.steps) is not None
+    if is_known:
+        return search_speed(window, settings, pool)
+    nothing = np.zeros((len(window) - 1, 3))
+    return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+
+
+def _none_missing(window: Any, settings: Any, pool: Any = None) -> Any:
+    return window.gaps
+
+
+def _as_registered(window: Any, settings: Any, pool: Any = None) -> Any:
+    return window
+
+
+def _nothing_refound(window: Any, overhead: Any, pool: Any) -> npt.NDArray:
+    return np.zeros((len(window) - 1, len(missing_scans.TRIED)))
+
+
+REFINE, GAPS = "automos.odometry.refine", "automos.odometry.missing_scans"
+ODOMETRY: dict[str, dict[str, Any]] = {
+    "starts at other speeds": {"automos.odometry.kiss:_find_start": lambda rest, *others: rest},
+    "a search for the speed": {f"{REFINE}:SPEED_ROUNDS": 1, f"{REFINE}:lengthen": lambda T, longer: T},
+    "a search where the sensor seems to stand": {f"{REFINE}:search_speed": _without_direction},
+    "the rival that landmarks propose": {f"{REFINE}:is_ahead": lambda *evidence: False},
+    "isolated points": {
+        "automos.odometry.facing:count_met_again": lambda *met: 0.0,
+        f"{GAPS}:count_met_again": lambda *met: 0.0,
+    },
+    "missing scans counted": {f"{REFINE}:count_missing": _none_missing},
+    "missing scans counted by what faces along the path": {f"{GAPS}:refound_after": _nothing_refound},
+    "missing scans counted at the speed that is searched first": {f"{GAPS}:to_likely_speed": _as_registered},
+}
+"""Parts of the odometry that are left out."""
+
+
+def parsed(change: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the settings and the constants that a change gives other values.
+
+    Raises
+    ------
+    InputError
+        It is no name of `CHOICES` or `ODOMETRY`, and no PLACE=VALUE.
+    """
+    given: dict[str, Any] = {}
+    for part in filter(None, change.split(" + ")):
+        place, is_place, value = part.partition("=")
+        if part in CHOICES | ODOMETRY:
+            given |= (CHOICES | ODOMETRY)[part]
+        elif is_place:
+            given[place] = yaml.safe_load(value)
+        else:
+            raise InputError(f"'{part}' is no change: name one of benchmarks/ablation.py, or give PLACE=VALUE")
+    constants = {place: value for place, value in given.items() if ":" in place}
+    return {place: value for place, value in given.items() if ":" not in place}, constants
+
+
+def cumulative(names: list[str]) -> list[str]:
+    """Return changes of which each has all before it, too."""
+    return [" + ".join(names[: n + 1]) for n in range(len(names))]
+
+
 @contextmanager
 def changed(constants: dict[str, Any]) -> Iterator[None]:
     """Give constants, by "module:NAME" or "module:NAME.key", other values for a while."""
@@ -136,126 +174,3 @@ def changed(constants: dict[str, Any]) -> Iterator[None]:
     finally:
         for holder, at, value in before:
             holder[at] = value
-
-
-def opened(recording: str, store: Path | None, cache: Path) -> Sequence:
-    """Return a recording by its path, or a simulated world of `store` by its name; with @ as a recorder keeps it."""
-    recording, _, name = recording.partition("@")
-    is_world = not Path(recording).exists() and recording.count(":") == 3
-    if not name and (not is_world or store is None):
-        return open_sequence(Path(recording))
-    if not is_world:
-        kept = Recorded(TurnsByAzimuth(open_sequence(Path(recording))), CASES[name].convention)
-    else:
-        scenario, sensor, n_scans, seed = recording.split(":")
-        if not name:
-            return stored_world(store, scenario, sensor, int(n_scans), int(seed))
-        about = {key: getattr(CASES[name], key) for key in ("convention", "conditions", "n_lidars")}
-        kept = record(scenario, sensor, int(n_scans), int(seed), **about)
-    return open_sequence(write_recorded(kept, cache / f"{recording.split('/')[-1].replace(':', '-')}, {name}"))
-
-
-def scores(
-    sequence: Sequence, n_scans: int | None, choice: dict[str, Any], cache: Path, progress: StageProgress
-) -> Scores:
-    folder = cache / sequence.name
-    sequence = Altered(sequence, np.arange(len(sequence))[:n_scans])
-    constants = {place: value for place, value in choice.items() if ":" in place}
-    overrides = {key: value for key, value in choice.items() if key not in constants}
-    workspace = Workspace(folder) if "odometry.refine" not in overrides else Workspace()
-    _forget(folder, constants)
-    with changed(constants):
-        result = label(sequence, load_settings("default", None, overrides), workspace=workspace, progress=progress)
-        counts = sum((count(result.labels(i), sequence.truth(i)) for i in range(len(sequence))), Counts())
-    _forget(folder, constants)
-    return counts.scores
-
-
-def stages_from(place: str) -> tuple[str, ...]:
-    """Return the stages that a constant, by "module:NAME", shapes."""
-    stages, room = ("candidates", "instances", "tracking", "labels"), place.split(".")[1]
-    return stages[stages.index("candidates" if room in ("ground", "sensor") else room) :]
-
-
-def _forget(folder: Path, constants: dict[str, Any]) -> None:
-    """Remove the stages that `constants` shape: stages are found again by their settings, which do not know of them."""
-    for place in constants:
-        for name in stages_from(place):
-            for stage in folder.glob(f"stages/{name}-*"):
-                shutil.rmtree(stage)
-
-
-def kept_row(file: Path, measure: Callable[[], Scores]) -> dict[str, Any]:
-    """Return IoU and false points, those of `file` where it is there; else measured, and kept there."""
-    if not file.exists():
-        found = measure()
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_text(file, json.dumps({"iou": found.iou, "false": found.false_dynamic}))
-    return json.loads(file.read_text())
-
-
-def over_the_gate(seed: int, choices: list[str], sensors: list[str], store: Path) -> list[list[str]]:
-    """Return heading and lines: choice, points of IoU that taking it back costs by sensor, most in one world, false."""
-    rows: dict[tuple[str, str, str], dict] = {}
-    kept = store / "ablation" / code_digest()
-    for sensor in sensors:
-        for scenario in SCENARIOS:
-            with tempfile.TemporaryDirectory() as cache:
-                for choice in choices:
-                    world = f"{scenario}-{sensor}-{seed}"
-                    with StageProgress(Console(stderr=True), f"{world}, {choice}") as progress:
-                        rows[choice, scenario, sensor] = kept_row(
-                            kept / f"{world}-{choice.replace(' ', '_')}.json",
-                            lambda s=scenario, t=sensor, c=choice, f=cache, p=progress: scores(  # type: ignore[misc]
-                                stored_world(store, s, t, 60, seed), None, CHOICES[c], Path(f), p
-                            ),
-                        )
-    lines = [["", *sensors, "most lost", "most won", "false points"]]
-    for choice in choices:
-        worlds = [(scenario, sensor) for scenario in SCENARIOS for sensor in sensors]
-        lost = {w: 100.0 * (rows["everything", *w]["iou"] - rows[choice, *w]["iou"]) for w in worlds}
-        lost = {w: points for w, points in lost.items() if np.isfinite(points)}  # not where nothing moves
-        by_sensor = [f"{np.mean([v for w, v in lost.items() if w[1] == sensor]):+.2f}" for sensor in sensors]
-        worst, best = max(lost, key=lambda w: lost[w]), min(lost, key=lambda w: lost[w])
-        most = [f"{sign * lost[w]:.1f} {' '.join(w)}" for sign, w in ((1, worst), (-1, best))]
-        lines.append([choice, *by_sensor, *most, f"{sum(rows[choice, *w]['false'] for w in worlds):,}"])
-    return lines
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="*")
-    parser.add_argument("--gate", type=int, help="seed of the gate's worlds, all of them")
-    parser.add_argument("--sensors", nargs="+", default=["HDL-64E", "OS1-128", "VLP-16"])
-    parser.add_argument("--store", type=Path, help="folder of simulated worlds")
-    parser.add_argument("--choices", nargs="+", default=list(CHOICES), choices=list(CHOICES))
-    parser.add_argument("--scans", type=int, help="the first so many of each recording")
-    parser.add_argument("--json", type=Path)
-    arguments = parser.parse_args()
-    if arguments.gate is not None:
-        rules = [name for name in arguments.choices if name not in OTHER_METHODS]
-        names = ["everything", *(name for name in rules if name != "everything")]
-        lines = over_the_gate(arguments.gate, names, arguments.sensors, arguments.store)
-        show_lines(lines, arguments.json, "points of IoU that taking each choice back costs")
-        return
-    rows = []
-    with tempfile.TemporaryDirectory() as cache:
-        sequences = [opened(recording, arguments.store, Path(cache) / "kept") for recording in arguments.recordings]
-        table = Table("", *(sequence.name for sequence in sequences), title="IoU % (false points)")
-        for choice in arguments.choices:
-            cells = []
-            for sequence in sequences:
-                name = sequence.name
-                with StageProgress(Console(stderr=True), f"{name}, {choice}") as progress:
-                    found = scores(sequence, arguments.scans, CHOICES[choice], Path(cache), progress)
-                cells.append(f"{100 * found.iou:.1f} ({found.false_dynamic:,})")
-                rows.append({"choice": choice, "recording": name, "iou": found.iou, "false": found.false_dynamic})
-            table.add_row(choice, *cells)
-            Console().print(f"{choice}: {', '.join(cells)}")
-    Console().print(table)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(rows))
-
-
-if __name__ == "__main__":
-    main()

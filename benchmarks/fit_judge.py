@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scores import code_digest
+from experiment import code_digest
 from sklearn.linear_model import LogisticRegression
 
 from automos import load_settings, open_sequence

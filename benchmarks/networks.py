@@ -1,61 +1,67 @@
-"""Tables II and III of the paper with LMNet, as `automos reproduce` makes them, on simulated worlds.
+"""Tables II and III of the paper with LMNet, as `automos reproduce` makes them, and one round of self-training.
 
-    python benchmarks/networks.py table-2 --out FOLDER [--worlds 10] [--scans 60] [--epochs 20] [--samples 200]
-                                          [--full] [--json FILE]
-    python benchmarks/networks.py table-3 --out FOLDER [--picture FILE] ...             with the curve of fine-tuning
-
-Recordings, labels, networks and scores are kept in FOLDER: a run that was interrupted goes on, and what both tables
-(and `self_training.py`) need is made once. One process works in a folder at a time, others wait for it. A folder
-is for one size and one state of the code; the smaller sizes only show that everything runs. --full trains the
-paper's network on its image, 64 x 2048, for as many steps: on a GPU.
+Recordings, labels, networks and scores are kept in the store by the contents of the package: a run that was interrupted
+goes on, and what the tables share is made once. One process works in a folder at a time, others wait for it.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
-from scores import ratios_of
+from experiment import code_digest
+from labels import scores_of
 
-from automos import load_settings
+from automos import load_settings, open_sequence
 from automos.core.atomic import held
-from automos.core.progress import StageProgress
+from automos.evaluation.moving import Counts
+from automos.evaluation.report import evaluate_folder
+from automos.labeling import label_recording
 from automos.network.domains import DOMAINS, Domain, Part
 from automos.network.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
-from automos.network.tables import write_curves, write_table
-from automos.network.train import TrainingData, device_note
+from automos.network.segment import open_network, segment_recording
+from automos.network.tables import write_curves
+from automos.network.train import TrainingData
 
 _SCHEDULE = ("network.training.batch", "network.training.validation_scans")
 """What the full network shares with the narrow one, beside the number of steps."""
+UNSEEN = ("city_HDL-64E_32", "avenue_HDL-64E_31", "junction_HDL-64E_31", "campus_HDL-64E_31")
+"""Recordings of domain K that are not trained on in *LMNet + ours*, by the names of their folders."""
 
 
-def add_size(parser: argparse.ArgumentParser) -> None:
-    """Add how large the experiment is; the defaults are those of `automos reproduce`."""
-    parser.add_argument("--worlds", type=int, default=10, help="recordings of each part of a domain, at most")
-    parser.add_argument("--scans", type=int, default=60, help="of each recording")
-    parser.add_argument("--epochs", type=int, default=SMALL["network.training.epochs"])
-    parser.add_argument("--samples", type=int, default=SMALL["network.training.samples"], help="scans an epoch")
-    parser.add_argument("--full", action="store_true", help="the full network and image")
+@dataclass(frozen=True)
+class Size:
+    """How large the tables are; smaller ones only show that everything runs.
+
+    Attributes
+    ----------
+    worlds, scans : recordings of each part of a domain, at most, and scans of each.
+    epochs, samples : of the training, and scans an epoch.
+    is_full : whether the paper's network on its image, 64 x 2048, is trained: on a GPU.
+    """
+
+    worlds: int = 10
+    scans: int = 60
+    epochs: int = SMALL["network.training.epochs"]
+    samples: int = SMALL["network.training.samples"]
+    is_full: bool = False
 
 
 @contextmanager
-def opened(folder: Path, size: argparse.Namespace) -> Iterator[Experiment]:
-    """Give the experiment in `folder`, for this process alone."""
-    console = Console(stderr=True)
-    base = {name: SMALL[name] for name in _SCHEDULE} if size.full else SMALL
+def _opened(store: Path, size: Size) -> Iterator[Experiment]:
+    """Give the experiments of this size and this state of the code, for this process alone."""
+    folder = store / "networks" / code_digest() / "-".join(map(str, asdict(size).values()))
+    base = {name: SMALL[name] for name in _SCHEDULE} if size.is_full else SMALL
     chosen = {**base, "network.training.epochs": size.epochs, "network.training.samples": size.samples}
     settings = [load_settings("default", overrides=each) for each in (chosen, {**chosen, **TUNING})]
-    with held(folder, waits=True), StageProgress(console, folder.name) as progress:
-        console.print(device_note("auto"))
-        yield Experiment(folder, *settings, progress=progress)
+    with held(folder, waits=True):
+        yield Experiment(folder, *settings)
 
 
-def sized(name: str, size: argparse.Namespace) -> Domain:
+def _sized(name: str, size: Size) -> Domain:
     """Return a simulated domain with at most so many recordings of each part."""
 
     def part(whole: Part) -> Part:
@@ -65,36 +71,46 @@ def sized(name: str, size: argparse.Namespace) -> Domain:
     return Domain(name, *map(part, (domain.train, domain.extra, domain.validation, domain.test)))
 
 
-def network_of_ours(work: Experiment, data: Data) -> Path:
+def table(store: Path, which: int, **size: Any) -> dict[str, Any]:
+    """Return the scores of Table II or III, and the curves of fine-tuning; its picture is drawn into the store."""
+    asked, curves = Size(**size), None
+    with _opened(store, asked) as work:
+        home = work.simulated(_sized("K", asked))
+        if which == 2:
+            rows = table_two(work, home, {})
+        else:
+            rows, curves = table_three(work, home, work.simulated(_sized("A", asked)))
+            write_curves(curves, store / "finetuning.png")
+    scored = [{"method": row.method} | scores_of(row.counts) for row in rows]
+    return {"scores": scored} | ({} if curves is None else {"curves": asdict(curves)})
+
+
+def _network_of_ours(work: Experiment, data: Data) -> Path:
     """Return the network that learnt from automatic labels of the recordings to train on."""
     return work.network("ours", TrainingData(work.automatic(data.train), work.given(data.validation)))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("experiment", choices=["table-2", "table-3"])
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--picture", type=Path, help="where to draw the curve of fine-tuning")
-    add_size(parser)
-    parser.add_argument("--json", type=Path)
-    arguments = parser.parse_args()
-    result = {}
-    with opened(arguments.out, arguments) as work:
-        home = work.simulated(sized("K", arguments))
-        if arguments.experiment == "table-2":
-            rows = table_two(work, home, {})
-        else:
-            rows, curves = table_three(work, home, work.simulated(sized("A", arguments)))
-            picture = arguments.out / "figure3.png"
-            write_curves(curves, picture)
-            result["curves"] = asdict(curves)
-            if arguments.picture:
-                arguments.picture.write_bytes(picture.read_bytes())
-    stored = [{"method": row.method} | ratios_of(row.counts) for row in rows]
-    print(write_table(rows, arguments.out / f"{arguments.experiment}.json"))
-    if arguments.json:
-        arguments.json.write_text(json.dumps({"rows": stored, **result}, indent=1))
+def self_training(store: Path, weight: float = 0.5, **size: Any) -> dict[str, Any]:
+    """Do labels get better when a network that learnt from such labels is a cue, with `weight`?
 
-
-if __name__ == "__main__":
-    main()
+    It is *LMNet + ours* of Table II, on recordings that it did not see.
+    """
+    asked, found, together = Size(**size), {}, [Counts()] * 3
+    out = store / "self-training" / code_digest()
+    with _opened(store, asked) as work:
+        data = work.simulated(_sized("K", asked))
+        network = open_network(_network_of_ours(work, data))
+    for path in (path for path in data.extra if path.name in UNSEEN):
+        sequence, plain = open_sequence(path), load_settings("default")
+        cue, results = out / "network" / path.name, out / "labels" / path.name
+        label_recording(sequence, results, plain, workers=1)
+        counts = [evaluate_folder(results / "predictions", sequence).counts]
+        segment_recording(sequence, cue, network, plain, probabilities=True)
+        counts.append(evaluate_folder(cue / "predictions", sequence).counts)
+        with_cue = {"self_training.folder": str(cue / "probabilities"), "self_training.weight": weight}
+        label_recording(sequence, results, load_settings("default", overrides=with_cue), workers=1)
+        counts.append(evaluate_folder(results / "predictions", sequence).counts)
+        found[path.name] = [scores_of(one) for one in counts]
+        together = [a + b for a, b in zip(together, counts, strict=True)]
+    found["all points together"] = [scores_of(one) for one in together]
+    return {"rounds": found}

@@ -23,18 +23,18 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from labels import First
+from recordings import stored_world
 from rich.console import Console
 from rich.table import Table
-from scores import First
-from speed import MemoryWatch
-from store import stored_world
 
 from automos import Labeler, load_settings, open_sequence
+from automos.baselines.comparison.effort import Effort
 from automos.core.errors import MissingExtraError
 from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
-from automos.online.segment import stamped
+from automos.live.segment import stamped
 
 WARM_UP = 12
 """Scans whose times do not count."""
@@ -81,7 +81,7 @@ def by_network(sequence: Sequence) -> Labelled:
 def by_rival(sequence: Sequence, method: str, poses: npt.NDArray) -> Labelled:
     """Yield the scans as an online method that ours is compared with labels them, at given poses."""
     from automos.baselines.methods import BASELINES
-    from automos.odometry import estimate_trajectory
+    from automos.odometry.estimate import estimate_trajectory
     from automos.odometry.trajectory import SequenceFrames
 
     settings = load_settings("default")
@@ -104,15 +104,13 @@ def measure(place: tuple[str, ...], n_scans: int, method: str, lag: float, poses
         labelled = by_labeler(sequence, lag, found)
     else:
         labelled = by_network(sequence) if method == "lmnet" else by_rival(sequence, method, poses)
-    watch = MemoryWatch()
-    watch.start()
     counts, milliseconds, cpu = Counts(), [], time.process_time()
-    for i, labels, spent in labelled:
-        truth = sequence.truth(i)
-        counts += Counts() if truth is None else count(labels, truth)
-        milliseconds.append(spent)
+    with Effort() as effort:
+        for i, labels, spent in labelled:
+            truth = sequence.truth(i)
+            counts += Counts() if truth is None else count(labels, truth)
+            milliseconds.append(spent)
     cpu = 1e3 * (time.process_time() - cpu) / len(sequence)
-    watch.finish()
     usual = np.array(milliseconds[WARM_UP:])
     usual = usual[np.isfinite(usual)]
     scores = counts.scores
@@ -121,7 +119,7 @@ def measure(place: tuple[str, ...], n_scans: int, method: str, lag: float, poses
         "recall": scores.recall, "unlabeled": scores.n_unlabeled / max(scores.n_points, 1),
         "median_ms": float(np.median(usual)) if len(usual) else None,
         "p99_ms": float(np.percentile(usual, 99)) if len(usual) else None,
-        "cpu_ms": cpu, "peak_mb": max(watch.peak.values(), default=0) / 1e6,
+        "cpu_ms": cpu, "peak_mb": effort.peak / 1e6,
         "scans_a_second": scans_a_second(sequence, lag) if method == "automos" else None,
         "poses": [pose.tolist() for pose in found],
     }  # fmt: skip

@@ -3,7 +3,7 @@
     python benchmarks/online_suite.py --store FOLDER [--seeds 100] [--scenarios ...] [--sensors ...] [--lags 0 0.5]
                                       [--scans 60] [--scored-only] [--json FILE]
 
-Worlds are those of `gate.py`, simulated into FOLDER where they are not there yet. Rows are kept by the contents of the
+Worlds are those of the gate, simulated into FOLDER where they are not there yet. Rows are kept by the contents of the
 installed package, so a second run, or one after an interruption, labels only what is missing. Milliseconds a scan are
 processor time of all threads, the first scans left out, so that other work on the machine disturbs them little.
 """
@@ -16,16 +16,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+from experiment import code_digest
+from recordings import StoredWorld, stored_world
 from rich.console import Console
 from rich.table import Table
-from scores import code_digest
-from store import StoredWorld, stored_world
-from suite import STATIC_WORLDS, cell_text
+from rows import has_movers, percent
 
 from automos import Labeler
 from automos.core.atomic import write_text
 from automos.evaluation.moving import Counts, count
-from automos.online.segment import stamped
+from automos.live.segment import stamped
 from automos.simulation import SCENARIOS
 
 SENSORS = ("HDL-64E", "OS1-128", "VLP-16")
@@ -94,7 +94,7 @@ def _table(rows: dict, arguments: argparse.Namespace) -> Table:
         for scenario in arguments.scenarios:
             cells = [rows.get((seed, scenario, *column)) for column in columns]
             if any(cells):
-                table.add_row(str(seed), scenario, *("" if row is None else cell_text(row, scenario) for row in cells))
+                table.add_row(str(seed), scenario, *("" if row is None else cell_text(row) for row in cells))
     table.add_section()
     for name, of, scale in (
         ("mean", "iou", 100.0),
@@ -102,12 +102,19 @@ def _table(rows: dict, arguments: argparse.Namespace) -> Table:
         ("p99", "p99_cpu_ms", 1.0),
     ):
         found = [
-            [row[of] for (_, scenario, *column), row in rows.items()
-             if tuple(column) == wanted and (of != "iou" or scenario not in STATIC_WORLDS)]
+            [row[of] for (_, _, *column), row in rows.items()
+             if tuple(column) == wanted and (of != "iou" or has_movers(row))]
             for wanted in columns
         ]  # fmt: skip
         table.add_row("", name, *(f"{scale * np.mean(of_column):.1f}" if of_column else "" for of_column in found))
     return table
+
+
+def cell_text(row: dict[str, float]) -> str:
+    """Return what a table says of a world: its scores, or its false points where nothing moves."""
+    if not has_movers(row):
+        return f"{row['false_points']} false of {row['points']:,}"
+    return " / ".join(percent(row[key]) for key in ("iou", "precision", "recall"))
 
 
 if __name__ == "__main__":

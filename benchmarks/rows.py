@@ -1,12 +1,15 @@
-"""What the tables of README and docs show of each script's result: a heading, then rows of text."""
+"""What the tables of README and docs show of each benchmark's result: a heading, then rows of text."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
+from cases import CASES
 
-Rows = list[list[str]]
+Row = dict[str, Any]
+Lines = list[list[str]]
 
 REPORTED = {
     "octomap": "8.8-48.4",
@@ -17,254 +20,406 @@ REPORTED = {
     "hmm_mos": "75.1",
 }
 """IoU of public implementations on the drive, with their shipped settings and KISS-ICP's poses; by rule where two."""
+OFF = 0.03
+"""Share of the way by which the poses of a bad drive are off."""
+REFERENCES = {case.against for case in CASES.values()}
+"""What other cases are measured against."""
+NOTABLE = 0.5
+"""Points of IoU that a case or a change costs where it has a row of its own."""
 
 
-def _percent(value: float | None) -> str:
-    return "" if value is None else f"{100 * value:.1f}"
+def percent(value: float | None) -> str:
+    """Return a ratio in percent, a dash where it is not defined."""
+    return "-" if value is None else f"{100 * value:.1f}"
 
 
-def _only(result: dict) -> dict:
-    (recording,) = result.values()
-    return recording
+def ratios(row: Row) -> list[str]:
+    """Return IoU, precision and recall in percent."""
+    return [percent(row.get(key)) for key in ("iou", "precision", "recall")]
 
 
-def methods_of_drive(*results: dict) -> Rows:
-    rows = [["method", "IoU", "precision", "recall", "reported", "s/scan", "spread", "CPU s/scan", "peak MB", "future"]]
-    for name, method in _joined(results)["methods"].items():
-        ratios = [_percent(method[key]) for key in ("iou", "precision", "recall")]
-        alone = (method.get("cores_of_others") or 0.0) <= 0.1
-        cost = [
-            f"{'' if alone else '< '}{method['seconds_per_scan']:.2f}",
-            f"{method['seconds_spread']:.2f}" if method["runs"] > 1 else "",
-            "" if method["cpu_seconds_per_scan"] is None else f"{method['cpu_seconds_per_scan']:.2f}",
-            "" if method["peak_mb"] is None else f"{method['peak_mb']:.0f}",
-        ]
-        future = "yes" if method["needs_future"] else "no"
-        rows.append([method["title"], *ratios, REPORTED.get(name, ""), *cost, future])
-    return rows
-
-
-def _joined(results: tuple[dict, ...]) -> dict:
-    """Return the only recording of several results, with the methods of all of them."""
-    parts = [_only(result) for result in results]
-    return {**parts[0], "methods": {name: method for part in parts for name, method in part["methods"].items()}}
-
-
-def presets_of_drive(result: dict) -> Rows:
-    methods = _only(result)["methods"]
-    rows = [["preset", "IoU", "precision", "recall"]]
-    for preset in ("paper", "default"):
-        rows.append([f"`{preset}`", *(_percent(methods[preset][key]) for key in ("iou", "precision", "recall"))])
-    return rows
-
-
-def presets_of_worlds(result: dict) -> Rows:
-    """One row a preset: the mean over worlds in which something moves, the worst of them; false points elsewhere."""
-    rows = [["preset", "mean IoU", "precision", "recall", "worst world", "false points a scan where nothing moves"]]
-    for preset in ("paper", "default"):
-        by_world = {world: found["methods"][preset] for world, found in result.items()}
-        moving = {world: m for world, m in by_world.items() if m["true_dynamic"] + m["false_static"]}
-        means = [_percent(float(np.mean([m[key] for m in moving.values()]))) for key in ("iou", "precision", "recall")]
-        worst = min(moving, key=lambda world: moving[world]["iou"])
-        false = sum(by_world[w]["false_dynamic"] / result[w]["n_scans"] for w in by_world if w not in moving)
-        rows.append([f"`{preset}`", *means, f"{_percent(moving[worst]['iou'])} `{worst}`", f"{false:.1f}"])
-    return rows
-
-
-def methods_of_worlds(*results: dict) -> Rows:
-    """One row a method, one column a world of all results; where nothing moves, false points a scan, in brackets."""
-    common = [world for world in results[0] if all(world in result for result in results)]
-    worlds = {world: _joined(tuple({world: result[world]} for result in results)) for world in common}
-    rows = [["method", *(f"`{world}`" for world in worlds)]]
-    titles = {name: m["title"] for world in worlds.values() for name, m in world["methods"].items()}
-    for name, title in titles.items():
-        rows.append([title, *(_cell(world, name) for world in worlds.values())])
-    return rows
-
-
-def _cell(world: dict, method: str) -> str:
-    found = world["methods"].get(method)
-    if found is None:
-        return ""
-    if found["true_dynamic"] + found["false_static"] == 0:
-        return f"({found['false_dynamic'] / world['n_scans']:.0f})"
-    return _percent(found["iou"])
-
-
-def suite(preset: str) -> Callable[[list[dict]], Rows]:
-    def rows(result: list[dict]) -> Rows:
-        cells = {tuple(row["cell"]): row for row in result if row["cell"][2] == preset}
-        sensors, worlds = list(dict.fromkeys(c[1] for c in cells)), list(dict.fromkeys(c[0] for c in cells))
-        return [
-            ["world", *sensors],
-            *(
-                [f"`{world}`", *(_cell_of_suite(cells[world, sensor, preset]) for sensor in sensors)]
-                for world in worlds
-            ),
-        ]
-
-    return rows
-
-
-def _cell_of_suite(row: dict) -> str:
-    """Return the IoU; where nothing moves false points a scan, in brackets."""
-    nothing_moves = row["true_points"] + row["missed_points"] == 0
-    return f"({row['false_points'] / row['scans']:.1f})" if nothing_moves else _percent(row["iou"])
-
-
-def robustness(result: list[dict]) -> Rows:
-    plain = {row["recording"]: row["iou"] for row in result if row["case"] == "as it is"}
-    return [
-        ["", "IoU", "change"],
-        *(
-            [row["case"], _percent(row["iou"]), f"{100 * (row['iou'] - plain[row['recording']]):+.1f}"]
-            for row in result
-        ),
-    ]
-
-
-def ablation(result: list[dict]) -> Rows:
-    return [["", "IoU", "false points"], *([r["choice"], _percent(r["iou"]), f"{r['false']:,}"] for r in result)]
-
-
-def ablation_of_recordings(result: list[dict]) -> Rows:
-    """One row a choice, one column a recording: IoU, and the false points."""
-    recordings = list(dict.fromkeys(row["recording"] for row in result))
-    cells = {(r["choice"], r["recording"]): f"{_percent(r['iou'])} ({r['false']:,})" for r in result}
-    choices = list(dict.fromkeys(row["choice"] for row in result))
-    return [["", *recordings], *([choice, *(cells[choice, of] for of in recordings)] for choice in choices)]
-
-
-def ablation_by_recording(result: list[dict]) -> Rows:
-    """The same with one row a recording, one column a choice."""
-    return [list(row) for row in zip(*ablation_of_recordings(result), strict=True)]
-
-
-def speed(result: list[dict]) -> Rows:
-    rows = [["stage", *(f"{row['scans']} scans" for row in result)]]
-    for stage in result[0]["seconds_per_scan"]:
-        rows.append([stage, *(f"{row['seconds_per_scan'][stage]:.3f} s" for row in result)])
-    rows.append(["processor time", *(f"{row['cpu_seconds_per_scan']:.3f} s" for row in result)])
-    rows.append(["peak memory", *(f"{row['peak_mb']['all']:.0f} MB" for row in result)])
-    return rows
-
-
-def gate(result: dict) -> Rows:
-    """One row a world, one column a sensor: IoU, and the false points; then means, cost and calibration."""
-    rows = result["rows"]
-    sensors = list(dict.fromkeys(_part(key, 2) for key in rows))
-    by_sensor = [[row for key, row in rows.items() if _part(key, 2) == sensor] for sensor in sensors]
-    worlds = list(dict.fromkeys(_part(key, 1) for key in rows))
-    cells = {world: [_with_false(_of(rows, world, sensor)) for sensor in sensors] for world in worlds}
-    errors = [result["calibration"][sensor] for sensor in sensors]
-    return [
-        ["world", *sensors],
-        *([f"`{world}`", *cells[world]] for world in worlds),
-        ["**mean**", *(f"**{_percent(np.mean([r['iou'] for r in some if _moves(r)]))}**" for some in by_sensor)],
-        ["processor seconds a scan", *(f"{_mean_seconds(some):.2f}" for some in by_sensor)],
-        ["peak memory, MB", *(f"{max(row['peak_mb'] or 0 for row in some):.0f}" for some in by_sensor)],
-        ["calibration error, moving", *(f"{moving:.3f}" for _, moving in errors)],
-        ["calibration error, static", *(f"{static:.3f}" for static, _ in errors)],
-    ]
-
-
-def gate_recordings(result: dict) -> Rows:
-    """One row a recording: IoU where there is truth, and the points called moving."""
-    rows = [["recording", "IoU", "points moving", "share"]]
-    for key, row in result["rows"].items():
-        if "refused" in row:
-            rows.append([key.split("/")[-1], "refused", "", ""])
-        else:
-            iou = _percent(row["iou"]) if _moves(row) else ""
-            rows.append([key.split("/")[-1], iou, f"{row['called_moving']:,}", f"{row['percent_moving']:.4f} %"])
-    return rows
-
-
-def trust(result: dict) -> Rows:
-    """The drives that are off or warned of, one by one; the others in one row."""
-    rows, others = [["drive", "off by", "warned"]], []
-    for name, row in sorted(result.items(), key=lambda item: -item[1]["off"]):
-        if row["off"] > 0.03 or row["said"]:
-            rows.append([name, f"{100 * row['off']:.1f} %", "yes" if row["said"] else "no"])
-        else:
-            others.append(row["off"])
-    return [*rows, [f"the other {len(others)}", f"{100 * max(others, default=0.0):.1f} % at most", "no"]]
-
-
-def online(result: list[dict]) -> Rows:
-    rows = [["lag", "IoU", "precision", "recall", "not known", "median, p99 of a push", "scans/s", "peak MB"]]
-    for row in result:
-        shares = [_percent(row[name]) for name in ("iou", "precision", "recall", "unlabeled")]
-        cost = [f"{row['median_ms']:.0f}, {row['p99_ms']:.0f} ms", f"{row['scans_a_second']:.1f}"]
-        rows.append([f"{row['lag']:g} s", *shares[:3], f"{shares[3]} %", *cost, f"{row['peak_mb']:.0f}"])
-    return rows
-
-
-def online_suite(result: list[dict]) -> Rows:
-    """One row a world, one column a sensor and lag; in brackets false points where nothing moves."""
-    cells = {tuple(row["cell"][1:]): row for row in result}
-    columns = list(dict.fromkeys(key[1:] for key in cells))
-    worlds = list(dict.fromkeys(key[0] for key in cells))
-    means = [np.mean([cells[(w, *c)]["iou"] for w in worlds if _moves(cells[(w, *c)])]) for c in columns]
-    return [
-        ["world", *(f"{sensor}, {lag:g} s" for sensor, lag in columns)],
-        *([f"`{world}`", *(_iou_or_false(cells[(world, *column)]) for column in columns)] for world in worlds),
-        ["**mean**", *(f"**{_percent(mean)}**" for mean in means)],
-    ]
-
-
-def drift(result: dict) -> Rows:
-    """Errors of the odometry in percent, before and after refinement, and how thick walls come out."""
-    rows = [["recording", "10 m, registered", "10 m, refined", "1 s, refined", "5 s, refined", "walls, cm"]]
-    for name, row in result.items():
-        before, after = row["before"], row["after"]
-        walls = [before["walls_m"], after["walls_m"], row["walls_reference_m"]]
-        shown = " / ".join("-" if metres is None else f"{100 * metres:.1f}" for metres in walls)
-        errors = [_errors(before["10 m"]), *(_errors(after[over]) for over in ("10 m", "1 s", "5 s"))]
-        rows.append([name.rsplit("-v", 1)[0], *errors, shown])
-    return rows
-
-
-def end_drift(result: dict) -> Rows:
-    """How far off the last scan of each world is with either preset, metres and percent of the way."""
-    rows = [["scenario", "way, m", "`paper`: drift, m", "%", "over 1 s, m", "`default`: drift, m", "%", "over 1 s, m"]]
-    for scenario, by_preset in result.items():
-        way, cells = by_preset["paper"]["way_m"], []
-        for row in (by_preset["paper"], by_preset["default"]):
-            percent = f"{100 * row['drift_m'] / way:.1f}" if way > 1.0 else "-"
-            cells += [f"{row['drift_m']:.2f}", percent, f"{row['over_1s_m']:.3f}"]
-        rows.append([f"`{scenario}`", f"{way:.0f}", *cells])
-    return rows
-
-
-def as_it_is(result: Rows) -> Rows:
-    """What a script has tabulated itself."""
-    return result
-
-
-def _errors(found: dict | None) -> str:
-    return "-" if found is None else f"{found['mean']:.2f} / {found['max']:.2f}"
-
-
-def _part(key: str, place: int) -> str:
-    return key.split("/")[place]
-
-
-def _of(rows: dict[str, dict], world: str, sensor: str) -> dict:
-    return next(row for key, row in rows.items() if key.split("/")[1:] == [world, sensor])
-
-
-def _moves(row: dict) -> bool:
+def has_movers(row: Row) -> bool:
+    """Whether anything moves there, to anyone's knowledge: IoU has a meaning."""
     return row["true_points"] + row["missed_points"] > 0
 
 
-def _with_false(row: dict) -> str:
-    return f"{_percent(row['iou'])} ({row['false_points']:,})" if _moves(row) else f"({row['false_points']:,})"
+def is_still(row: Row) -> bool:
+    """Whether it is known that nothing moves there: false points count."""
+    return row.get("scored_points", row.get("points", 0)) > 0 and not has_movers(row)
 
 
-def _iou_or_false(row: dict) -> str:
-    return _percent(row["iou"]) if _moves(row) else f"({row['false_points']:,})"
+def part_of(row: Row, place: int) -> str:
+    """Return scenario (0), sensor (1), scans (2) or seed (3) of a simulated recording; its name, of another one."""
+    parts = row["recording"].partition("@")[0].split(":")
+    return parts[place] if len(parts) == 4 else row["recording"]
 
 
-def _mean_seconds(rows: list[dict]) -> float:
-    return sum(row["cpu_seconds"] for row in rows) / sum(row["scans"] for row in rows)
+def sensor_of(row: Row) -> str:
+    """Return the sensor of a simulated recording, nothing of another one."""
+    return part_of(row, 1) if row["recording"].count(":") >= 3 else ""
+
+
+def case_of(row: Row) -> str:
+    """Return how a recording is kept."""
+    return row["recording"].partition("@")[2]
+
+
+def mean_iou(rows: Iterable[Row]) -> float:
+    """Return the mean IoU of recordings in which something moves, nan of none."""
+    ious = [row["iou"] for row in rows if has_movers(row)]
+    return float(np.mean(ious)) if ious else float("nan")
+
+
+def _names(rows: list[Row], of: Callable[[Row], str]) -> list[str]:
+    return list(dict.fromkeys(map(of, rows)))
+
+
+def _with_false(row: Row) -> str:
+    iou = f"{percent(row['iou'])} " if has_movers(row) else ""
+    return f"{iou}({row['false_points']:,})"
+
+
+def presets(rows: list[Row]) -> Lines:
+    """Return one row a preset."""
+    return [["preset", "IoU", "precision", "recall"], *([f"`{row['method']}`", *ratios(row)] for row in rows)]
+
+
+def methods_of_worlds(rows: list[Row]) -> Lines:
+    """Return one row a method: means over worlds in which something moves, the worst; false points elsewhere."""
+    lines = [["method", "mean IoU", "precision", "recall", "worst world", "false points a scan where nothing moves"]]
+    for method in _names(rows, lambda row: row["method"]):
+        own = [row for row in rows if row["method"] == method]
+        moving, still = [r for r in own if has_movers(r)], [r for r in own if not has_movers(r)]
+        means = [percent(float(np.mean([row[key] or 0.0 for row in moving]))) for key in ("iou", "precision", "recall")]
+        worst = min(moving, key=lambda row: row["iou"])
+        false = sum(row["false_points"] / row["scans"] for row in still)
+        title = f"`{method}`" if method in ("paper", "default") else own[0]["title"]
+        lines.append([title, *means, f"{percent(worst['iou'])} `{part_of(worst, 0)}`", f"{false:.1f}"])
+    return lines
+
+
+def methods_of_drive(rows: list[Row]) -> Lines:
+    """Return one row a method: scores, what its authors' code reaches, cost."""
+    lines = [["method", "IoU", "precision", "recall", "reported", "s/scan", "CPU s/scan", "peak MB"]]
+    for row in rows:
+        is_alone = (row.get("cores_of_others") or 0.0) <= 0.1
+        cost = [
+            f"{'' if is_alone else '< '}{row['seconds_per_scan']:.2f}",
+            "" if row["cpu_seconds_per_scan"] is None else f"{row['cpu_seconds_per_scan']:.2f}",
+            "" if row["peak_mb"] is None else f"{row['peak_mb']:.0f}",
+        ]
+        lines.append([row["title"], *ratios(row), REPORTED.get(row["method"], ""), *cost])
+    return lines
+
+
+def gate(rows: list[Row], calibration: dict[str, list[float]] | None = None) -> Lines:
+    """Return one row a world, one column a sensor: IoU, and false points; then means, cost and calibration."""
+    sensors, seeds = _names(rows, sensor_of), _names(rows, lambda row: part_of(row, 3))
+    lines = [["world", *sensors]]
+    for seed in seeds:
+        for world in _names(rows, lambda row: part_of(row, 0)):
+            cells = [
+                next((_with_false(r) for r in rows if [part_of(r, k) for k in (0, 1, 3)] == [world, s, seed]), "")
+                for s in sensors
+            ]
+            lines.append([f"`{world}`" + (f" {seed}" if len(seeds) > 1 else ""), *cells])
+    by_sensor = [[row for row in rows if sensor_of(row) == sensor] for sensor in sensors]
+    lines.append(["**mean**", *(f"**{percent(mean_iou(some))}**" for some in by_sensor)])
+    seconds = [sum(r["cpu_seconds"] for r in some) / sum(r["scans"] for r in some) for some in by_sensor]
+    lines.append(["processor seconds a scan", *(f"{value:.2f}" for value in seconds)])
+    lines.append(["peak memory, MB", *(f"{max(row['peak_mb'] or 0 for row in some):.0f}" for some in by_sensor)])
+    if calibration:
+        for k, kind in ((1, "moving"), (0, "static")):
+            lines.append([f"calibration error, {kind}", *(f"{calibration[sensor][k]:.3f}" for sensor in sensors)])
+    return lines
+
+
+def recordings(rows: list[Row]) -> Lines:
+    """Return one row a recording: IoU where there is truth, the share called moving; cases of one in a row together."""
+    lines, cases = [["recording", "IoU", "points moving"]], {}
+    for row in rows:
+        if case_of(row):
+            cases.setdefault(row["recording"].partition("@")[0], []).append(row)
+            continue
+        share = f"{100 * row['called_moving'] / max(row['points'], 1):.4f} %"
+        lines.append([row["recording"], percent(row["iou"]) if has_movers(row) else "", share])
+    for name, own in cases.items():
+        worst = min(own, key=lambda row: row["iou"])
+        ious = f"{percent(float(np.median([row['iou'] for row in own])))}; worst {percent(worst['iou'])}"
+        lines.append([f"{name}, kept in {len(own)} other ways: median", f"{ious} ({case_of(worst)})", ""])
+    return lines
+
+
+def jitter(rows: list[Row]) -> Lines:
+    """Return one row a recording: median, worst and best over the seeds by which its stamps are off."""
+    lines = [["recording", "runs", "median IoU", "worst", "best"]]
+    for name in _names(rows, lambda row: row["recording"].partition("~")[0]):
+        ious = [row["iou"] for row in rows if row["recording"].partition("~")[0] == name]
+        figures = (float(np.median(ious)), min(ious), max(ious))
+        lines.append([name, str(len(ious)), *map(percent, figures)])
+    return lines
+
+
+def robustness(rows: list[Row]) -> Lines:
+    """Return one row a case: IoU, and how far it is from that of the recording as it is."""
+    plain = next(row["iou"] for row in rows if case_of(row) == "as it is")
+    return [
+        ["", "IoU", "change"],
+        *([case_of(row), percent(row["iou"]), f"{100 * (row['iou'] - plain):+.1f}"] for row in rows),
+    ]
+
+
+def conventions(rows: list[Row]) -> Lines:
+    """Return one row a case that costs something: points of IoU lost on the mean, and in the worst world.
+
+    A case is measured against the one that its `against` names.
+    """
+    found = {(case_of(row), *(part_of(row, k) for k in (0, 1))): row for row in rows}
+    lines, others = [], []
+    for case in _names(rows, case_of):
+        against = CASES[case].against
+        if case in REFERENCES or against not in _names(rows, case_of):
+            continue
+        lost = {key[1:]: found[against, *key[1:]]["iou"] - found[key]["iou"] for key in found if key[0] == case}
+        mean = 100 * float(np.mean(list(lost.values())))
+        worst = max(lost, key=lambda key: lost[key])
+        line = [case, f"{mean:.1f}", f"{100 * lost[worst]:+.1f} {' '.join(worst)}"]
+        (lines if mean >= NOTABLE else others).append(line)
+    return notable_conventions([["", "mean", "worst world"], *lines, *others])
+
+
+def notable_conventions(lines: Lines) -> Lines:
+    """Return the heading and the rows that cost NOTABLE points on the mean; in one row, how many others there are."""
+    n = lines[0].index("mean")
+    cases = [line for line in lines[1:] if line[0] not in REFERENCES]
+    rest = [line for line in cases if _number(line[n]) < NOTABLE]
+    kept = [[line[0], *line[n : n + 2]] for line in cases if _number(line[n]) >= NOTABLE]
+    worst = max((_number(line[n]) for line in rest), default=0.0)
+    said = [f"the other {len(rest)}", f"{worst:.1f} at most", ""]
+    return [["", *lines[0][n : n + 2]], *kept, *([said] if rest else [])]
+
+
+def scores_of_sensors(lines: Lines) -> Lines:
+    """Return sensor, times, IoU and false points of what `other_sensors` made when it told more."""
+    return [line[:5] for line in lines]
+
+
+def _number(text: str) -> float:
+    return float(text.rstrip(" !") or "nan")
+
+
+def other_sensors(rows: list[Row]) -> Lines:
+    """Return one row a sensor and kind of times: mean and worst IoU, false points."""
+    lines = [["sensor", "times in the files", "mean IoU", "worst", "false points"]]
+    for key in dict.fromkeys((sensor_of(row), case_of(row)) for row in rows):
+        own = [row for row in rows if (sensor_of(row), case_of(row)) == key]
+        worst = min(row["iou"] for row in own if has_movers(row))
+        cells = [percent(mean_iou(own)), percent(worst), f"{sum(row['false_points'] for row in own):,}"]
+        lines.append([key[0], "yes" if "times" in key[1] else "no", *cells])
+    return lines
+
+
+def ablation(rows: list[Row]) -> Lines:
+    """Return one row a change: points of IoU it costs each sensor on the mean, most in one world, false points."""
+    found = {(row.get("change", ""), row["recording"]): row for row in rows}
+    sensors, lines = _names(rows, sensor_of), []
+    for change in _names(rows, lambda row: row.get("change", "")):
+        own = [row for row in rows if row.get("change", "") == change]
+        lost = {r["recording"]: 100 * (found["", r["recording"]]["iou"] - r["iou"]) for r in own if has_movers(r)}
+        by_sensor = [
+            f"{np.mean([lost[r['recording']] for r in own if has_movers(r) and sensor_of(r) == sensor]):+.2f}"
+            for sensor in sensors
+        ]
+        most = [
+            f"{sign * lost[name]:.1f} {name.split(':')[0]}"
+            for sign, name in ((1, max(lost, key=lost.__getitem__)), (-1, min(lost, key=lost.__getitem__)))
+        ]
+        lines.append([change or "everything", *by_sensor, *most, f"{sum(row['false_points'] for row in own):,}"])
+    return notable_changes([["", *sensors, "most lost", "most won", "false points"], *lines])
+
+
+def notable_changes(lines: Lines) -> Lines:
+    """Return the rows that cost or gain NOTABLE points on a sensor's mean; in one row, how many others there are."""
+    n = lines[0].index("most lost")
+    kept, rest = [], []
+    for line in lines[1:]:
+        is_notable = line[0] == "everything" or any(abs(float(cell)) >= NOTABLE for cell in line[1:n])
+        (kept if is_notable else rest).append(line)
+    said = [[f"the other {len(rest)}: below {NOTABLE}", *[""] * (len(lines[0]) - 1)]]
+    return [lines[0], *kept, *(said if rest else [])]
+
+
+def ablation_odometry(rows: list[Row]) -> Lines:
+    """Return one row a part that is left out: drives that are off, in silence, with scans missing; the others."""
+    heading = ["without", "drives off by more than 3 %", "of these, scans missing", "not warned of"]
+    lines = [[*heading, "mean of the others"]]
+    for change in _names(rows, lambda row: row.get("change", "")):
+        own = [row for row in rows if row.get("change", "") == change]
+        bad, good = [r for r in own if r["off"] > OFF], [r["off"] for r in own if r["off"] <= OFF]
+        missing, silent = sum(r["missing"] > 0 for r in bad), sum(not r["said"] for r in bad)
+        mean = f"{100 * float(np.mean(good)):.2f} %" if good else "-"
+        lines.append([change or "(nothing)", f"{len(bad)} of {len(own)}", str(missing), str(silent), mean])
+    return lines
+
+
+def trust(rows: list[Row]) -> Lines:
+    """Return the drives that are off or warned of, one by one; the others in one row."""
+    lines, others = [["drive", "off by", "warned"]], []
+    for row in sorted(rows, key=lambda row: -row["off"]):
+        if row["off"] > OFF or row["said"]:
+            lines.append([row["recording"], f"{100 * row['off']:.1f} %", "yes" if row["said"] else "no"])
+        else:
+            others.append(row["off"])
+    return [*lines, [f"the other {len(others)}", f"{100 * max(others, default=0.0):.1f} % at most", "no"]]
+
+
+def drift(rows: list[Row]) -> Lines:
+    """Return errors of the odometry in percent, before and after refinement, and how thick walls come out."""
+    lines = [["recording", "10 m, registered", "10 m, refined", "5 s, refined", "walls, cm"]]
+    for row in rows:
+        before, after = row["before"], row["after"]
+        walls = [before["walls_m"], after["walls_m"], row["walls_reference_m"]]
+        thick = " / ".join("-" if metres is None else f"{100 * metres:.1f}" for metres in walls)
+        errors = [_errors(before["10 m"]), *(_errors(after[over]) for over in ("10 m", "5 s"))]
+        lines.append([row["recording"], *errors, thick])
+    return lines
+
+
+def _errors(found: dict[str, float] | None) -> str:
+    return "-" if found is None else f"{found['mean']:.2f} / {found['max']:.2f}"
+
+
+def stages(rows: list[Row]) -> Lines:
+    """Return one row a stage, one column a preset and length of the recording; then processor time and memory."""
+    lines = [["stage", *(f"`{row['method']}`, {row['scans']} scans" for row in rows)]]
+    for stage in rows[0]["seconds_per_scan"]:
+        lines.append([stage, *(f"{row['seconds_per_scan'][stage]:.3f} s" for row in rows)])
+    lines.append(["processor time", *(f"{row['cpu_seconds_per_scan']:.3f} s" for row in rows)])
+    return [*lines, ["peak memory", *(f"{row['peak_mb']:.0f} MB" for row in rows)]]
+
+
+def odometry_speed(rows: list[Row]) -> Lines:
+    """Return one row a program: milliseconds a scan."""
+    cells = ([r["method"], f"{r['mean_ms']:.1f}", "-" if r["cpu_ms"] is None else f"{r['cpu_ms']:.1f}"] for r in rows)
+    return [["odometry", "ms a scan", "CPU ms"], *cells]
+
+
+def online(rows: list[Row]) -> Lines:
+    """Return one row a lag."""
+    lines = [["lag", "IoU", "precision", "recall", "not known", "median, p99 of a push", "scans/s", "peak MB"]]
+    for row in rows:
+        cost = [f"{row['median_ms']:.0f}, {row['p99_ms']:.0f} ms", f"{row['scans_a_second']:.1f}"]
+        shares = [*ratios(row), f"{percent(row['unlabeled'])} %"]
+        lines.append([f"{row['lag']:g} s", *shares, *cost, f"{row['peak_mb']:.0f}"])
+    return lines
+
+
+def online_suite(rows: list[Row]) -> Lines:
+    """Return one row a sensor and lag: mean and worst of worlds in which something moves, false points elsewhere."""
+    lines = [["sensor, lag", "mean IoU", "worst world", "false points where nothing moves"]]
+    for sensor, lag in dict.fromkeys(tuple(row["cell"][2:]) for row in rows):
+        own = [row for row in rows if row["cell"][2:] == [sensor, lag]]
+        worst = min((row for row in own if has_movers(row)), key=lambda row: row["iou"])
+        false = sum(row["false_points"] for row in own if not has_movers(row))
+        of_worst = f"{percent(worst['iou'])} `{worst['cell'][1]}`"
+        lines.append([f"{sensor}, {lag:g} s", percent(mean_iou(own)), of_worst, f"{false:,}"])
+    return lines
+
+
+def networks(rows: list[Row]) -> Lines:
+    """Return one row a network."""
+    return [
+        ["method", "IoU", "precision", "recall"],
+        *([row["method"], *ratios(row)] for row in rows[0]["scores"]),
+    ]
+
+
+def fine_tuning(rows: list[Row]) -> Lines:
+    """Return one column for each number of epochs of which a network was kept, and one for the best epoch."""
+    curves, scored = rows[0]["curves"], {row["method"]: row["iou"] for row in rows[0]["scores"]}
+    epochs = sorted(map(int, curves["test"]))
+    tuned, retrained = (_over_epochs(curves["validation"][name], epochs) for name in ("fine-tuned", "retrained"))
+    best = [percent(scored[f"LMNet + ours, {name}"]) for name in ("fine-tuned", "retrained")]
+    tested = [percent(curves["test"][str(n)]) for n in epochs]
+    return [
+        ["epochs in the other environment", *map(str, epochs), "best"],
+        ["fine-tuned, test recordings", *tested, best[0]],
+        ["fine-tuned, validation scans", *tuned],
+        ["retrained, test recordings", *[""] * len(epochs), best[1]],
+        ["retrained, validation scans", *retrained],
+    ]
+
+
+def _over_epochs(curve: list[float], epochs: list[int]) -> list[str]:
+    return [*(percent(curve[n]) if n < len(curve) else "" for n in epochs), percent(max(curve))]
+
+
+def self_training(rows: list[Row]) -> Lines:
+    """Return one row a recording: IoU, precision and recall of labels, of the network, of labels with it as a cue."""
+    lines = [["recording", "labels", "network alone", "labels with the network as a cue"]]
+    for name, rounds in rows[0]["rounds"].items():
+        lines.append([f"`{name}`" if "_" in name else name, *(" / ".join(ratios(one)) for one in rounds)])
+    return lines
+
+
+def shipped_network(rows: list[Row]) -> Lines:
+    """Return one row a recording."""
+    return [["recording", "IoU", "precision", "recall"], *([row["recording"], *ratios(row)] for row in rows)]
+
+
+def network_speed(rows: list[Row]) -> Lines:
+    """Return median and 99th percentile of the milliseconds of each stage."""
+    lines = [["engine", "image", "points a scan", *rows[0]["milliseconds"], "scans/s", "CPU ms"]]
+    for row in rows:
+        cells = [f"{ms['median']:.1f} / {ms['p99']:.1f}" for ms in row["milliseconds"].values()]
+        rates = [f"{row['scans_per_second']:.1f}", f"{row['cpu_milliseconds']:.0f}"]
+        lines.append([row["engine"], row["image"], f"{row['points']:,}", *cells, *rates])
+    return lines
+
+
+def fleet(rows: list[Row]) -> Lines:
+    """Return one row a number of recordings and kind of workers."""
+    heading = ["workers", "recordings", "wall s", "CPU s per scan", "busy", "a worker waits between two"]
+    lines = [[*heading, "memory, first quarter -> all"]]
+    for row in rows:
+        kind = (
+            "Ray, two machines of one core"
+            if row["what"] == "ray"
+            else ("one process", "two processes")[row["workers"] - 1]
+        )
+        cells = [f"{row['wall_s']:.1f}", f"{row['cpu_per_scan_s']:.3f}", f"{100 * row['busy']:.0f} %"]
+        memory = f"{row['peak_mb_first_quarter']:.0f} -> {row['peak_mb']:.0f} MB"
+        lines.append([kind, str(row["recordings"]), *cells, f"{row['overhead_per_recording_s']:.2f} s", memory])
+    return lines
+
+
+def libraries(rows: list[Row]) -> Lines:
+    """Return one row a job and implementation, with all that was measured of it."""
+    lines = [["job", "of", "measured"]]
+    for row in rows:
+        if row["job"] != "packages":
+            lines += [[row["job"], name, _facts(facts)] for name, facts in row["found"].items()]
+    return lines
+
+
+def packages(rows: list[Row]) -> Lines:
+    """Return one row a library: version, licence, sizes."""
+    lines = [["library", "version", "licence", "MB", "MB with what it needs beside ours"]]
+    for row in rows:
+        if row["job"] == "packages":
+            for name, one in row["found"].items():
+                sizes = [f"{one['own MB']:.1f}", f"{one['MB beside ours']:.1f}"]
+                lines.append([name, one["version"], one["licence"], *sizes])
+    return lines
+
+
+def _facts(facts: Row) -> str:
+    return "; ".join(f"{name}: {_fact(value)}" for name, value in facts.items())
+
+
+def _fact(value: object) -> str:
+    if isinstance(value, dict):
+        return f"({_facts(value)})"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)

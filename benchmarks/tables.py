@@ -1,78 +1,91 @@
-"""The tables of README and docs: which jobs make each, and how their stored results are written there."""
+"""The tables of README and docs: which benchmark makes each, and how its stored result is written there.
+
+A table stands between `<!-- table NAME -->` and `<!-- end -->`, below it the command, the commit and the day.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import rows as make_rows
-import rows_beside_labels as beside
-import rows_of_cost as of_cost
-from job import Job
-from jobs import JOBS, RIVALS
-from rows import Rows
+import numpy as np
+import rows as make
+from catalog import BENCHMARKS, PRESETS
+from labels import calibration_error
+from rows import Lines, Row, sensor_of
 
 ROOT = Path(__file__).parents[1]
-RESULTS = Path(__file__).parent / "results" / "tables"
+RESULTS = Path(__file__).parent / "results"
 MARK = re.compile(r"(?P<head><!-- table (?P<name>[\w-]+) -->\n)(?P<shown>.*?)(?P<end><!-- end -->)", re.DOTALL)
+Result = dict[str, Any]
 
 
-TABLES: dict[str, tuple[tuple[str, ...], Callable[..., Rows]]] = {
-    "presets-worlds": (("worlds-presets",), make_rows.presets_of_worlds),
-    "presets-drive": (("presets",), make_rows.presets_of_drive),
-    "methods-drive": ((*(f"drive-{rival}" for rival in RIVALS), "presets"), make_rows.methods_of_drive),
-    "methods-worlds": ((*(f"worlds-{rival}" for rival in RIVALS), "worlds-presets"), make_rows.methods_of_worlds),
-    "suite-default": (("suite",), make_rows.suite("default")),
-    "suite-paper": (("suite",), make_rows.suite("paper")),
-    "robustness": (("robustness",), make_rows.robustness),
-    "ablation": (("ablation",), make_rows.ablation),
-    "speed-default": (("speed",), make_rows.speed),
-    "speed-paper": (("speed-paper",), make_rows.speed),
-    "gate": (("gate",), make_rows.gate),
-    "gate-recordings": (("gate-recordings",), make_rows.gate_recordings),
-    "conventions": (("conventions",), make_rows.as_it_is),
-    "point-times": (("point-times",), make_rows.as_it_is),
-    "trust": (("trust",), make_rows.trust),
-    "ablation-gate": (("ablation-gate",), make_rows.as_it_is),
-    "ablation-sensors": (("ablation-sensors",), make_rows.as_it_is),
-    "ablation-recorders": (("ablation-recorders",), make_rows.ablation_of_recordings),
-    "ablation-bodies": (("ablation-bodies",), make_rows.ablation_by_recording),
-    "ablation-hills": (("ablation-hills",), make_rows.ablation_by_recording),
-    "ablation-odometry": (("ablation-odometry",), make_rows.as_it_is),
-    "online": (("online",), make_rows.online),
-    "online-suite": (("online-suite",), make_rows.online_suite),
-    "short-recordings": (("short-recordings",), make_rows.as_it_is),
-    "other-sensors": (("other-sensors",), make_rows.as_it_is),
-    "simulator-odometry": (("simulator-odometry",), make_rows.end_drift),
-    "odometry": (("odometry",), make_rows.drift),
-    "table-2": (("table-2",), beside.networks),
-    "table-3": (("table-3",), beside.networks),
-    "fine-tuning": (("table-3",), beside.fine_tuning),
-    "self-training": (("self-training",), beside.self_training),
-    "segment-speed": (("segment-speed",), beside.segment_speed),
-    "shipped-network": (("shipped-network",), beside.shipped_network),
-    "simulator-statistics": (("simulator-statistics",), beside.simulator_statistics),
-    "reference-poses": (("reference-poses",), beside.reference_poses),
-    "maps": (("maps",), beside.maps),
-    "hmm_mos": (("drive-hmm_mos",), beside.hmm_mos),
-    "m_detector-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("M-detector")),
-    "hmm_mos-in-parts": (("rivals-in-parts",), beside.rivals_in_parts("HMM-MOS")),
-    "sampling": (("sampling",), beside.sampling),
-    "review-queue": (("review-queue",), beside.review_queue),
-    "review": (("review",), beside.review),
-    "first-minute": (("first-minute",), of_cost.first_minute),
-    "simulator-speed": (("simulator-speed",), of_cost.simulator_speed),
-    "cost": (("speed", "speed-paper"), of_cost.cost),
-    "scale": (("scale",), of_cost.scale),
-    "libraries": (("libraries",), of_cost.libraries),
-    "packages": (("libraries",), of_cost.packages),
+@dataclass(frozen=True)
+class Table:
+    """What a table shows.
+
+    Attributes
+    ----------
+    benchmark, make : whose result, and what makes lines of its rows.
+    methods : the rows of these methods only.
+    select : which lines are shown of a result that was stored as lines.
+    has_calibration : whether `make` takes the calibration errors, too.
+    """
+
+    benchmark: str
+    make: Callable[..., Lines]
+    methods: tuple[str, ...] = ()
+    select: Callable[[Lines], Lines] = list
+    has_calibration: bool = False
+
+    def rows(self, result: Result) -> list[Row]:
+        """Return the rows that are shown."""
+        done = [row for row in result["rows"] if row["head"]["status"] == "done"]
+        return [row for row in done if not self.methods or row.get("method") in self.methods]
+
+    def lines(self, result: Result) -> Lines:
+        """Return heading and lines; an early result may have been stored as such."""
+        if "lines" in result:
+            return self.select(result["lines"])
+        more = [result.get("calibration")] if self.has_calibration else []
+        return self.make(self.rows(result), *more)
+
+
+TABLES = {
+    "presets-worlds": Table("methods-worlds", make.methods_of_worlds, PRESETS),
+    "presets-drive": Table("methods-drive", make.presets, PRESETS),
+    "methods-worlds": Table("methods-worlds", make.methods_of_worlds),
+    "methods-drive": Table("methods-drive", make.methods_of_drive),
+    "gate": Table("gate", make.gate, has_calibration=True),
+    "recordings": Table("recordings", make.recordings),
+    "jitter": Table("jitter", make.jitter),
+    "conventions": Table("conventions", make.conventions, select=make.notable_conventions),
+    "other-sensors": Table("other-sensors", make.other_sensors, select=make.scores_of_sensors),
+    "robustness": Table("robustness", make.robustness),
+    "ablation": Table("ablation", make.ablation, select=make.notable_changes),
+    "ablation-odometry": Table("ablation-odometry", make.ablation_odometry),
+    "odometry": Table("odometry", make.drift),
+    "trust": Table("trust", make.trust),
+    "stages": Table("stages", make.stages),
+    "odometry-speed": Table("odometry-speed", make.odometry_speed),
+    "online": Table("online", make.online),
+    "online-suite": Table("online-suite", make.online_suite),
+    "table-2": Table("table-2", make.networks),
+    "table-3": Table("table-3", make.networks),
+    "fine-tuning": Table("table-3", make.fine_tuning),
+    "self-training": Table("self-training", make.self_training),
+    "shipped-network": Table("shipped-network", make.shipped_network),
+    "network-speed": Table("network-speed", make.network_speed),
+    "fleet": Table("fleet", make.fleet),
+    "libraries": Table("libraries", make.libraries),
+    "packages": Table("libraries", make.packages),
 }
-"""Each table's jobs, and what makes its rows (the heading first) of their results."""
-
-OVERVIEW = "jobs"
-"""The table of all jobs: what was run, when, in which form; and what was not."""
+OVERVIEW = "benchmarks"
+"""The table of all benchmarks: what each measures, how long it takes, what was run last."""
 
 
 def pages() -> list[Path]:
@@ -80,102 +93,72 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-def read_result(job: str) -> dict | None:
-    """Return what is stored of `job`, None where it was never run."""
-    file = RESULTS / f"{job}.json"
-    return json.loads(file.read_text()) if file.exists() else None
+def read_results() -> dict[str, Result]:
+    """Return the stored results by benchmark."""
+    return {file.stem: json.loads(file.read_text()) for file in sorted(RESULTS.glob("*.json"))}
 
 
-def state_of(job: Job, code: str) -> str:
-    """Return in words whether what is stored of `job` is of the code with digest `code`."""
-    stored = read_result(job.name)
-    if stored is None:
-        return "never run"
-    form = ", the short form" if stored["is_quick"] else ""
-    return f"up to date{form}" if stored["code"] == code else f"of another state ({_made(stored)}){form}"
+def calibrated(result: Result) -> Result:
+    """Return a result with the calibration errors of each sensor in place of what they are computed from."""
+    found: dict[str, Any] = {}
+    for row in result["rows"]:
+        if (reliability := row.pop("reliability", None)) is not None and "iou" in row:
+            found[sensor_of(row)] = found.get(sensor_of(row), 0.0) + np.array(reliability)
+    errors = {sensor: [calibration_error(kind) for kind in both] for sensor, both in found.items() if sensor}
+    return result | ({"calibration": errors} if errors else {})
 
 
-def _made(stored: dict) -> str:
-    return f"{stored['commit']}, {stored['date']}"
+def shown(benchmark: str, result: Result) -> Iterator[tuple[str, Lines]]:
+    """Yield name and lines of the tables that a result makes; one row a recording where there is none for it."""
+    rows = [row for row in result["rows"] if row["head"]["status"] == "done"]
+    for name, table in TABLES.items():
+        if table.benchmark == benchmark and table.rows(result):
+            try:
+                if len(lines := table.lines(result)) > 1:
+                    yield name, lines
+            except (KeyError, StopIteration, ValueError):  # parts of it, or other recordings than it is about
+                if rows and "called_moving" in rows[0]:
+                    yield f"{name}, other recordings", make.recordings(rows)
 
 
-def _said(names: Iterable[str], results: dict[str, dict]) -> list[str]:
-    """Return in a line or more what made a table, and which of its jobs were not run."""
-    made = [name for name in names if name in results]
-    if len(made) <= 2:
-        said = []
-        for name in made:
-            job, stored = JOBS[name], results[name]
-            short = f"; a part of `{job.command(False)}`" if stored["is_quick"] else ""
-            said.append(f"`{job.command(stored['is_quick'])}`, {_made(stored)}{short}.")
-    else:
-        states: dict[str, list[str]] = {}
-        for name in made:
-            form = ", short form" if results[name]["is_quick"] else ""
-            states.setdefault(_made(results[name]) + form, []).append(f"`{name}`")
-        said = [f"`benchmarks/all.py`, {state}: {', '.join(which)}." for state, which in states.items()]
-    missing = [name for name in names if name not in results]
-    return [*said, *([_to_run(missing).rstrip()] if missing else [])]
+def states_of(rows: list[Row]) -> str:
+    """Return commits and days of rows; where they differ, which methods are of each."""
+    states: dict[str, list[str]] = {}
+    for row in rows:
+        of = states.setdefault(f"{row['head']['commit']}, {row['head']['date']}", [])
+        if row.get("method") and f"`{row['method']}`" not in of:
+            of.append(f"`{row['method']}`")
+    has_methods = len(states) > 1 and all(states.values())
+    return "; ".join(f"{state}: {', '.join(of)}" if has_methods else state for state, of in states.items())
 
 
-def _to_run(missing: list[str]) -> str:
-    if len(missing) > 2:
-        return f"Not run for this state: {', '.join(f'`{name}`' for name in missing)} of `benchmarks/all.py`.\n"
-    return f"Not run for this state: `{'`, `'.join(JOBS[name].command(False) for name in missing)}`.\n"
-
-
-def _overview(results: dict[str, dict]) -> Rows:
-    rows = [["job", "run", "commit", "date"]]
-    for name, job in JOBS.items():
-        if (stored := results.get(name)) is None:
-            rows.append([f"`{name}`", f"not run: `{job.command(False)}`", "", ""])
-        else:
-            what = f"`{job.command(stored['is_quick'])}`" + (", the short form" if stored["is_quick"] else "")
-            rows.append([f"`{name}`", what, stored["commit"], stored["date"]])
-    return rows
-
-
-def markdown(name: str, results: dict[str, dict]) -> str | None:
-    """Return table `name` of its jobs' stored results, with the states they are of; None where none was ever run.
-
-    Jobs that were not run are named below it.
-    """
+def markdown(name: str, results: dict[str, Result]) -> str:
+    """Return table `name` as the stored results have it, and what they are of; where there is none, how to make it."""
     if name == OVERVIEW:
-        (heading, *rows), said, numbers = _overview(results), [], "---"
+        (heading, *lines), said, numbers = _overview(results), "", "---"
     else:
-        jobs, make = TABLES[name]
-        made = [job for job in jobs if job in results]
-        if not made:
-            return None
-        heading, *rows = make(*(results[job]["result"] for job in made))
-        said, numbers = _said(jobs, results), "---:"
-    lines = [heading, ["---", *[numbers] * (len(heading) - 1)], *rows]
-    table = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-    return table + "".join(f"\n{line}\n" for line in said)
+        table = TABLES[name]
+        command = f"`python benchmarks/run.py {table.benchmark}`"
+        if table.benchmark not in results:
+            return f"Not run yet: {command}.\n"
+        result = results[table.benchmark]
+        (heading, *lines), numbers = table.lines(result), "---:"
+        said = f"\n{command}, {states_of(table.rows(result) or result['rows'])}.\n"
+    head, *body = (f"| {' | '.join(cells)} |\n" for cells in (heading, *lines))
+    return f"{head}|---{f'|{numbers}' * (len(heading) - 1)}|\n{''.join(body)}{said}"
 
 
-EARLIER = "Of an earlier state. "
-"""What is said of a table of which no result is stored, and which does not say itself what it is of."""
+def _overview(results: dict[str, Result]) -> Lines:
+    lines = [["name", "what it measures", "takes about", "stored result"]]
+    for name, benchmark in BENCHMARKS.items():
+        stored = states_of([{"head": row["head"]} for row in results[name]["rows"]]) if name in results else "none"
+        lines.append([f"`{name}`", benchmark.what, benchmark.takes, stored])
+    return lines
 
 
-def _kept(shown: str, missing: list[str]) -> str:
-    """Return a table of which nothing is stored as the page has it, and that it is of an earlier state."""
-    table = "".join(line for line in shown.splitlines(keepends=True) if line.startswith("|"))
-    below = shown.removeprefix(table).strip()
-    return shown if below and not below.startswith(EARLIER) else f"{table}\n{EARLIER}{_to_run(missing)}"
-
-
-def with_tables(page: str, results: dict[str, dict]) -> str:
-    """Return the text of a page with its tables as `results`, by job, have them; others stay, or say what is to run."""
-
-    def replaced(mark: re.Match[str]) -> str:
-        made = markdown(mark["name"], results)
-        if made is None:
-            missing = [job for job in TABLES[mark["name"]][0] if job not in results]
-            made = _kept(mark["shown"], missing) if mark["shown"].startswith("|") else _to_run(missing)
-        return mark["head"] + made + mark["end"]
-
-    return MARK.sub(replaced, page)
+def with_tables(page: str, results: dict[str, Result]) -> str:
+    """Return the text of a page with its tables as `results`, by benchmark, have them."""
+    return MARK.sub(lambda mark: mark["head"] + markdown(mark["name"], results) + mark["end"], page)
 
 
 def names_in(page: str) -> Iterator[str]:

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from automos import compiling
-from automos.compiling import LINE, SHARES, compiling_beside
+from automos.compiling import ANEW, LINE, SHARES, compiling_beside
 from automos.objects import object_points
 
 AFTER = """
@@ -89,3 +89,21 @@ def test_a_run_is_cold_as_long_as_numba_finds_nothing_of_this_source(monkeypatch
 def test_where_numba_does_not_compile_nothing_is_cold(monkeypatch):
     monkeypatch.setattr(object_points, "_find_near", lambda: None)
     assert not compiling.is_cold()
+
+
+NOWHERE = """
+from numba.core.caching import CacheImpl
+
+CacheImpl._locator_classes = []  # as where neither the source's folder nor the user's home can be written
+import numpy as np
+from automos import compiling
+from automos.core import geometry
+
+with compiling.compiling_beside(print, ("candidates",)):
+    print(geometry.transform(np.eye(4), np.ones((1, 3))).tolist())
+"""
+
+
+def test_where_nothing_can_be_kept_everything_works_and_is_compiled_anew():
+    done = subprocess.run([sys.executable, "-c", NOWHERE], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [ANEW, "[[1.0, 1.0, 1.0]]"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-SAYS = {"label_arrays": r"[1-9]\d* moving"}
+SAYS = {"label_arrays": r"[1-9]\d* moving", "label_folder": r"[1-9]\d* of \d+ points are moving"}
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 

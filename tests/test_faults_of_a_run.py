@@ -1,7 +1,9 @@
 """Kills, files that may not grow, and races while one recording is labelled, merged, exported: reruns are the same."""
 
+import contextlib
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,10 +13,13 @@ from pathlib import Path
 import pytest
 from worlds import lane, write_bins
 
+from automos.core.claims import RESULTS, claim
+
+STAGES = ("odometry", "candidates", "instances", "tracking", "labels")
 resource = pytest.importorskip("resource", reason="this system limits no file's size")
 pytestmark = pytest.mark.slow
 COMMAND = (sys.executable, "-c", "from automos.cli import main; main()")
-RESULTS = ("predictions/*.label", "poses.txt", "poses.tum", "tracks.json", "settings.yaml")
+FILES = ("predictions/*.label", "poses.txt", "poses.tum", "tracks.json", "settings.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +38,7 @@ def start(*words, **options):
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for pattern in RESULTS for p in sorted(folder.glob(pattern))}
+    return {str(p.relative_to(folder)): p.read_bytes() for pattern in FILES for p in sorted(folder.glob(pattern))}
 
 
 def label_to_its_end(recording, out):
@@ -67,6 +72,33 @@ def test_runs_killed_at_any_moment_go_on_to_the_same_bytes(log, tmp_path):
                 assert not is_taken_for_results(out, recording)
         assert label_to_its_end(recording, out) == wanted
         assert not list(out.rglob("*.part")) or n_killed == 0
+
+
+@pytest.mark.parametrize("n", [1, 20])
+def test_what_others_put_into_a_run_stays_whatever_is_killed_in_it(log, tmp_path, n):
+    """Results on another disk through links, notes among them, kills at any moment, other settings each time."""
+    recording, wanted = log
+    out, disk, rng = tmp_path / "run", tmp_path / "disk", random.Random(n)
+    label_to_its_end(recording, out)
+    claim(disk, RESULTS)  # a person says that this is for our results, too
+    for name in ("stages", "predictions"):
+        shutil.move(out / name, disk / name)
+        (out / name).symlink_to(disk / name)
+    notes = [out / "notes.txt", disk / "stages/notes/a.npz", disk / "predictions/notes.txt", disk / "thesis/a.tex"]
+    for note in notes:
+        note.parent.mkdir(parents=True, exist_ok=True)
+        note.write_text("mine")
+    for k in range(n):
+        other = ("--set", f"tracking.max_misses={2 + k % 3}")
+        killed = start("label", recording, "--out", out, "--workers", "1", *other)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            killed.communicate(timeout=rng.uniform(2.0, 12.0))
+        killed.kill()
+        killed.communicate()
+        assert [note.read_text() for note in notes] == ["mine"] * len(notes)
+    assert label_to_its_end(recording, out) == wanted
+    assert [note.read_text() for note in notes] == ["mine"] * len(notes)
+    assert len(list((disk / "stages").glob("*-*"))) == len(STAGES)
 
 
 @pytest.mark.parametrize("size", [1_000, 20_000, 60_000, 200_000])

@@ -297,16 +297,16 @@ def test_no_command_replaces_a_file_of_the_recording_or_writes_among_its_scans(l
     with_poses = shutil.copytree(log / "velodyne", tmp_path / "with_poses")
     (with_poses / "poses").mkdir()
     for words, told in (
-        (["report", run, log, "--out", times], "is a file of the recording"),
-        (["evaluate", run, log, "--json", scan], "is a file of the recording"),
+        (["report", run, log, "--out", times], "is there, and automos did not write it"),
+        (["evaluate", run, log, "--json", scan], "is there, and automos did not write it"),
         (["label", fleet, "--out", log], "holds the scans of a recording"),
-        (["label", log, "--out", run / "predictions"], "holds the results of a run"),
-        (["label", log, "--out", with_poses], "holds the scans of a recording"),
-        (["export", run, log, "--to", "pcd", "--out", fleet / "a"], "holds the scans of a recording"),
-        (["export", run, log, "--to", "pcd", "--out", with_poses], "holds the scans of a recording"),
-        (["export", run, log, "--to", "panoptic", "--out", fleet / "a" / "labels"], "holds the labels of a recording"),
-        (["map", log, "--out", with_poses], "holds the scans of a recording"),
-        (["compare", log, "--out", fleet / "a"], "holds the scans of a recording"),
+        (["label", log, "--out", run / "predictions"], "automos did not make that folder"),
+        (["label", log, "--out", with_poses], "automos did not make that folder"),
+        (["export", run, log, "--to", "pcd", "--out", fleet / "a"], "automos did not make that folder"),
+        (["export", run, log, "--to", "pcd", "--out", with_poses], "automos did not make that folder"),
+        (["export", run, log, "--to", "panoptic", "--out", fleet / "a" / "labels"], "automos did not make that folder"),
+        (["map", log, "--out", with_poses], "automos did not make that folder"),
+        (["compare", log, "--out", fleet / "a"], "automos did not make that folder"),
     ):
         before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
         result = CliRunner().invoke(app, list(map(str, words)))

@@ -13,11 +13,12 @@ import pytest
 from worlds import World, lane, write_bins
 
 from automos.core.array_sequence import ArraySequence
+from automos.core.claims import MARK
 from automos.core.errors import InputError
 from automos.core.pose_writers import write_kitti
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.labeling import label_recording, summary
-from automos.online.segment import segment_recording
+from automos.live.segment import segment_recording
 from automos.pipeline import label
 from automos.readers import open_sequence
 from automos.settings import load_settings
@@ -136,7 +137,7 @@ def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, 
         [sys.executable, "-c", KILLED_WHILE_SAVING, "label", recording, *options], capture_output=True, check=False
     )
     assert killed.returncode == -signal.SIGKILL
-    (half,) = out.rglob(".*")
+    (half,) = out.rglob(".*.part")
     assert half.parent.name.startswith(stage)
     assert not (out / RUN_FILE).exists()
     saved = {path: path.stat().st_mtime_ns for path in out.glob("stages/*/[!.]*.npz")}
@@ -145,19 +146,15 @@ def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, 
     run(recording, out)
     assert predictions(out) == predictions(tmp_path / "straight")
     assert {path: path.stat().st_mtime_ns for path in saved} == saved
-    assert list(out.rglob(".*")) == []
+    assert [path.name for path in out.rglob(".*")] == [MARK]
 
 
-@pytest.mark.parametrize(
-    ("file", "what"),
-    [("predictions/000000.label", "labels"), ("confidences/000000.npy", "confidences holds files")],
-    ids=["labels", "confidences"],
-)
-def test_results_of_another_program_are_not_replaced(file, what, recording, tmp_path):
+@pytest.mark.parametrize("file", ["predictions/000000.label", "confidences/000000.npy", "stages/train/train.py"])
+def test_results_of_another_program_are_not_replaced(file, recording, tmp_path):
     foreign = tmp_path / "out" / file
     foreign.parent.mkdir(parents=True)
     foreign.write_bytes(b"by hand")
-    with pytest.raises(InputError, match=f"{what} that another program wrote: choose another --out"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         run(recording, tmp_path / "out")
     assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [foreign]
     assert foreign.read_bytes() == b"by hand"
@@ -175,7 +172,9 @@ def test_a_recordings_own_poses_are_not_replaced(recording, tmp_path):
     own = tmp_path / "out" / "poses.txt"
     own.parent.mkdir()
     own.write_text("by GPS")
-    with pytest.raises(InputError, match=r"out/poses.txt was not written by automos label: choose another --out"):
+    with pytest.raises(
+        InputError, match=r"out holds poses.txt, and automos did not make that folder: choose another --out"
+    ):
         run(recording, tmp_path / "out")
     assert own.read_text() == "by GPS"
 
@@ -191,7 +190,7 @@ def test_a_place_that_is_a_file_is_told(recording, tmp_path, place):
 def test_a_folder_for_labels_that_is_a_file_is_told_before_the_work(recording, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "predictions").write_text("I am a file")
-    with pytest.raises(InputError, match="predictions is a file: choose another --out"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         run(recording, tmp_path / "out")
     assert not (tmp_path / "out" / "stages").exists()
 
@@ -221,7 +220,7 @@ def test_results_are_not_written_into_the_recordings_own_folders(world, tmp_path
     (log / "labels").mkdir()
     (log / "labels" / "000000.label").touch()
     before = sorted(log.rglob("*"))
-    with pytest.raises(InputError, match="is a folder of the recording log: choose another --out"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         label_recording(open_sequence(log), log / out, PAPER, workers=1)
     assert sorted(log.rglob("*")) == before
 
@@ -241,3 +240,19 @@ def test_scans_whose_names_are_too_long_for_files_are_told_before_work_starts(wo
         with pytest.raises(InputError, match=r"a scan is named 'aaa.* \(256 letters\), and results are files"):
             start()
     assert list(tmp_path.glob("out/*")) == []
+
+
+def test_results_with_other_poses_are_replaced_only_where_that_is_asked_for(world, recording, tmp_path):
+    sequence, out = open_sequence(recording), tmp_path / "out"
+    first = label_recording(sequence, out, PAPER, tmp_path / "poses.txt", workers=1)
+    assert label_recording(sequence, out, PAPER, tmp_path / "poses.txt", workers=1) == first
+    write_kitti(tmp_path / "others.txt", world.poses + 1e-3 * np.eye(4, k=3))
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for other in (tmp_path / "others.txt", None):
+        with pytest.raises(
+            InputError, match="holds results with other poses, which would be replaced: add --overwrite"
+        ):
+            label_recording(sequence, out, PAPER, other, workers=1)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    again = label_recording(sequence, out, PAPER, tmp_path / "others.txt", workers=1, overwrite=True)
+    assert again["poses"] != first["poses"]

@@ -15,12 +15,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+from numba.core.caching import NullCache
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import make_transform
-from automos.core.parallel import available_cores
+from automos.core.parallel import available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
 from automos.core.working_folder import SAFE_PATH
 from automos.core.workspace import Arrays
@@ -33,6 +35,10 @@ from automos.settings import load_settings
 SHARES = ("poses", "candidates", "objects")
 """What is compiled apart, each about a third: odometry; free space; segments, tracks, verdicts and labels."""
 LINE = "compiling once: this first run takes longer than those that follow"
+ANEW = (
+    "what is compiled cannot be kept, so every run compiles anew, about a minute: set NUMBA_CACHE_DIR to a folder that "
+    "you may write to"
+)
 
 
 @contextmanager
@@ -42,6 +48,8 @@ def compiling_beside(report: Callable[[str], object], shares: tuple[str, ...]) -
     report : called with one line for the user if something is to be compiled.
     """
     if not is_cold():
+        if isinstance(getattr(_last_kernel(), "_cache", None), NullCache):
+            report(ANEW)
         yield
         return
     report(LINE)
@@ -75,14 +83,18 @@ def is_cold() -> bool:
 
     Numba is asked, which knows of what source, by which version and for which processor each file on disk is.
     """
-    from automos.objects import object_points
-
-    kernel = object_points._find_near
+    kernel = _last_kernel()
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if index is None:  # numba is set not to compile, or has no place to store the result
         return False
     processor = kernel.targetctx.codegen().magic_tuple()
     return not any(made_for == processor for _, made_for, _ in index._load_index())
+
+
+def _last_kernel() -> Any:
+    from automos.objects import object_points
+
+    return object_points._find_near
 
 
 def compile_all() -> None:
@@ -94,11 +106,18 @@ def compile_shares(shares: list[str]) -> None:
     """Compile the kernels of several shares, each in a process that parts from this one and ends when this is ended."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends daemons first
     context = multiprocessing.get_context("fork")
-    parts = [context.Process(target=compile_share, args=(share,), daemon=True) for share in shares]
+    parent, own = os.getppid(), os.getpid()
+    parts = [context.Process(target=_compile_part, args=(share, own), daemon=True) for share in shares]
     for part in parts:
         part.start()
+    end_with(parent)
     for part in parts:
         part.join()
+
+
+def _compile_part(share: str, parent: int) -> None:
+    end_with(parent)
+    compile_share(share)
 
 
 def compile_share(share: str) -> None:

@@ -13,7 +13,7 @@ from automos.core.errors import InputError
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.progress import StageProgress
 from automos.core.scan import Pose, Sequence
-from automos.core.workspace import Workspace
+from automos.core.workspace import Workspace, fingerprint
 from automos.pipeline import label
 from automos.results.claiming import refuse_unrepeatable, require_room
 from automos.results.run_warnings import sentences_of
@@ -35,6 +35,7 @@ def label_recording(
     workers: int = 0,
     console: Console | None = None,
     waits: bool = False,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """Label `sequence`, write all results into `folder`, return what run.json says of the run.
 
@@ -46,6 +47,8 @@ def label_recording(
         Where progress bars are drawn; none without it.
     waits : bool
         For another process that writes into `folder`, instead of refusing.
+    overwrite : bool
+        Replace results in `folder` that were made with other poses.
 
     Raises
     ------
@@ -53,17 +56,31 @@ def label_recording(
         The recording, the poses or the folder cannot be used.
     """
     sequence = as_sequence(sequence)
+    poses = given_poses(sequence, pose_file, calib_file)
     require_room(folder, sequence)
     refuse_unrepeatable(folder)
-    poses = given_poses(sequence, pose_file, calib_file)
+    require_same_poses(folder, poses, overwrite)
     with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
         result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
-        write_results(folder, sequence, result, settings, progress, is_whole)
+        write_results(folder, sequence, result, settings, progress, is_whole, _key_of(poses))
         note_concerns(RunStages(folder, sequence), pose_file is not None and calib_file is None)
         reapply(folder, sequence, progress)
         note_quality(folder)
         return declare_whole(folder)
+
+
+def require_same_poses(folder: Path, poses: Pose | None, overwrite: bool) -> None:
+    """Raise InputError where `folder` holds results with other poses than (N, 4, 4) `poses`, None those of odometry."""
+    run = Workspace(folder).read_run()
+    if run and run.get("poses") != _key_of(poses) and not overwrite:
+        raise InputError(
+            f"{folder} holds results with other poses, which would be replaced: add --overwrite or choose another --out"
+        )
+
+
+def _key_of(poses: Pose | None) -> str | None:
+    return None if poses is None else fingerprint(poses.astype(float).tobytes().hex())
 
 
 def require_poses_of_one(pose_file: Path | None, calib_file: Path | None, n: int = 1, place: str = "") -> None:

@@ -20,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
-from automos.baselines.methods import published
 from automos.core.arguments import require_kind
 from automos.core.array_sequence import as_sequence
 from automos.core.errors import InputError
@@ -30,12 +29,13 @@ from automos.core.run import Progress, Run, Tick
 from automos.core.scan import Pose, Sequence
 from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
 from automos.evidence.network_cue import cue_fingerprint
+from automos.evidence.published import handed_in
 from automos.evidence.stage import add_network_cue, find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
-from automos.odometry import estimate_trajectory
-from automos.odometry.loops import close_loops
+from automos.odometry.estimate import estimate_trajectory
+from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.result import Result
 from automos.settings import Settings, given_settings
@@ -180,7 +180,7 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
     for stage in ("odometry", "candidates", "instances", "tracking", "labels"):
         key = fingerprint(key, stage, chosen.get(stage))
         if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):
-            key = fingerprint(key, repr(published(settings.candidates.method)))
+            key = fingerprint(key, handed_in(settings.candidates.method).key)
         if stage == "candidates" and settings.self_training.folder:
             key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key

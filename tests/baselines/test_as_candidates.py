@@ -3,8 +3,9 @@
 import pytest
 from worlds import iou_of_moving, lane
 
-from automos import label, pipeline
-from automos.baselines import yoon
+from automos import InputError, label
+from automos.baselines import methods, yoon
+from automos.evidence import published
 from automos.pipeline import stage_keys
 from automos.settings import load_settings
 
@@ -23,7 +24,13 @@ def test_parameters_of_a_rival_matter_to_a_run_that_uses_it_and_to_no_other(monk
 
     used = {"candidates.method": "yoon"}
     plain, with_yoon = keys(), keys(**used)
-    monkeypatch.setattr(pipeline, "published", lambda name: yoon.Parameters(margin=0.7))
+    monkeypatch.setattr(methods, "published", lambda name: yoon.Parameters(margin=0.7))
     assert keys() == plain
     assert keys(**used)["odometry"] == with_yoon["odometry"]
     assert keys(**used)["candidates"] != with_yoon["candidates"]
+
+
+def test_a_method_that_nobody_hands_in_is_named(monkeypatch):
+    monkeypatch.setattr(published, "entry_points", lambda group: [])
+    with pytest.raises(InputError, match="hands in the method yoon"):
+        label(lane(2).sequence, load_settings("default", None, {"candidates.method": "yoon"}), workers=1)

@@ -18,6 +18,7 @@ from worlds import World, iou_of_moving, lane, write_bins
 from automos import __version__, cli, labeling
 from automos.cli import main
 from automos.cli.consoles import output
+from automos.core.claims import MARK
 from automos.core.labels import Label, to_mos
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings
@@ -300,7 +301,7 @@ def test_labels_of_another_program_are_refused_and_left_alone(automos, log, tmp_
     (tmp_path / "out" / "predictions" / "000000.label").write_text("by hand")
     ended = automos("label", log, "--out", tmp_path / "out")
     assert (ended.code, is_one_sentence(ended.err)) == (2, True)
-    assert "labels that another program wrote: choose another --out" in ended.err
+    assert "automos did not make that folder: choose another --out" in ended.err
     assert [path.read_text() for path in files_in(tmp_path / "out")] == ["by hand"]
 
 
@@ -325,7 +326,7 @@ def test_a_full_disk_is_one_sentence_and_the_same_command_goes_on_later(
     assert is_one_sentence(ended.err[ended.err.rindex("error: ") :])  # below the progress bars
     assert "could not be written (No space left on device): free some space" in ended.err
     assert not (tmp_path / "out" / "predictions").exists()
-    assert [path for path in files_in(tmp_path / "out") if path.suffix != ".npz"] == []
+    assert [path for path in files_in(tmp_path / "out") if path.suffix != ".npz"] == [tmp_path / "out" / MARK]
     assert automos(*options).code == 0
     assert len(files_in(tmp_path / "out" / "predictions")) == 8
 
@@ -603,3 +604,29 @@ def test_names_that_the_terminal_has_no_letters_for_are_printed_all_the_same(tmp
     run = subprocess.run(command, env=environment, capture_output=True, text=True, encoding="ascii")
     assert (run.returncode, run.stderr) == (0, "")
     assert "Stra\\xdfe" in run.stdout
+
+
+INTERRUPTED = """
+import importlib.abc, os, signal, sys
+
+module = sys.argv.pop(1)
+
+class Presses(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == module:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Presses())
+from automos.__main__ import main
+main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("module", ["typer", "automos.cli.compare", "automos.writers.listing", "numba"])
+def test_ctrl_c_while_the_program_is_imported_prints_no_traceback(module):
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, module, "formats"], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode in (-signal.SIGINT, 130)
+    assert "Traceback" not in ended.stderr

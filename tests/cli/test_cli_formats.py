@@ -77,17 +77,19 @@ def test_nothing_that_came_with_a_recording_is_written_over(labelled, tmp_path, 
     places = {"RUN": labelled[0], "LOG": folder, "EDITS": labelled[0] / "predictions"}
     done = run(*(places.get(word, word) for word in words.split()), "--out", folder / place)
     assert isinstance(done.exception, InputError)
-    assert "is a folder of the recording lane: choose another --out" in str(done.exception)
+    assert str(done.exception).endswith(
+        (
+            "automos did not make that folder: choose another --out",
+            "the folder of the recording lane: choose another --out",
+        )
+    )
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_a_second_export_into_a_folder_within_the_recording_is_told_how_it_can_be(labelled, tmp_path):
+def test_a_second_export_into_a_folder_of_its_own_within_the_recording_replaces_the_first(labelled, tmp_path):
     folder = shutil.copytree(labelled[1], tmp_path / "lane")
     words = ("export", labelled[0], folder, "--to", "instances", "--out", folder / "ids")
     assert run(*words).exit_code == 0
-    told = str(run(*words).exception)
-    assert told.endswith("choose another --out, or remove what is in it, if that did not come with the recording")
-    shutil.rmtree(folder / "ids")
     assert run(*words).exit_code == 0
 
 
@@ -97,7 +99,7 @@ def test_no_results_are_written_into_another_recording(labelled, tmp_path, words
     other = write_bins(lane(2).sequence, tmp_path / "other" / place)
     places = {"RUN": labelled[0], "LOG": labelled[1], "EDITS": labelled[0] / "predictions"}
     done = run(*(places.get(word, word) for word in words.split()), "--out", tmp_path / "other")
-    assert "other holds the scans of a recording: choose another --out" in str(done.exception)
+    assert "automos did not make that folder: choose another --out" in str(done.exception)
     assert sorted(path.name for path in other.iterdir()) == ["000000.bin", "000001.bin"]
     assert len(list((tmp_path / "other").iterdir())) == (1 if place else 2)
 
@@ -117,7 +119,7 @@ def test_exports_are_not_written_over_the_labels_of_a_run(labelled, tmp_path):
     run_folder = shutil.copytree(labelled[0], tmp_path / "run")
     before = {path: path.read_bytes() for path in run_folder.rglob("*.label")}
     done = run("export", *labelled, "--to", "panoptic", "--out", run_folder / "predictions")
-    assert "predictions holds the results of a run: choose another --out" in str(done.exception)
+    assert "automos did not make that folder: choose another --out" in str(done.exception)
     assert {path: path.read_bytes() for path in run_folder.rglob("*.label")} == before
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("velodyne_decoder", reason="packets need velodyne-decoder: pip install '.[velodyne]'")
-sys.path[:0] = [str(Path(__file__).parents[1] / "live"), str(Path(__file__).parents[1] / "datasets")]
+sys.path[:0] = [str(Path(__file__).parents[1] / "live"), str(Path(__file__).parents[1] / "readers")]
 
 from room_packets import room_packets  # noqa: E402
 from velodyne_packets import udp, write_pcap  # noqa: E402
@@ -23,9 +23,9 @@ from velodyne_packets import udp, write_pcap  # noqa: E402
 from automos.labeler import Labeler  # noqa: E402
 from automos.live.message import Sender, decode  # noqa: E402
 from automos.live.run import run_live  # noqa: E402
+from automos.live.segment import results_writer, segment_recording  # noqa: E402
 from automos.live.udp import UdpFeed  # noqa: E402
 from automos.live.velodyne import VelodyneAssembler  # noqa: E402
-from automos.online.segment import results_writer, segment_recording  # noqa: E402
 from automos.readers import open_sequence  # noqa: E402
 from automos.settings import load_settings  # noqa: E402
 

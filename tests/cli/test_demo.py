@@ -68,5 +68,5 @@ def test_its_first_run_fits_into_a_minute(tmp_path):
 
 def test_a_file_in_the_folders_place_is_told_before_anything_is_simulated(tmp_path):
     (tmp_path / "demo").write_text("")
-    with pytest.raises(InputError, match="cannot be made"):
+    with pytest.raises(InputError, match="demo is a file: choose another --out"):
         run_demo(tmp_path / "demo", load_settings("default"), lambda *_: pytest.fail("it began to simulate"))

@@ -9,7 +9,7 @@ import pytest
 from automos.core import extras
 from automos.core.extras import DISTRIBUTION, pip_install
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 class Installed:

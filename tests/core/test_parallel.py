@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 
+import psutil
 import pytest
 
 from automos.core.errors import InputError
@@ -146,3 +147,27 @@ def wait_until(is_so, seconds=5.0):
     end = time.monotonic() + seconds
     while not is_so() and time.monotonic() < end:
         time.sleep(0.001)
+    return is_so()
+
+
+WAITING = """
+import os, sys, time
+from automos.core.parallel import map_in_order
+
+def wait(path):
+    open(path, "w").write(str(os.getpid()))
+    time.sleep(60)
+
+list(map_in_order(wait, sys.argv[1:], 2))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere the number of the parent stays")
+def test_workers_do_not_outlive_a_parent_that_is_killed(tmp_path):
+    paths = [tmp_path / name for name in "ab"]
+    parent = subprocess.Popen([sys.executable, "-c", WAITING, *paths], stderr=subprocess.DEVNULL)
+    assert wait_until(lambda: all(path.exists() and path.read_text() for path in paths), 60.0)
+    workers = [psutil.Process(int(path.read_text())) for path in paths]
+    parent.kill()
+    parent.wait()
+    assert wait_until(lambda: not any(w.is_running() and w.status() != psutil.STATUS_ZOMBIE for w in workers), 30.0)

@@ -111,7 +111,7 @@ def test_halves_of_files_that_a_killed_run_left_are_removed(tmp_path):
     workspace = Workspace(tmp_path)
     workspace.stage("labels", "k").save("a", ARRAYS)
     folder = tmp_path / "stages" / "labels-k"
-    (folder / ".b.npz.123.part").write_bytes(b"half")
+    (folder / ".b.npz.0123abcd.part").write_bytes(b"half")
     workspace.keep_only({"labels": "k"})
     assert [path.name for path in folder.iterdir()] == ["a.npz"]
 

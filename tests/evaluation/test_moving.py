@@ -31,9 +31,9 @@ def test_instance_ids_in_the_upper_bits_do_not_matter():
 @pytest.mark.parametrize("seed", range(4))
 def test_the_scores_are_those_of_scikit_learn(seed):
     truth, prediction = np.random.default_rng(seed).choice(IDS, (2, 200 * 10**seed))
-    is_labeled = np.isin(truth, [9, 10, 40, 99, 251, 252, 254, 259])
-    is_true = np.isin(truth, [251, 252, 254, 259])[is_labeled]
-    is_predicted = np.isin(prediction, [251, 252, 254, 259])[is_labeled]
+    is_labelled = np.isin(truth, [9, 10, 40, 99, 251, 252, 254, 259])
+    is_true = np.isin(truth, [251, 252, 254, 259])[is_labelled]
+    is_predicted = np.isin(prediction, [251, 252, 254, 259])[is_labelled]
     scores = count(prediction, truth).scores
     assert scores.iou == pytest.approx(jaccard_score(is_true, is_predicted), abs=1e-15)
     assert scores.precision == pytest.approx(precision_score(is_true, is_predicted), abs=1e-15)

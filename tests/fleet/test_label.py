@@ -124,22 +124,25 @@ def test_labels_that_somebody_made_over_with_other_settings_are_made_again(fleet
     assert fleet.differences(tmp_path / "out") == []
 
 
-def test_labels_made_with_given_poses_are_made_again_without(fleet, tmp_path):
+def test_labels_made_with_given_poses_are_made_again_without_where_that_is_asked_for(fleet, tmp_path):
     name = fleet.names[0]
     recording = Recording(name, str(fleet.folder / name))
     moved = tmp_path / "poses.txt"
     write_kitti(moved, np.stack([make_transform(t=[3.0 * i, 0.0, 0.0]) for i in range(N_SCANS)]))
 
-    def label(pose_file):
+    def label(pose_file, overwrite=False):
         resources = Resources(work=tmp_path / "work", chunk=4)
-        files = (pose_file, None)
+        files = (pose_file, None, overwrite)
         return label_fleet(
             [recording], str(tmp_path / "out"), fleet.settings, resources, None, files, None, lambda _: InProcess()
         )
 
     assert label(moved).labelled == [name]
     assert result_files(tmp_path / "out" / name) != fleet.expected[name]
-    assert label(None).labelled == [name]
+    made = result_files(tmp_path / "out" / name)
+    assert "holds results with other poses, which would be replaced: add --overwrite" in label(None).failed[name]
+    assert result_files(tmp_path / "out" / name) == made
+    assert label(None, overwrite=True).labelled == [name]
     assert result_files(tmp_path / "out" / name) == fleet.expected[name]
     assert label(None).had_been == [name]
 
@@ -165,9 +168,8 @@ def test_recordings_are_not_labelled_in_their_own_folders(fleet, tmp_path):
         find_all(str(logs)), str(logs), fleet.settings, resources, executor=lambda resources: InProcess()
     )
     assert outcome.labelled == []
-    assert outcome.failed["log01"].endswith("poses.txt, which automos did not write: choose another --out")
-    for name in ("log00", "log02"):
-        assert outcome.failed[name].endswith(f"{name} is a folder of the recording {name}: choose another --out")
+    for name in ("log00", "log01", "log02"):
+        assert outcome.failed[name].endswith("automos did not make that folder: choose another --out")
     assert (logs / "log01" / "poses.txt").read_text() == "theirs"
     assert not (logs / "log01" / "predictions").exists()
 

@@ -4,9 +4,10 @@ import errno
 
 import pytest
 
+from automos.core.claims import MARK
 from automos.core.errors import InputError, MissingExtraError
 from automos.fleet import storage
-from automos.fleet.publishing import MARKER, Marker, publish, read_marker, refuse_foreign, withdraw
+from automos.fleet.publishing import MARKER, Marker, publish, read_marker, require_ours, withdraw
 from automos.fleet.storage import Store, StoreError, is_url, join, patiently
 
 
@@ -118,7 +119,7 @@ def target():
 
 def test_results_arrive_with_a_marker_that_names_them_all_but_not_the_stages(results, target):
     publish(results, target, MADE, "s3://bucket/a?sig=x")
-    assert [entry.path for entry in Store(target).entries()] == [MARKER, "predictions/0.label", "run.json"]
+    assert [entry.path for entry in Store(target).entries()] == [MARK, MARKER, "predictions/0.label", "run.json"]
     marker = read_marker(target)
     assert (marker.fingerprint, marker.counts, marker.warnings) == ("fingerprint", {"scans": 1}, ["thick walls"])
     assert marker.files["predictions/0.label"]["bytes"] == 5
@@ -136,23 +137,23 @@ def test_files_that_are_no_results_stay_whatever_lies_beside_results(results, ta
     for path in ("velodyne/0.bin", "labels/0.label", "log01/predictions/0.label"):
         Store(target).write(path, b"theirs")
     publish(results, target, MADE, "/logs/a")
-    assert len(Store(target).entries()) == 3 + 3
+    assert len(Store(target).entries()) == 3 + 4
 
 
 @pytest.mark.parametrize("path", ["predictions/9.label", "confidences/9.npy", "poses.txt"])
 def test_what_results_would_replace_and_automos_did_not_write_is_not_touched(results, target, tmp_path, path):
-    refuse_foreign(target)
-    refuse_foreign(str(tmp_path / "empty"))
+    require_ours(target)
+    require_ours(str(tmp_path / "empty"))
     Store(target).write(path, b"theirs")
     (tmp_path / "theirs" / path).parent.mkdir(parents=True)
     (tmp_path / "theirs" / path).write_bytes(b"theirs")
-    for place in (target, str(tmp_path / "theirs")):
-        with pytest.raises(InputError, match=f"holds {path}, which automos did not write: choose another --out"):
-            refuse_foreign(place)
-    Store(target).write("run.json", b"{}")
-    (tmp_path / "theirs" / "stages").mkdir()  # a run that was interrupted before its end
-    refuse_foreign(target)
-    refuse_foreign(str(tmp_path / "theirs"))
+    Store(target).write("run.json", b'{"tool": "theirs"}')
+    with pytest.raises(InputError, match=f"holds {path}, which automos did not write: choose another --out"):
+        require_ours(target)
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
+        require_ours(str(tmp_path / "theirs"))
+    Store(target).write("run.json", b'{"recording": {}, "points": {}, "versions": {"automos": "0.6.0"}}')
+    require_ours(target)
 
 
 def test_an_upload_that_was_interrupted_is_known_to_be_ours(results, target, monkeypatch):
@@ -167,7 +168,7 @@ def test_an_upload_that_was_interrupted_is_known_to_be_ours(results, target, mon
     monkeypatch.setattr(Store, "put", broken)
     with pytest.raises(StoreError):
         publish(results, target, MADE, "/logs/a")
-    refuse_foreign(target)
+    require_ours(target)
 
 
 @pytest.mark.parametrize("damage", ["lost", "shorter", "other"])

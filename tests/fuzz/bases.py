@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 TESTS = Path(__file__).parents[1]
-sys.path[:0] = [str(TESTS), str(TESTS / "datasets")]
+sys.path[:0] = [str(TESTS), str(TESTS / "readers")]
 
 from street_log import StreetLog, street_log
 
 from automos.core.labels import pack
 from automos.core.pose_writers import write_kitti
 
-_spec = importlib.util.spec_from_file_location("dataset_writers", TESTS / "datasets" / "conftest.py")
+_spec = importlib.util.spec_from_file_location("dataset_writers", TESTS / "readers" / "conftest.py")
 writers = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(writers)
 

@@ -41,6 +41,7 @@ from automos.settings import dump_yaml, load_settings, read_overrides
 
 _NO_SETTINGS = (
     "&a [*a]", "a: &a {b: *a}", "{" * 5000, "\x00", "2020-99-99: 1", "!!python/object:os.system {}",
+    "[" + "1," * 5_000_000 + "]", "tracking: {max_misses: 1:30}", "tracking: {max_misses: 0b11}", "[" * 30_000,
 )  # fmt: skip
 MOST = {"ouster": 1024 * 128}
 """Points that a scan may have, where it is more than usual."""
@@ -191,7 +192,7 @@ class Kinds:
         self._requests.ask(rng)
 
     def _edits(self, rng: random.Random, work: Path) -> None:
-        sys.path.insert(0, str(Path(__file__).parents[1] / "export"))
+        sys.path.insert(0, str(Path(__file__).parents[1] / "writers"))
         from made_run import make_run
 
         fuzz_edits(rng, work, make_run(work / "run"))

@@ -126,7 +126,7 @@ COMMANDS: dict[str, tuple[Does, tuple[str, ...]]] = {
     "export": (_export, ("run",)),
     "merge": (_merge, ("boxes", "labels", "run")),
     "label again": (_label, ("run",)),
-    "given poses": (lambda root, rng: _label(root, rng, "--poses", root / "log" / "poses.txt",
+    "given poses": (lambda root, rng: _label(root, rng, "--poses", root / "log" / "poses.txt", "--overwrite",
                                              "--calib", root / "log" / "calib.txt"), ("log",)),
     "drift": (lambda root, rng, *more: call("drift", root / "run" / rng.choice(("poses.txt", "poses.tum")),
                                             root / "log" / "poses.txt", *more), ("run", "log")),
@@ -142,8 +142,36 @@ COMMANDS: dict[str, tuple[Does, tuple[str, ...]]] = {
 def fuzz_command(kind: str, bases: Path, rng: random.Random, work: Path) -> None:
     """Damage what a command is given in one or two places, and run it."""
     does, parts = COMMANDS[kind]
-    root = work / "case"
+    root, theirs = work / "case", work / "theirs"
     shutil.copytree(bases, root)
+    before = _somebodys(theirs, root, rng)
+    try:
+        _damage_and_run(does, parts, kind, root, rng, ("--out", theirs) if rng.random() < 0.2 else ())
+    finally:
+        if {path: path.read_bytes() for path in before if path.is_file()} != before:
+            raise WrongError("files of somebody else were replaced or deleted")
+
+
+def _somebodys(theirs: Path, root: Path, rng: random.Random) -> dict[Path, bytes]:
+    """Make a folder of somebody else's, to which folders of ours may lead, and return what is in it."""
+    for name in ("train/train.py", "000003.label", "000003.npy", "run.json", "poses.txt", "labels-0/000003.npz"):
+        (theirs / name).parent.mkdir(parents=True, exist_ok=True)
+        (theirs / name).write_bytes(b"theirs")
+    if rng.random() < 0.3:
+        place = root / rng.choice(("run/predictions", "run/stages", "run/export", "merged", "out", "fleet/a"))
+        shutil.rmtree(place, ignore_errors=True)
+        place.symlink_to(theirs)
+        LAST.append(f"{place.name} leads to somebody's")
+    return {path: path.read_bytes() for path in theirs.rglob("*") if path.is_file()}
+
+
+def _damage_and_run(
+    does: Does, parts: tuple[str, ...], kind: str, root: Path, rng: random.Random, out: tuple[object, ...]
+) -> None:
+    if out and kind in ("export", "merge", "report"):
+        LAST.append("--out somebody's")
+        does(root, rng, *out)
+        return
     part = root / rng.choice(parts)
     if rng.random() < 0.15 and kind in OPTIONS:
         more = (rng.choice(OPTIONS[kind]), filled(rng.choice(WORDS), root))

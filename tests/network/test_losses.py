@@ -39,11 +39,11 @@ def test_lovasz_softmax_is_its_definition(seed):
     rng = np.random.default_rng(seed)
     probability = rng.dirichlet([1.0, 1.0, 1.0], 8)
     target = np.array([0, 1, 1, 2, 2, 1, 0, 2])
-    labeled = target > 0
+    labelled = target > 0
     wanted = np.mean(
         [
             brute_force(
-                np.abs((target[labeled] == c) - probability[labeled, c]), set(np.flatnonzero(target[labeled] == c))
+                np.abs((target[labelled] == c) - probability[labelled, c]), set(np.flatnonzero(target[labelled] == c))
             )
             for c in (1, 2)
         ]

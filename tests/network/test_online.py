@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from labeled_worlds import changes_move, settings
+from labelled_worlds import changes_move, settings
 from worlds import iou_of_moving, lane, street
 
 from automos.core.labels import Label

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from labeled_worlds import settings, write_labeled
+from labelled_worlds import settings, write_labelled
 from worlds import street, write_bins
 
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.labels import Label, pack
-from automos.network.recordings import Shelf, Source, open_labeled
+from automos.network.recordings import Shelf, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale
 
 
@@ -17,12 +17,12 @@ def world():
 
 @pytest.fixture(scope="module")
 def folder(world, tmp_path_factory):
-    return write_labeled(world, tmp_path_factory.mktemp("street"))
+    return write_labelled(world, tmp_path_factory.mktemp("street"))
 
 
 @pytest.fixture(scope="module")
 def recordings(folder, tmp_path_factory):
-    return open_labeled([Source(folder)], settings(), tmp_path_factory.mktemp("poses"))
+    return open_labelled([Source(folder)], settings(), tmp_path_factory.mktemp("poses"))
 
 
 def test_a_source_is_a_recording_with_or_without_results():
@@ -60,7 +60,7 @@ def test_manual_and_automatic_labels_are_read_alike(recordings, folder, world, t
         pack(world.truth[i]).tofile(results / "predictions" / f"{name}.label")
         np.save(results / "confidences" / f"{name}.npy", np.full(len(world.truth[i]), 0.25, np.float32))
     write_text(results / "run.json", "{}")
-    automatic = open_labeled([Source(folder, results)], settings(), tmp_path / "poses")[0].read(2)
+    automatic = open_labelled([Source(folder, results)], settings(), tmp_path / "poses")[0].read(2)
     manual = recordings[0].read(2)
     assert np.array_equal(automatic.classes, manual.classes)
     assert set(automatic.confidence) == {np.float32(0.25)}
@@ -70,13 +70,13 @@ def test_manual_and_automatic_labels_are_read_alike(recordings, folder, world, t
 def test_a_recording_without_labels_is_told(world, tmp_path):
     bare = write_bins(world.sequence, tmp_path / "bare")
     with pytest.raises(InputError, match="bare came without labels: label it first"):
-        open_labeled([Source(bare)], settings(), tmp_path / "poses")
+        open_labelled([Source(bare)], settings(), tmp_path / "poses")
 
 
 def test_labels_of_another_recording_are_told(folder, tmp_path):
     (tmp_path / "run" / "predictions").mkdir(parents=True)
     np.zeros(3, np.uint32).tofile(tmp_path / "run" / "predictions" / "000000.label")
-    recording = open_labeled([Source(folder, tmp_path / "run")], settings(), tmp_path / "poses")[0]
+    recording = open_labelled([Source(folder, tmp_path / "run")], settings(), tmp_path / "poses")[0]
     with pytest.raises(InputError, match="belongs to another scan or was cut short"):
         recording.read(0)
 
@@ -92,8 +92,8 @@ def test_class_weights_come_from_the_labels_at_hand(recordings, world):
 
 def test_labels_without_a_moving_point_are_told(world, tmp_path):
     still = [np.full(len(truth), Label.STATIC, np.uint8) for truth in world.truth]
-    folder = write_labeled(world, tmp_path / "still", still)
-    recordings = open_labeled([Source(folder)], settings(), tmp_path / "poses")
+    folder = write_labelled(world, tmp_path / "still", still)
+    recordings = open_labelled([Source(folder)], settings(), tmp_path / "poses")
     with pytest.raises(InputError, match="no moving point in the labels of still"):
         measure_classes(recordings, 4)
 

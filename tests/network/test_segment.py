@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from labeled_worlds import changes_move, settings, write_labeled
+from labelled_worlds import changes_move, settings, write_labelled
 from worlds import lane
 
 from automos.core.errors import InputError
@@ -13,7 +13,7 @@ from automos.readers import open_sequence
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    return open_sequence(write_labeled(lane(5), tmp_path_factory.mktemp("lane")))
+    return open_sequence(write_labelled(lane(5), tmp_path_factory.mktemp("lane")))
 
 
 def test_labels_are_written_as_automos_label_writes_them(recording, tmp_path):
@@ -35,5 +35,5 @@ def test_another_programs_labels_are_not_written_over(recording, tmp_path):
     (tmp_path / "theirs" / "predictions" / "000000.label").touch()
     (tmp_path / "labelled" / "stages" / "labels-0").mkdir(parents=True)
     for name in ("theirs", "labelled"):
-        with pytest.raises(InputError, match=r"holds labels that (automos segment did|another program)"):
+        with pytest.raises(InputError, match=r"automos (segment did not write|did not make that folder)"):
             segment_recording(recording, tmp_path / name, changes_move(), settings())

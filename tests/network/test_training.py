@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from labeled_worlds import settings, write_labeled
+from labelled_worlds import settings, write_labelled
 from worlds import street
 
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWa
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> TrainingData:
-    return TrainingData((Source(write_labeled(street(8), tmp_path_factory.mktemp("street"))),))
+    return TrainingData((Source(write_labelled(street(8), tmp_path_factory.mktemp("street"))),))
 
 
 @pytest.fixture(scope="module")

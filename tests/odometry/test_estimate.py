@@ -6,8 +6,8 @@ from worlds import SCAN_GAP
 from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.scan import Scan
-from automos.odometry import estimate, estimate_trajectory
-from automos.odometry.estimate import doubts
+from automos.odometry import estimate
+from automos.odometry.estimate import doubts, estimate_trajectory
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice
 from automos.settings import OdometrySettings

@@ -7,7 +7,7 @@ import pytest
 from raw_worlds import curve
 from worlds import Block, record
 
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.links import Window
 from automos.odometry.speed import search_speed

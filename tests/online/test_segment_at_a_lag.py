@@ -14,8 +14,8 @@ from automos.core.errors import InputError
 from automos.core.pose_files import read_poses
 from automos.evaluation.report import find_predictions
 from automos.labeling import label_recording
+from automos.live.segment import results_writer, segment_recording, stamped, summary
 from automos.online.labelled_scan import OBJECT_FIELDS, LabelledScan
-from automos.online.segment import results_writer, segment_recording, stamped, summary
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_what_is_written_is_what_the_labeler_gives_back(recording, tmp_path):
 def test_labels_of_another_program_are_not_overwritten(recording, tmp_path):
     (tmp_path / "predictions").mkdir()
     (tmp_path / "predictions" / "000000.label").write_bytes(b"1234")
-    with pytest.raises(InputError, match="holds labels that another program wrote"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         segment_recording(recording, tmp_path, load_settings("default"))
     assert (tmp_path / "predictions" / "000000.label").read_bytes() == b"1234"
 
@@ -76,7 +76,7 @@ def test_a_run_that_was_killed_is_no_result_and_the_rerun_is_as_if_it_had_not_be
         "import os, sys\n"
         "from pathlib import Path\n"
         "from automos import load_settings, open_sequence\n"
-        "from automos.online.segment import segment_recording\n"
+        "from automos.live.segment import segment_recording\n"
         "segment_recording(open_sequence(sys.argv[1]), Path(sys.argv[2]), load_settings('default'),\n"
         "                  progress=lambda name, done, total: done == 4 and os.kill(os.getpid(), 9))\n"
     )
@@ -111,7 +111,7 @@ def test_what_label_or_merge_wrote_and_the_recording_itself_are_not_written_over
         with pytest.raises(InputError, match=f"holds labels {said}"):
             segment_recording(recording, tmp_path / name, load_settings("default"))
     before = sorted(recording.source.iterdir())
-    with pytest.raises(InputError, match="is a folder of the recording"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         segment_recording(recording, recording.source, load_settings("default"))
     assert sorted(recording.source.iterdir()) == before
 
@@ -148,7 +148,7 @@ def test_what_a_sensor_sent_is_never_replaced(recording, tmp_path):
 
 
 def test_an_hour_of_objects_is_kept_in_little_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("automos.online.segment.write_points", lambda *given: None)
+    monkeypatch.setattr("automos.live.segment.write_points", lambda *given: None)
     n_scans, n_objects = 100, 50
 
     def write_the_rest():

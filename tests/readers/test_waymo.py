@@ -186,7 +186,7 @@ def test_reference_poses_are_of_the_scans_frame(segment):
     np.testing.assert_allclose(open_sequence(path).reference_poses, inverse(T[0]) @ T, atol=1e-6)
 
 
-def test_boxes_are_truth_but_in_zones_that_nobody_labeled(segment):
+def test_boxes_are_truth_but_in_zones_that_nobody_labelled(segment):
     path, seen = segment
     sequence = open_sequence(path)
     moves = np.array([any(block.velocity) for block in BLOCKS] + [False])  # the last entry is the ground

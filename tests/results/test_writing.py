@@ -169,8 +169,8 @@ def test_times_of_stages_that_were_not_run_again_are_those_of_the_first_run(fold
 
 
 def test_nothing_else_is_left_in_the_folder(folder):
-    (folder / ".poses.txt.99.part").write_text("half")
-    (folder / "predictions" / ".000000.label.99.part").write_text("half")
+    (folder / ".poses.txt.0123abcd.part").write_text("half")
+    (folder / "predictions" / ".000000.label.0123abcd.part").write_text("half")
     write_results(folder, SEQUENCE, make_result(), PAPER)
     assert sorted(path.name for path in folder.iterdir()) == [
         "poses.tum",

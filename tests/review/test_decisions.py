@@ -2,13 +2,14 @@
 
 import errno
 import os
+import re
 
 import numpy as np
 import pytest
 
 from automos.core.errors import InputError
 from automos.review.decisions import Cover, Decision, append_decisions, cover, read_decisions
-from automos.review.log import LOG_FILE
+from automos.review.log import LOG_FILE, key_of_changes
 
 ONE = Decision("2026-01-02T03:04:05+00:00", 3, "moving", "static", "key", {"000001": Cover(2, [5, 9])})
 TWO = Decision("2026-01-02T03:05:05+00:00", 3, "undo", "static", "key", {})
@@ -45,11 +46,26 @@ def test_of_what_could_not_be_logged_nothing_holds(tmp_path, monkeypatch):
     assert (tmp_path / LOG_FILE).read_bytes() == before
 
 
-@pytest.mark.parametrize("line", ['{"at": }', '{"at": "x"}'])
-def test_a_damaged_line_is_named(tmp_path, line):
-    (tmp_path / LOG_FILE).write_text(line + "\n")
-    with pytest.raises(InputError, match=r"review.jsonl, line 1 is not a decision .*; correct or remove that line"):
-        read_decisions(tmp_path)
+@pytest.mark.parametrize("line", [b'{"at": }', b'{"at": "x"}', b'{"at": "2026', b"[]", b"3", b"\xff\xfe", b"{" * 9999])
+def test_a_damaged_line_is_named_and_stays_and_the_others_are_read(tmp_path, caplog, line):
+    append_decisions(tmp_path, [ONE])
+    with (tmp_path / LOG_FILE).open("ab") as file:
+        file.write(line)
+    append_decisions(tmp_path, [TWO])
+    assert read_decisions(tmp_path) == [ONE, TWO]
+    assert re.search(
+        r"review.jsonl, line 2 is not a (decision|line of a review) \(.*\): it stays, but is passed over", caplog.text
+    )
+    assert line in (tmp_path / LOG_FILE).read_bytes()
+
+
+def test_labels_are_made_again_when_a_damaged_line_is_mended(tmp_path):
+    append_decisions(tmp_path, [ONE, TWO])
+    before, text = key_of_changes(tmp_path), (tmp_path / LOG_FILE).read_text()
+    (tmp_path / LOG_FILE).write_text(text.replace("{", "", 1))
+    assert len({before, key_of_changes(tmp_path), ""}) == 3
+    (tmp_path / LOG_FILE).write_text(text)
+    assert key_of_changes(tmp_path) == before
 
 
 def test_a_cover_keeps_some_rows_and_the_number_of_all():

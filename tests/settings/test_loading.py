@@ -1,9 +1,12 @@
+import math
+import time
+
 import pytest
 import yaml
 from pydantic import BaseModel
 
 from automos.core.errors import SettingsError
-from automos.settings import PRESETS, Settings, dump_yaml, load_settings
+from automos.settings import PRESETS, Settings, dump_yaml, load_settings, read_overrides
 
 
 def leaves(group: type[BaseModel], prefix: str = ""):
@@ -176,3 +179,34 @@ def test_a_value_of_the_command_line_is_not_put_down_to_the_file(tmp_path):
     (tmp_path / "mine.yaml").write_text("tracking: {max_misses: 3}")
     with pytest.raises(SettingsError, match=r"^setting tracking\.max_misses = -1 is not possible"):
         load_settings("paper", tmp_path / "mine.yaml", {"tracking.max_misses": -1})
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("010", 10), ("1:30", "1:30"), ("yes", "yes"), ("0x10", "0x10"), ("1_000", "1_000"), ("2001-01-01", "2001-01-01"),
+     ("1e3", 1000.0), (".5", 0.5), ("-.inf", -math.inf), ("True", True), ("~", None), ("'010'", "010"), ("-7", -7)],
+)  # fmt: skip
+def test_values_are_what_they_look_like(text, value):
+    (found,) = read_overrides([f"tracking.max_misses={text}"]).values()
+    assert (found, type(found)) == (value, type(value))
+
+
+def test_numbers_of_earlier_yaml_are_no_other_numbers():
+    with pytest.raises(SettingsError, match=r"tracking.max_misses = '1:30' is not possible"):
+        load_settings(overrides=read_overrides(["tracking.max_misses=1:30"]))
+    assert load_settings(overrides=read_overrides(["tracking.max_misses=010"])).tracking.max_misses == 10
+
+
+def test_megabytes_of_yaml_are_told_at_once(tmp_path):
+    (tmp_path / "mine.yaml").write_text("[" + "1," * 15_000_000 + "]")
+    start = time.process_time()
+    with pytest.raises(SettingsError, match=r"is not YAML \(it has 30,000,002 letters, more than anything of its kind"):
+        load_settings("default", tmp_path / "mine.yaml")
+    assert time.process_time() - start < 5.0
+
+
+@pytest.mark.parametrize("folder", ["1e3", "08", "1:30", "yes", "~", "null", ".5"])
+def test_texts_that_look_like_values_are_read_back_as_texts(tmp_path, folder):
+    settings = load_settings(overrides={"self_training.folder": folder})
+    (tmp_path / "settings.yaml").write_text(dump_yaml(settings))
+    assert load_settings("default", tmp_path / "settings.yaml") == settings

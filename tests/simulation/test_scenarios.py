@@ -10,7 +10,7 @@ from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.evaluation.trajectory import path_length
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.settings import load_settings
 from automos.simulation.annotations import upright_boxes
 

@@ -63,7 +63,7 @@ def test_the_number_of_workers_does_not_change_the_bytes(street, written, tmp_pa
 
 def test_a_folder_that_is_no_simulated_sequence_is_refused(street, tmp_path):
     (tmp_path / "photo.jpg").touch()
-    with pytest.raises(InputError, match="exists and is not a simulated sequence; choose a new folder"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         simulation.write(street, tmp_path)
     with pytest.raises(InputError, match="is a file"):
         simulation.write(street, tmp_path / "photo.jpg")

@@ -1,5 +1,6 @@
 """The report: one page, true figures, readable without a network."""
 
+import html
 import json
 import re
 import shutil
@@ -37,6 +38,17 @@ def test_points_are_counted_as_in_the_label_files(lane_run, page):
     counted = [[int((label == value).sum()) for label in labels] for value in (0, 9, 251)]
     assert data_of(page)["points"] == counted
     assert sum(counted[2]) > 100
+
+
+@pytest.mark.parametrize("name", ["{{data}}", "{{title}}", "</title><script>", "<!-- inline look.css -->"])
+def test_a_name_fills_nothing_but_the_title(lane_run, tmp_path, name):
+    folder = shutil.copytree(lane_run, tmp_path / "run")
+    run = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**run, "recording": {**run["recording"], "name": name}}))
+    write_report(open_run(folder), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert re.search("<title>(.*) – AutoMOS report</title>", text)[1] == html.escape(name)
+    assert data_of(tmp_path / "report.html")["name"] == name
 
 
 def test_scores_are_those_of_evaluate(lane_run, page):

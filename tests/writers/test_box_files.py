@@ -82,6 +82,7 @@ def test_nuscenes_results_are_in_the_frame_of_the_poses(run, tmp_path):
         "use_radar": False,
         "use_map": False,
         "use_external": False,
+        "comment": "written by automos",
     }
     assert list(told["results"]) == ["000000", "000001", "000002"]
     for scan, token in enumerate(told["results"]):

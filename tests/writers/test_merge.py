@@ -395,7 +395,7 @@ def test_results_that_are_being_replaced_are_no_results_until_the_last_file(run,
 def test_labels_of_another_program_are_not_replaced(run, tmp_path):
     (tmp_path / "theirs" / "predictions").mkdir(parents=True)
     (tmp_path / "theirs" / "predictions" / "000000.label").write_bytes(b"theirs")
-    with pytest.raises(InputError, match="another program wrote: choose another --out"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         merge(run, run.folder / "predictions", tmp_path / "theirs")
 
 

@@ -6,7 +6,7 @@ fell into itself, never that of whatever is nearest in the cleaned map.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -14,11 +14,8 @@ from typing import Any
 import numpy.typing as npt
 
 from automos.core.scan import Frames, Mask
-from automos.evidence.paper import erasor
+from automos.evidence.published import FindMoving, find_with_erasor
 from automos.settings import Settings
-
-Labeler = Callable[[Frames, npt.NDArray, Settings, int], Iterator[tuple[int, Mask]]]
-"""Takes frames, their times (N,) in s, all settings and the first index wanted; yields (index, (M,) bool moving)."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +24,26 @@ class Method:
 
     Attributes
     ----------
-    title : str
-        In tables and pictures.
-    find_moving : Labeler
-        See `Labeler`.
+    name, title : str
+        In settings, and in tables and pictures.
+    find_moving : FindMoving
+        See `FindMoving`.
     needs_future : bool
         Whether a scan's labels depend on scans after it.
     """
 
+    name: str
     title: str
-    find_moving: Labeler
+    find_moving: FindMoving
     needs_future: bool = True
 
+    @property
+    def key(self) -> str:
+        """The published parameters as a text."""
+        return repr(published(self.name))
 
-def _find_with(name: str, *more: str) -> Labeler:
+
+def _find_with(name: str, *more: str) -> FindMoving:
     """Return the labeler of method `name` with its published parameters; `more` names what else it takes."""
 
     def find(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
@@ -61,19 +64,15 @@ def published(name: str) -> Any:
     return None if name == "erasor" else import_module(f"automos.baselines.{name}").Parameters()
 
 
-def _erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
-    for i, score in erasor.find_candidates(frames, settings.candidates.erasor, start):
-        yield i, score > 0.5
-
-
-BASELINES = {
-    "octomap": Method("Octomap", _find_with("octomap")),
-    "removert": Method("Removert", _find_with("removert")),
-    "erasor": Method("ERASOR", _erasor),
-    "pfreundschuh": Method("Pfreundschuh's", _find_with("pfreundschuh", "ground")),
-    "yoon": Method("Yoon's", _find_with("yoon", "stamps", "ground")),
-    "dufomap": Method("DUFOMap", _find_with("dufomap")),
-    "m_detector": Method("M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
-    "hmm_mos": Method("HMM-MOS", _find_with("hmm_mos"), needs_future=False),
-}
+_ALL = (
+    Method("octomap", "Octomap", _find_with("octomap")),
+    Method("removert", "Removert", _find_with("removert")),
+    Method("erasor", "ERASOR", find_with_erasor),
+    Method("pfreundschuh", "Pfreundschuh's", _find_with("pfreundschuh", "ground")),
+    Method("yoon", "Yoon's", _find_with("yoon", "stamps", "ground")),
+    Method("dufomap", "DUFOMap", _find_with("dufomap")),
+    Method("m_detector", "M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
+    Method("hmm_mos", "HMM-MOS", _find_with("hmm_mos"), needs_future=False),
+)
+BASELINES = {method.name: method for method in _ALL}
 """In the order of the paper's Table I, then the newer ones."""

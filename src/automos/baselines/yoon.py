@@ -28,7 +28,7 @@ from automos.settings import GroundSettings
 
 @dataclass(frozen=True)
 class Parameters:
-    """The paper gives no numbers for 64 beams; these are ours, from the sensor's rays (docs/baselines/yoon.md).
+    """The paper gives no numbers for 64 beams; these are ours, from the sensor's rays (docs/baselines.md).
 
     Attributes
     ----------

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Calib, Format, Poses, Recording, Workers
+
+if TYPE_CHECKING:
+    from automos.writers.maps.make_map import MadeMap
 
 compare_app = typer.Typer()
 
@@ -83,12 +86,12 @@ def compare(
 
 @compare_app.command("map")
 def make_map(
-    recording: Recording,
+    recording: Annotated[Path, typer.Argument(help="a recording, or a results folder: its labels as corrected")],
     out: Out = None,
     kinds: Annotated[list[str] | None, typer.Option("--kind", help="ply, pcd or laz; repeatable; default: ply")] = None,
     method: Annotated[
-        str, typer.Option(help="whose labels: default, paper, or a method of automos compare")
-    ] = "default",
+        str | None, typer.Option(help="whose labels: default, paper, or a method of automos compare")
+    ] = None,
     voxel: Annotated[float | None, typer.Option(help="metres, one point of the map per voxel; default: 0.1")] = None,
     poses: Poses = None,
     calib: Calib = None,
@@ -100,28 +103,40 @@ def make_map(
 
     [bold]Examples[/bold]
 
+    automos map automos_runs/my_log                        with the labels of automos label, as corrected in a review
+
     automos map my_log/ --kind laz --voxel 0.05
 
     automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
     from automos.baselines.comparison.labelers import choose_methods
+    from automos.core.errors import InputError
+    from automos.core.workspace import Workspace
+    from automos.results.open_run import open_run
+    from automos.settings import load_settings, read_overrides
     from automos.writers.maps.make_map import make_map as write_map
-    from automos.writers.maps.make_map import scores_by_name
 
-    (chosen,) = choose_methods([method])
     overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
-    place = out or Path("automos_map")
+    place, wanted = out or Path("automos_map"), list(dict.fromkeys(kinds or ["ply"]))
+    if Workspace(recording).read_run():
+        if (method, poses, calib) != (None, None, None):
+            raise InputError(f"{recording} holds labels and poses: leave --method, --poses and --calib out")
+        run = open_run(recording, format=format)
+        folder = place / run.sequence.name if out is None else place
+        settings = load_settings(overrides=read_overrides(overrides)).map
+        _tell(write_map(run.frames, run.sequence, run.labels, folder, wanted, settings, _say_when_started()))
+        return
+    (chosen,) = choose_methods([method or "default"])
     with _runs(recording, place, out is None, poses, calib, overrides, format, workers) as runs:
         runs.cost(chosen)
-        made = write_map(
-            runs.frames,
-            runs.sequence,
-            lambda i, n: runs.labels(chosen, i, n) & 0xFFFF,
-            runs.folder,
-            list(dict.fromkeys(kinds or ["ply"])),
-            runs.settings(chosen).map,
-            _say_when_started(),
-        )
+        labels_of = lambda i, n: runs.labels(chosen, i, n) & 0xFFFF  # noqa: E731
+        settings = runs.settings(chosen).map
+        _tell(write_map(runs.frames, runs.sequence, labels_of, runs.folder, wanted, settings, _say_when_started()))
+
+
+def _tell(made: MadeMap) -> None:
+    from automos.writers.maps.make_map import scores_by_name
+
     if made.scores is not None:
         output.print("  ".join(f"{name} {100 * value:.1f}" for name, value in scores_by_name(made.scores).items()))
     output.print(f"{made.n_points:,} points")
@@ -142,20 +157,15 @@ def _runs(
     **more: Any,
 ) -> Iterator[Any]:
     """Give the runs of methods in a folder that no other process writes into meanwhile."""
-    from automos.baselines.comparison.labelers import TITLES
     from automos.baselines.comparison.runs import MethodRuns
     from automos.core.atomic import held
     from automos.labeling import given_poses
     from automos.readers import open_sequence
-    from automos.results.claiming import refuse_folders_of, refuse_inner, refuse_scans
     from automos.settings import read_overrides
 
     sequence = open_sequence(recording, format)
     given = given_poses(sequence, poses, calib)
     folder = out / sequence.name if is_default else out
-    refuse_folders_of(sequence, folder)
-    refuse_scans(folder)
-    refuse_inner(folder, TITLES)
     chosen = read_overrides(overrides)
     with held(folder):
         yield MethodRuns(sequence, folder, chosen, given, workers, _say_when_started(), **more)

@@ -10,7 +10,7 @@ import numpy as np
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.atomic import write_text
-from automos.core.errors import InputError
+from automos.core.claims import DEMO, claim
 from automos.core.labels import to_mos
 from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count
@@ -43,10 +43,7 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     ------
     InputError : the folder cannot be made.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made ({error.strerror}); choose another folder.") from None
+    claim(folder, DEMO)
     world = simulate(SCENARIO, SENSOR, SCANS, SEED)
     scans, truth = _record(world, progress)
     recording = ArraySequence(scans, world.stamps, name="street", is_compensated=world.is_compensated)

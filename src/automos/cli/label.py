@@ -34,6 +34,7 @@ def label(
     format: Format = None,
     poses: Poses = None,
     calib: Calib = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace results with other poses")] = False,
     moving: Annotated[str | None, typer.Option(help="sequence: moved at some time; now: moves in this scan")] = None,
     unsure: Annotated[float | None, typer.Option(help="write 0 for points whose confidence is lower")] = None,
     confidence: Annotated[bool, typer.Option("--confidence", help="write the confidence of each label")] = False,
@@ -79,9 +80,9 @@ def label(
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
     elif part is None and found[0].folder == "" and has_one_process_enough(found, target, resources):
-        _label_here(found[0], Path(target), out is None, chosen, (poses, calib), workers)
+        _label_here(found[0], Path(target), out is None, chosen, (poses, calib, overwrite), workers)
     else:
-        _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib))
+        _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib, overwrite))
 
 
 def _label_here(
@@ -89,7 +90,7 @@ def _label_here(
     folder: Path,
     is_default: bool,
     settings: Settings,
-    poses: tuple[Path | None, Path | None],
+    poses: tuple[Path | None, Path | None, bool],
     workers: int,
 ) -> None:
     """Label one recording in this process and say what was found; `is_default`: nobody chose the folder."""
@@ -104,7 +105,7 @@ def _label_here(
         refuse_others_results(folder, sequence)
     began, before = time.perf_counter(), Workspace(folder).read_run()
     with compiling_beside(console.print, ("candidates", "objects")):
-        run = label_recording(sequence, folder, settings, *poses, workers, console)
+        run = label_recording(sequence, folder, settings, *poses[:2], workers, console, overwrite=poses[2])
     output.print(summary(run, folder, time.perf_counter() - began, run == before))
 
 
@@ -115,7 +116,7 @@ def _label_all(
     settings: Settings,
     resources: Resources,
     part: tuple[int, int] | None,
-    poses: tuple[Path | None, Path | None],
+    poses: tuple[Path | None, Path | None, bool],
 ) -> None:
     """Label many recordings, by processes or on a cluster; exit with `NOT_ALL` where some could not be.
 

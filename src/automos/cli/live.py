@@ -54,7 +54,7 @@ def live(
     from automos.core.errors import InputError
     from automos.live.opening import open_feed
     from automos.live.run import get_ready, run_live
-    from automos.online.segment import results_writer
+    from automos.live.segment import results_writer
     from automos.settings import load_settings, read_overrides
 
     if not 0.0 <= lag < float("inf"):

@@ -56,6 +56,7 @@ def review(
     import webbrowser
 
     from automos.core.atomic import held
+    from automos.core.claims import RESULTS, claim
     from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.private_page import private_page
@@ -63,6 +64,7 @@ def review(
     from automos.review.session import Session
 
     run = open_run(results, recording, format)
+    claim(results, RESULTS)
     with held(results):  # whoever writes there meanwhile would not know of what is decided here
         with StageProgress(console, results.name) as progress:
             session = Session(run, progress, sample)

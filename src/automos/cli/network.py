@@ -142,7 +142,7 @@ def _with_network(
 
 
 def _with_evidence(settings: Settings, lag: float) -> Callable[..., str]:
-    from automos.online.segment import segment_recording, summary
+    from automos.live.segment import segment_recording, summary
 
     return lambda sequence, folder, progress: summary(
         segment_recording(sequence, folder, settings, lag, progress), folder

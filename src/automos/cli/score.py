@@ -23,21 +23,20 @@ def evaluate(
 ) -> None:
     """Score labels against the ground truth of a recording, as SemanticKITTI's moving-object benchmark does."""
     from automos.core.atomic import write_text
+    from automos.core.claims import SIGN, claim_file
     from automos.evaluation.report import evaluate_recordings
     from automos.readers import open_recordings
-    from automos.results.claiming import refuse_file_of
     from automos.writers.flow import score_flow
 
     recordings = open_recordings(recording, format)
     if json_file is not None:
-        for each in recordings:
-            refuse_file_of(each, json_file)
+        claim_file(json_file)
     report, flow = evaluate_recordings(predictions, recordings), score_flow(predictions, recordings)
     output.print(report.table())
     if flow is not None:
         output.print(flow.table())
     if json_file is not None:
-        scores = {**report.to_dict(), **({} if flow is None else {"flow": flow.to_dict()})}
+        scores = {"comment": SIGN.decode(), **report.to_dict(), **({} if flow is None else {"flow": flow.to_dict()})}
         write_text(json_file, json.dumps(scores, indent=2, allow_nan=False) + "\n")
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.claims import require_within
 from automos.core.errors import InputError
 
 
@@ -26,6 +27,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     if path.name in ("", "..") or _is_special(path):
         raise InputError(f"{path} is a folder, a device or the like: give the name of a file to write")
+    if os.path.lexists(path):
+        require_within(path)
     # Not the process's number: that of another container, or of another thread, may be the same.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
@@ -96,7 +99,7 @@ def faults_reported(path: Path) -> Iterator[None]:
 
 def remove_parts(folder: Path) -> None:
     """Remove what a killed process left half-written in `folder`."""
-    for part in folder.glob(".*.part"):
+    for part in folder.glob(f".*.{'[0-9a-f]' * 8}.part"):
         part.unlink(missing_ok=True)
 
 

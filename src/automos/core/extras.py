@@ -22,7 +22,7 @@ def pip_install(extra: str) -> str:
 
 
 def _origin() -> str:
-    checkout = Path(__file__).parents[2]
+    checkout = Path(__file__).parents[3]
     if (checkout / "pyproject.toml").is_file():
         return _from_here(checkout)
     try:

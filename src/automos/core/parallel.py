@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import ctypes
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import islice
 from numbers import Integral
-from threading import Event, Lock
+from threading import Event, Lock, Thread
 from typing import TypeVar
 
 from automos.core.errors import InputError
@@ -25,6 +26,8 @@ _M_ARENA_MAX = -8
 """What glibc's mallopt calls the number of heaps."""
 MOST_WORKERS = 4096
 """On one machine; more is a slip of the keyboard."""
+_LOOK = 0.5
+"""Seconds between looks whether the parent is still there."""
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -83,10 +86,23 @@ def map_in_order(
     from joblib import Parallel, delayed, parallel_config
 
     # max_nbytes: scans go through pipes; joblib would write those over a megabyte to temporary files.
-    loky = parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1)
+    ending = {"initializer": end_with, "initargs": (os.getpid(),)}
+    loky = parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1, **ending)
     with starting_processes(), loky, Parallel(max_nbytes=None) as pool:
         while ahead := list(islice(items, chunk * workers)):
             yield from pool(delayed(function)(item) for item in ahead)
+
+
+def end_with(parent: int) -> None:
+    """End this process soon after process `parent`, which started it, however that ends."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK)
+        os._exit(1)
+
+    if os.name == "posix":  # elsewhere the number of the parent stays
+        Thread(target=watch, daemon=True).start()
 
 
 def _in_threads(function: Callable[[Item], Result], items: Iterator[Item], workers: int) -> Iterator[Result]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import stat
 import struct
 import zipfile
@@ -19,7 +20,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 from urllib.parse import SplitResult, urlsplit
 
 import numpy as np
@@ -38,6 +39,8 @@ DAMAGE = (
 
 MAX_TEXT = 1 << 28
 """Bytes of text read at once; a drive of a day has times of a tenth of that."""
+MAX_YAML = 1 << 15
+"""Letters of YAML, which takes a second, as it is parsed in Python; all settings have 2 600."""
 
 
 @contextmanager
@@ -125,10 +128,13 @@ def parse_json(text: str | bytes) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases: what we read needs none, and a few of them stand for more than any memory holds.
+    """YAML 1.2 without aliases: what we read needs none, and a few of them stand for more than any memory holds.
 
-    Nor is a name there twice, of which all but the last would be left out in silence.
+    Nor is a name there twice, of which all but the last would be left out in silence. Of YAML 1.1, which PyYAML reads,
+    010 was 8 and 1:30 was 90.
     """
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -143,6 +149,21 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class YamlDumper(yaml.SafeDumper):
+    """Writes what `parse_yaml` reads back: texts in quotes that would be something else in YAML 1.1 or 1.2."""
+
+
+for _kind, _form in {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9]+",
+    "float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+}.items():
+    for _class in (_Loader, YamlDumper):
+        _class.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(f"({_form})$"), None)
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(loader.construct_scalar(node)))
+
+
 def checked(kind: TypeAdapter[T], value: Any) -> T:
     """Return `value`, of JSON, as `kind`; ValueError that says where it is none."""
     try:
@@ -155,6 +176,8 @@ def checked(kind: TypeAdapter[T], value: Any) -> T:
 
 def parse_yaml(text: str) -> Any:
     """Return what YAML `text` holds; ValueError where it is none: aliases and nesting without end included."""
+    if len(text) > MAX_YAML:
+        raise ValueError(f"it has {len(text):,} letters, more than anything of its kind")
     try:
         return yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -37,6 +37,7 @@ class RunRecord(_Strict):
     """The fields of run.json that are read again; each of them may be absent."""
 
     fingerprint: str = ""
+    poses: str | None = None
     recording: _Recording = _Recording()
     points: dict[str, int] = {}
     tracks: dict[str, int] = {}

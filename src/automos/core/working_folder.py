@@ -27,7 +27,7 @@ _SETTINGS = {".numba_config.yaml": "numba", "matplotlibrc": "matplotlib"}
 def standing_elsewhere() -> Iterator[None]:
     """Stand in the package's own folder until the block ends."""
     here = os.open(".", os.O_RDONLY) if hasattr(os, "fchdir") else os.getcwd()
-    os.chdir(Path(__file__).parent)
+    os.chdir(Path(__file__).parents[1])
     try:
         yield
     finally:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import zipfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from automos.core.arguments import given_path
 from automos.core.atomic import atomic_path, remove_parts
+from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
 from automos.core.run_record import RunRecord
@@ -147,6 +148,15 @@ def _arrays_in(path: Path, keys: tuple[str, ...]) -> dict[str, npt.NDArray]:
     return found
 
 
+def _is_sealed(path: Path) -> bool:
+    """Return whether `path` is a file of a stage as we wrote it."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.comment == _seal(path, archive)
+    except (OSError, *DAMAGE):
+        return False
+
+
 def _is_file_name(name: str) -> bool:
     try:
         return name == Path(name).name != "" and "\0" not in name and len(name.encode()) <= LONGEST_NAME
@@ -205,6 +215,8 @@ class Workspace:
         """Return the stage `name` as made under fingerprint `key`."""
         if self.root is None:
             return self._in_memory.setdefault(f"{name}-{key}", _MemoryStage())
+        if not self.root.exists():
+            claim(self.root, RESULTS)
         return _FolderStage(self.root / "stages" / f"{name}-{key}")
 
     def keep_only(self, keys: Mapping[str, str]) -> None:
@@ -213,10 +225,12 @@ class Workspace:
             return
         wanted = {f"{name}-{key}" for name, key in keys.items()}
         for folder in (self.root / "stages").glob("*"):
+            remove_parts(folder)
             if folder.name not in wanted:
-                shutil.rmtree(folder, ignore_errors=True)
-            else:
-                remove_parts(folder)
+                for path in filter(_is_sealed, folder.glob("*.npz")):
+                    path.unlink(missing_ok=True)
+                with suppress(OSError):  # something else is in it, or it is a link
+                    folder.rmdir()
 
     def read_run(self) -> dict[str, Any]:
         """Return what run.json says of the run in this folder, {} where there is none or it is damaged."""

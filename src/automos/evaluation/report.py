@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automos.core.arguments import require_own_names
+from automos.core.claims import RESULTS, held_by
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.scan import Sequence
@@ -134,13 +135,13 @@ def evaluate_recordings(
     """
     recordings = list(sequences)
     require_own_names([sequence.name for sequence in recordings])
-    labeled = [sequence for sequence in recordings if _has_truth(sequence)]
-    if not labeled:
+    labelled = [sequence for sequence in recordings if _has_truth(sequence)]
+    if not labelled:
         raise InputError(f"{_names(recordings)} came without labels: there is no truth to compare with")
-    if len(labeled) < len(recordings):
-        logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labeled))
-    folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labeled}
-    return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labeled})
+    if len(labelled) < len(recordings):
+        logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labelled))
+    folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labelled}
+    return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labelled})
 
 
 def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress | None = None) -> Result:
@@ -181,7 +182,7 @@ def find_predictions(root: Path, name: str, is_only: bool) -> Path:
 
 def _require_finished(folder: Path) -> None:
     """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
-    is_ours = any((folder / name).exists() for name in ONLY_OURS)
+    is_ours = held_by(folder) == RESULTS or any((folder / name).exists() for name in ONLY_OURS)
     in_fleet = (folder.parent / "ledger").is_dir()
     last = COMPLETE if in_fleet else RUN_FILE
     if (is_ours or in_fleet) and not (folder / last).exists():

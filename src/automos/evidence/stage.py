@@ -8,7 +8,6 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.methods import BASELINES
 from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import learn_pattern, ray_steps
 from automos.core.parallel import available_cores
@@ -18,6 +17,7 @@ from automos.evidence.free_space import FreeSpace
 from automos.evidence.ground import find_ground
 from automos.evidence.network_cue import add_cue, read_cue
 from automos.evidence.paper.erasor import PUBLISHED
+from automos.evidence.published import find_moving
 from automos.settings import SelfTrainingSettings, Settings
 
 _CERTAIN = 4.0
@@ -68,7 +68,6 @@ def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, work
     """Yield the moving points of ERASOR or another published method."""
     pattern = learn_pattern(evenly_spread(frames, 5))
     steps = np.array([pattern.row_height, pattern.column_width])
-    find_moving = BASELINES[settings.candidates.method].find_moving
     for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
         frame = frames[i]
         is_ground, height = find_ground(frame.points_level, frame.origin_level, settings.candidates.ground)

@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO
 
+from automos.core.claims import COPIES, claim
 from automos.core.errors import AutomosError, InputError
 from automos.fleet.storage import THREADS, Entry, Store, key_of, shown
 
@@ -73,7 +74,7 @@ class Cache:
                 f"{shown(store.url)} has {size / 1e9:.1f} GB, but copies may take {self._limit / 1e9:.1f} GB: "
                 "give more with --cache"
             )
-        self._folder.mkdir(parents=True, exist_ok=True)
+        claim(self._folder, COPIES)
         done = self._folder / f"{key}.json"
         with self._lock(key) as lock:
             while not (_take(lock, wait=is_urgent, alone=False) and done.exists()):

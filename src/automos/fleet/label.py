@@ -70,7 +70,7 @@ def label_fleet(
     settings: Settings,
     resources: Resources,
     shard: tuple[int, int] | None = None,
-    poses: tuple[Path | None, Path | None] = (None, None),
+    poses: tuple[Path | None, Path | None, bool] = (None, None, False),
     progress: Progress | None = None,
     executor: Callable[[Resources], Executor] | None = None,
 ) -> Outcome:
@@ -80,8 +80,8 @@ def label_fleet(
     ----------
     shard : tuple[int, int], optional
         Which part of a run this process does, where `recordings` are a part.
-    poses : tuple[Path, Path], optional
-        Pose file and calibration of a run of one recording.
+    poses : tuple[Path, Path, bool], optional
+        Pose file and calibration of a run of one recording, and whether results with other poses are replaced.
     executor : callable, optional
         Makes what does the work; by `resources` where not given.
 
@@ -99,8 +99,9 @@ def label_fleet(
     books = join(ledger_folder(target), name)
     path = resources.work / "ledgers" / key_of(target) / name if is_url(target) else Path(books)
     is_needed = is_url(target) or any(is_url(recording.source) for recording in recordings)
-    files = [None if file is None else file.absolute() for file in poses]
-    job = Job(settings, target, resources.work.absolute(), int(resources.cache_gb * _GB), resources.chunk, *files)
+    pose_file, calib_file = (None if file is None else file.absolute() for file in poses[:2])
+    work, cache_bytes = resources.work.absolute(), int(resources.cache_gb * _GB)
+    job = Job(settings, target, work, cache_bytes, resources.chunk, pose_file, calib_file, poses[2])
     with (
         work_folder(resources.work, is_needed),
         closing(Ledger(path, books if is_url(target) else None)) as ledger,

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from automos.core.claims import LEDGER, claim
 from automos.core.errors import InputError
 from automos.fleet.orders import Order, Recording, Report
 from automos.fleet.storage import Store, join, shown
@@ -43,7 +44,7 @@ class Ledger:
 
     def __init__(self, path: Path, published: str | None = None):
         """Open or create the ledger at `path`; `published` is the URL of a copy to be kept up to date."""
-        path.parent.mkdir(parents=True, exist_ok=True)
+        claim(path.parent, LEDGER)
         self._path, self._published, self._saved = path, published, 0.0
         self._is_broken = False
         try:

@@ -80,6 +80,8 @@ class Job:
         Scans per unit; recordings of more than two of these are cut.
     pose_file, calib_file : Path, optional
         Poses to use instead of odometry, of a run of one recording.
+    overwrite : bool
+        Replace results that were made with other poses.
     """
 
     settings: Settings
@@ -89,6 +91,7 @@ class Job:
     chunk: int = 600
     pose_file: Path | None = None
     calib_file: Path | None = None
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)

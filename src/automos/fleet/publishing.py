@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from automos.core.atomic import write_text
+from automos.core.claims import MARK, RESULTS, claim, is_run_record, mark_of, remove
 from automos.core.errors import InputError
 from automos.core.reading import parse_json, read_bytes
 from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace
 from automos.fleet.storage import THREADS, Store, StoreError, is_url, shown
 
 MARKER = COMPLETE
-_NOT_RESULTS = {"stages", "ledger", MARKER}
-_OURS = {RUN_FILE, MARKER, "stages"}
+_NOT_RESULTS = {"stages", "ledger", MARKER, MARK}
 _LABELS = ("predictions/*.label", "confidences/*.npy")
 _REPLACED = (*_LABELS, *RESULT_FILES)
 
@@ -84,22 +84,27 @@ def _sizes(target: str, paths: Iterable[str]) -> dict[str, int]:
     return {path: (Path(target) / path).stat().st_size for path in paths if (Path(target) / path).is_file()}
 
 
-def refuse_foreign(target: str) -> None:
-    """Raise where `target` (a path or URL) holds what results would replace, and no run of ours wrote it.
+def require_ours(target: str) -> None:
+    """Claim `target`, a path or URL, for results.
 
     Raises
     ------
-    InputError : it does; one of the files is named.
+    InputError : it holds what this program did not write.
     """
-    if is_url(target):
-        there = [entry.path for entry in Store(target).entries()]
-    else:
-        folder = Path(target)
-        inner = (folder.glob(pattern) for pattern in ("*", *_LABELS))
-        there = [path.relative_to(folder).as_posix() for paths in inner for path in paths]
-    theirs = [path for path in there if _is_like(path, _REPLACED)]
-    if theirs and not _OURS & set(there):
-        raise InputError(f"{shown(target)} holds {theirs[0]}, which automos did not write: choose another --out")
+    if not is_url(target):
+        claim(Path(target), RESULTS)
+        return
+    store = Store(target)
+    theirs = next((path for path in sorted(entry.path for entry in store.entries()) if _is_like(path, _REPLACED)), None)
+    if theirs is not None and store.read(MARK) != mark_of(RESULTS).encode() and not _is_run(store.read(RUN_FILE)):
+        raise InputError(f"{shown(target)} holds {theirs}, which automos did not write: choose another --out")
+
+
+def _is_run(text: bytes | None) -> bool:
+    try:
+        return is_run_record(parse_json(text or b""))
+    except ValueError:
+        return False
 
 
 def withdraw(target: str) -> None:
@@ -107,7 +112,7 @@ def withdraw(target: str) -> None:
     if is_url(target):
         Store(target).remove([MARKER])
     else:
-        (Path(target) / MARKER).unlink(missing_ok=True)
+        remove(Path(target) / MARKER)
 
 
 def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
@@ -143,9 +148,9 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
         return
     store = Store(target)
     store.remove([MARKER])
-    store.put(str(folder / RUN_FILE), RUN_FILE)  # first: by it what was left half way is known to be ours
+    store.write(MARK, mark_of(RESULTS).encode())  # first: by it what was left half way is known to be ours
     with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(lambda path: store.put(str(folder / path), path), [path for path in paths if path != RUN_FILE]))
+        list(pool.map(lambda path: store.put(str(folder / path), path), paths))
     there = store.details()
     for path in paths:
         _check(store, path, there.get(path), digests[path])

@@ -25,10 +25,10 @@ from automos.evidence.network_cue import cue_fingerprint
 from automos.fleet.cache import Cache
 from automos.fleet.machine import cpu_seconds, peak_megabytes, place
 from automos.fleet.orders import Job, Kind, Order, Recording, Report, State
-from automos.fleet.publishing import Marker, publish, read_marker, refuse_foreign, withdraw
+from automos.fleet.publishing import Marker, publish, read_marker, require_ours, withdraw
 from automos.fleet.storage import StoreError, is_url, key_of
 from automos.fleet.work_folder import claim
-from automos.labeling import given_poses, label_recording
+from automos.labeling import given_poses, label_recording, require_same_poses
 from automos.pipeline import Steps
 from automos.readers import open_sequence
 from automos.results.run_warnings import sentences_of
@@ -90,7 +90,9 @@ def _do(order: Order, cache: Cache) -> Report:
         if marked is not None and marked.source == stamp:
             return _report_of(marked, is_fresh=False)
         if order.unit.kind is Kind.START:
-            refuse_foreign(recording.target(job.target))
+            require_ours(recording.target(job.target))
+            poses = given_poses(sequence, job.pose_file, job.calib_file)
+            require_same_poses(results_folder(job, recording), poses, job.overwrite)
             withdraw(recording.target(job.target))
             if len(sequence) <= 2 * job.chunk or job.settings.candidates.method not in CUTTABLE:
                 return _finish(order, sequence, stamp)
@@ -148,7 +150,16 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
     """Label what is not labelled yet, write the results, and publish them."""
     job, recording = order.job, order.recording
     folder = results_folder(job, recording)
-    run = label_recording(sequence, folder, job.settings, job.pose_file, job.calib_file, order.threads, waits=True)
+    run = label_recording(
+        sequence,
+        folder,
+        job.settings,
+        job.pose_file,
+        job.calib_file,
+        order.threads,
+        waits=True,
+        overwrite=job.overwrite,
+    )
     counts = {"scans": run["recording"]["scans"], "points": sum(run["points"].values())}
     marker = Marker(
         source=stamp,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from automos.core.claims import EXPERIMENT, claim
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
@@ -24,7 +25,7 @@ from automos.network.rivals import FlowThreshold, movable_labels
 from automos.network.segment import open_network, segment_recording
 from automos.network.tables import Curves, Row
 from automos.network.train import TrainingData, require_training, train
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.readers import open_recordings
 from automos.settings import Settings
 
@@ -67,6 +68,9 @@ class Experiment:
     device: Any = "auto"
     progress: Progress | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        claim(self.folder, EXPERIMENT)
 
     def simulated(self, domain: Domain) -> Data:
         """Return the recordings of a simulated domain, written where they are not there yet."""

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from automos.core.atomic import atomic_path
+from automos.core.claims import claim_file, remove
 from automos.core.errors import AutomosError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.network.checkpoint import Checkpoint
@@ -34,6 +35,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
         import onnxruntime  # noqa: F401
     except ImportError as error:
         raise MissingExtraError(f"exporting needs {error.name}: {pip_install('train,deploy')}") from None
+    claim_file(path, f"\n\x07{METADATA}".encode())  # the name and its length, as ONNX writes them
     network = MovingProbability(checkpoint.network).eval()
     image = checkpoint.image
     shape = (1, len(BASE_CHANNELS) + image.residuals, image.height, image.width)
@@ -59,7 +61,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
         onnx.save(model, temporary)
     difference = compare(network, path, shape)
     if not difference <= tolerance:
-        path.unlink()
+        remove(path)
         raise AutomosError(
             f"the exported network differs from the checkpoint by {difference:.2g} where {tolerance:.2g} is a matter "
             "of rounding: use another version of onnxscript or torch"

@@ -35,9 +35,9 @@ def lovasz_softmax(probability: Tensor, target: Tensor) -> Tensor:
     probability : (B, C, H, W).
     target : (B, H, W) int64; pixels of class 0 are left out, and class 0 is none of those scored.
     """
-    is_labeled = target.reshape(-1) > Class.UNLABELED
-    flat = probability.movedim(1, -1).reshape(-1, probability.shape[1])[is_labeled]
-    truth = target.reshape(-1)[is_labeled]
+    is_labelled = target.reshape(-1) > Class.UNLABELED
+    flat = probability.movedim(1, -1).reshape(-1, probability.shape[1])[is_labelled]
+    truth = target.reshape(-1)[is_labelled]
     losses = []
     for c in range(1, probability.shape[1]):
         is_class = (truth == c).to(flat.dtype)

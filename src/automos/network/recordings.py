@@ -26,7 +26,7 @@ from automos.evaluation.report import find_predictions
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.readers import open_recordings
 from automos.settings import ImageSettings, Settings
@@ -71,7 +71,7 @@ class ThinScan:
     confidence: npt.NDArray[np.float32]
 
 
-class LabeledRecording:
+class LabelledRecording:
     """One recording with its poses, its labels and the way its sensor's scans become images."""
 
     def __init__(
@@ -140,7 +140,7 @@ def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
 class Shelf:
     """Thinned scans of several recordings, the latest used kept in memory."""
 
-    def __init__(self, recordings: list[LabeledRecording], size: int):
+    def __init__(self, recordings: list[LabelledRecording], size: int):
         """Keep at most `size` scans."""
         self.recordings, self._size = recordings, size
         self._kept: OrderedDict[tuple[int, int], ThinScan] = OrderedDict()
@@ -158,9 +158,9 @@ class Shelf:
         return scan
 
 
-def open_labeled(
+def open_labelled(
     sources: list[Source], settings: Settings, cache: Path, progress: Progress | None = None
-) -> list[LabeledRecording]:
+) -> list[LabelledRecording]:
     """Return the recordings of `sources`; poses are those of the results folder, else estimated once into `cache`.
 
     Raises
@@ -175,7 +175,7 @@ def open_labeled(
             if results is not None and len(sequences) > 1:
                 results = results / sequence.name
             trajectory = _trajectory(sequence, results, settings, cache, progress)
-            opened.append(LabeledRecording(sequence, trajectory, settings.network.image, results))
+            opened.append(LabelledRecording(sequence, trajectory, settings.network.image, results))
     return opened
 
 

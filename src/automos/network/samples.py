@@ -9,7 +9,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.network.augmentation import SEED, UNCHANGED, apply_change, draw_change
 from automos.network.images import BASE_CHANNELS, make_image
-from automos.network.recordings import LabeledRecording, Shelf
+from automos.network.recordings import LabelledRecording, Shelf
 from automos.settings import NetworkSettings
 
 _CACHED_SCANS = 4000
@@ -20,7 +20,7 @@ _CLASS_NAMES = ("unlabeled", "static", "moving")
 class TrainingSamples:
     """Windows of several recordings; which ones, and how they are changed, follows from seed and epoch alone."""
 
-    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+    def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
         self._shelf = Shelf(recordings, _CACHED_SCANS)
         self._settings = settings
         self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))])
@@ -61,7 +61,7 @@ class TrainingSamples:
 class ValidationSamples:
     """Windows evenly spread over several recordings, unchanged."""
 
-    def __init__(self, recordings: list[LabeledRecording], settings: NetworkSettings):
+    def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
         self._shelf = Shelf(recordings, _CACHED_SCANS)
         self._settings = settings
         everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
@@ -110,7 +110,7 @@ def _targets(
     return np.where(is_seen, classes[rows], 0).astype(np.int64), np.where(is_seen, confidence[rows], np.float32(0.0))
 
 
-def measure_classes(recordings: list[LabeledRecording], n_scans: int = 60) -> npt.NDArray[np.float64]:
+def measure_classes(recordings: list[LabelledRecording], n_scans: int = 60) -> npt.NDArray[np.float64]:
     """Return (3,) class weights, 1 / sqrt(share of labelled points) and 0 for unlabeled, from evenly spread scans.
 
     LMNet weighs by 1 / share, so that a pixel counts as moving from a probability of its share on: a few percent, which
@@ -134,7 +134,7 @@ def measure_classes(recordings: list[LabeledRecording], n_scans: int = 60) -> np
 
 
 def measure_scale(
-    recordings: list[LabeledRecording], n_scans: int = 20
+    recordings: list[LabelledRecording], n_scans: int = 20
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return the mean and the standard deviation (5,) of the base channels over the pixels that show something."""
     n = len(BASE_CHANNELS)
@@ -148,7 +148,7 @@ def measure_scale(
     return values.mean(axis=1).astype(np.float32), deviation.astype(np.float32)
 
 
-def _spread_scans(recordings: list[LabeledRecording], n_scans: int) -> list[tuple[LabeledRecording, int]]:
+def _spread_scans(recordings: list[LabelledRecording], n_scans: int) -> list[tuple[LabelledRecording, int]]:
     """Return about `n_scans` scans, some of every recording."""
     each = max(-(-n_scans // len(recordings)), 1)
     return [(recording, i) for recording in recordings for i in evenly_spread(range(len(recording)), each)]

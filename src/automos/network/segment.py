@@ -17,9 +17,9 @@ from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
+from automos.live.segment import about, stamped
 from automos.network.deployed import Deployed, load_network
 from automos.network.online import STAGES, OnlineSegmenter
-from automos.online.segment import about, stamped
 from automos.results.claiming import claimed
 from automos.settings import Settings, dump_yaml
 

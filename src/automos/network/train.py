@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automos.core.atomic import write_text
+from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.run import Progress
 from automos.core.workspace import fingerprint
-from automos.network.recordings import LabeledRecording, Source, open_labeled
+from automos.network.recordings import LabelledRecording, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
 from automos.settings import Settings, dump_yaml
 
@@ -56,13 +57,13 @@ def train(
     require_training()
     from automos.network.training import train_network
 
-    out.mkdir(parents=True, exist_ok=True)
+    claim(out, TRAINING)
     _claim(out, data, settings, init)
     network = settings.network
-    recordings = open_labeled(list(data.train), settings, poses or out / "poses", progress)
+    recordings = open_labelled(list(data.train), settings, poses or out / "poses", progress)
     weights = measure_classes(recordings)
     if data.validation:
-        validation = open_labeled(list(data.validation), settings, poses or out / "poses", progress)
+        validation = open_labelled(list(data.validation), settings, poses or out / "poses", progress)
     else:
         recordings, validation = _split(recordings)
     card = {
@@ -122,7 +123,7 @@ def _claim(out: Path, data: TrainingData, settings: Settings, init: Path | None)
     write_text(path, mark + dump_yaml(settings))
 
 
-def _split(recordings: list[LabeledRecording]) -> tuple[list[LabeledRecording], list[LabeledRecording]]:
+def _split(recordings: list[LabelledRecording]) -> tuple[list[LabelledRecording], list[LabelledRecording]]:
     """Return the recordings to train on and those to choose the epoch by: the last of several, else the same one."""
     if len(recordings) == 1:
         _log.warning("one recording only: the best epoch is chosen by the scans that were trained on")

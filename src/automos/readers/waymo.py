@@ -121,7 +121,7 @@ class WaymoSequence(Sequence):
         return sensor_poses(self._T_world_vehicle, self._T_vehicle_sensor)
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return (N,) uint32 labels of scan `index` from the boxes; None without. Zones not labeled are left out."""
+        """Return (N,) uint32 labels of scan `index` from the boxes; None without. Zones not labelled are left out."""
         index = self._scan_number(index)
         if self._drawn is None:
             return None
@@ -170,7 +170,7 @@ class WaymoSequence(Sequence):
         return readers[component]
 
     def _range_images(self, index: int) -> list[npt.NDArray[np.float32]]:
-        """Return the (H, W, 4) images of both returns: metres, intensity, elongation, whether in a zone not labeled."""
+        """Return the (H, W, 4) images of both returns: metres, intensity, elongation, in a zone not labelled."""
         row = self._reader("lidar", _RETURNS)[int(self._rows[index])]
         with damage_reported(_table(self.source, "lidar")):
             images = [_image(row, name, 4) for name in _RETURNS]

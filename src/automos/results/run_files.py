@@ -25,7 +25,8 @@ from automos.core.scan import GROUND, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
 from automos.core.workspace import REVIEWED, Workspace, require_same
 from automos.evaluation.report import find_predictions
-from automos.odometry.trajectory import Trajectory, make_frame
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
 
@@ -152,6 +153,13 @@ class RunFiles:
     def points_upright(self, scan: Scan, index: int) -> Points:
         """Return `points_at_pose` in the scan's upright frame."""
         return transform(self.T_upright_sensor(index), self.points_at_pose(scan, index))
+
+    @property
+    def frames(self) -> SequenceFrames:
+        """The scans at the run's poses; as measured where it no longer says how the sensor moved."""
+        still = np.zeros((len(self), 6))
+        measured = Trajectory(self.T_world_sensor, self.stamps, still, SweepTiming(), self.T_level_world)
+        return SequenceFrames(self.sequence, self._trajectory or measured)
 
     @cached_property
     def _trajectory(self) -> Trajectory | None:

@@ -22,13 +22,14 @@ from typing import Any
 
 from automos import __version__
 from automos.core.atomic import remove_parts, write_text
+from automos.core.claims import remove
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.result import Result
-from automos.results.claiming import PER_SCAN
+from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.settings import OutputSettings, Settings, dump_yaml
@@ -43,21 +44,22 @@ def write_results(
     settings: Settings,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     is_whole: bool = True,
+    poses: str | None = None,
 ) -> dict[str, Any]:
     """Write all result files of one recording into `folder`; return what run.json says.
 
     run.json comes last and names the fingerprint of the labels: while it is absent or names another, the label files
     are not to be trusted, and older ones are removed before the first new one is written. Where decisions of a review
-    are to be applied afterwards (not `is_whole`), it says so until `declare_whole`.
+    are to be applied afterwards (not `is_whole`), it says so until `declare_whole`. `poses` is a fingerprint of those
+    that were given, None of the odometry's.
     """
     output = settings.output
     key = f"{result.keys['labels']}-{int(output.track_ids)}{int(output.confidence)}"
     before = Workspace(folder).read_run()
     if before.get("fingerprint") != key:
-        for marker in (COMPLETE, RUN_FILE):  # a recording that was cut into units has both
-            (folder / marker).unlink(missing_ok=True)
-        for stale in (path for pattern in PER_SCAN for path in folder.glob(pattern)):
-            stale.unlink()
+        # A recording that was cut into units has both of the former.
+        for stale in (folder / COMPLETE, folder / RUN_FILE, *per_scan_files(folder)):
+            remove(stale)
     elif not is_whole or "review" in before:
         write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
     counts, n_body = _write_scans(folder, result, output, progress)
@@ -80,6 +82,7 @@ def write_results(
         "points_riding_along": n_body,
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
+        "poses": poses,
         "odometry": _without_nan(trajectory.diagnostics),
         "stages": dict(result.keys),
         "versions": versions(),

@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import inverse, transform
+from automos.core.reading import read_bytes
 from automos.core.scan import MAX_RANGE, Pose
-from automos.review.log import append_lines, read_lines
+from automos.review.log import LOG_FILE, append_lines, read_lines
 
 MOST_BYTES = 1 << 28
 """Of the rows of a part, unpacked; no scan has as many points."""
@@ -127,8 +128,9 @@ def ever_made(folder: Path) -> list[Amendment]:
 
 def new_keys(folder: Path, n: int) -> list[str]:
     """Return `n` keys that no object in the log of `folder` has or had."""
-    used = read_lines(folder, "amendment", "an object made by hand", lambda fields: str(fields["key"]))
-    first = 1 + max((int(key[1:]) for key in used if key[1:].isdecimal()), default=0)
+    path = folder / LOG_FILE
+    text = read_bytes(path) if path.exists() else b""  # lines that are broken included: a person may mend them
+    first = 1 + max(map(int, re.findall(rb'"key": *"h([0-9]{1,9})"', text)), default=0)
     return [f"h{first + k}" for k in range(n)]
 
 

@@ -9,22 +9,27 @@ from __future__ import annotations
 
 import errno
 import json
+import logging
 import os
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
 
+from pydantic import TypeAdapter
+
 from automos.core.errors import InputError
-from automos.core.reading import DAMAGE, damage_reported, parse_json, read_text, require_regular
+from automos.core.reading import DAMAGE, MAX_TEXT, checked, damage_reported, parse_json, read_bytes, require_regular
 
 LOG_FILE = "review.jsonl"
 CHANGE_NOTHING = ("answer", "dismissed")
 """Kinds of lines after which all labels are as they were."""
 T = TypeVar("T")
+_FIELDS = TypeAdapter(dict[str, Any])
+_log = logging.getLogger(__name__)
 _APPENDING = Lock()
 """Answers and decisions come from several threads."""
 
@@ -70,41 +75,53 @@ def _append(path: Path, text: bytes) -> None:
 def read_lines(folder: Path, kind: str | None, what: str, parse: Callable[[dict[str, Any]], T]) -> list[T]:
     """Return what `parse` makes of the lines of one `kind` in the log of `folder`, oldest first; [] without a log.
 
+    A line that is not `what` is passed over with a warning, and stays.
+
     Raises
     ------
     InputError
-        A line that is not `what`. Lines cut short by a crash, without their closing brace, are skipped.
+        The log cannot be read.
     """
-    path = folder / LOG_FILE
-    if not path.exists():
-        return []
     found = []
-    with damage_reported(path, "is not a log of a review"):
-        lines = read_text(path).split("\n")
-    for number, line in enumerate(lines, start=1):
-        if not line.strip().endswith("}"):
-            continue
-        try:
-            fields = parse_json(line)
-            if fields.pop("kind", None) == kind:
+    for number, _, fields in _lines(folder):
+        if fields.pop("kind", None) == kind:
+            try:
                 found.append(parse(fields))
-        except DAMAGE as error:
-            raise InputError(
-                f"{path}, line {number} is not {what} ({' '.join(str(error).split())[:200]}); "
-                "correct or remove that line"
-            ) from None
+            except DAMAGE as error:
+                _warn(folder, number, what, error)
     return found
 
 
 def key_of_changes(folder: Path) -> str:
     """Return what changes with every line of the log in `folder` that changes labels; "" where there is none."""
+    kept = [line for _, line, fields in _lines(folder) if fields.get("kind") not in CHANGE_NOTHING]
+    joined = b"\n".join(kept)
+    return f"-{zlib.crc32(joined):08x}" if kept else ""
+
+
+def _lines(folder: Path) -> Iterator[tuple[int, bytes, dict[str, Any]]]:
+    """Yield the number, the text and the fields of each line of the log in `folder`; warn of those that are broken."""
     path = folder / LOG_FILE
     if not path.exists():
-        return ""
-    with damage_reported(path, "is not a log of a review"):
-        lines = [line for line in read_text(path).split("\n") if line.strip().endswith("}")]
-        kept = [line for line in lines if parse_json(line).get("kind") not in CHANGE_NOTHING]
-    return f"-{zlib.crc32(chr(10).join(kept).encode()):08x}" if kept else ""
+        return
+    with damage_reported(path):
+        lines = read_bytes(path, MAX_TEXT).split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            fields = checked(_FIELDS, parse_json(line))
+        except DAMAGE as error:
+            _warn(folder, number, "a line of a review", error)
+        else:
+            yield number, line, fields
+
+
+def _warn(folder: Path, number: int, what: str, error: Exception) -> None:
+    _log.warning(
+        "%s, line %d is not %s (%s): it stays, but is passed over; correct it and label again to have it applied",
+        folder / LOG_FILE, number, what, " ".join(str(error).split())[:200],
+    )  # fmt: skip
 
 
 def _ends_whole(path: Path) -> bool:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from automos.core.arguments import given_path, require_kind
 from automos.core.errors import SettingsError
-from automos.core.reading import parse_yaml, read_text
+from automos.core.reading import YamlDumper, parse_yaml, read_text
 from automos.settings.former import refuse_former_name, with_present_names
 from automos.settings.tree import Settings
 
@@ -138,7 +138,7 @@ def dump_yaml(settings: Settings) -> str:
     str
         YAML, one setting per line.
     """
-    return yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False)
+    return yaml.dump(settings.model_dump(mode="json"), Dumper=YamlDumper, sort_keys=False)
 
 
 def keys_of(group: type[BaseModel], prefix: str = "") -> list[str]:

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import write_raw, write_text
+from automos.core.claims import SIMULATION, claim
 from automos.core.errors import InputError
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
@@ -74,15 +75,11 @@ def _description(sequence: SimulatedSequence) -> dict[str, object]:
 
 def _claim(out: Path, description: dict[str, object]) -> None:
     """Make the folders of `out`, if it is free or ours."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; choose a folder to write the simulated sequence to.")
-    if out.exists() and any(out.iterdir()):
-        try:
-            found = read_json(out / MARKER)
-        except (OSError, ValueError):
-            raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.") from None
+    claim(out, SIMULATION)
+    if (out / MARKER).exists():
+        found = read_json(out / MARKER)
         if not isinstance(found, dict):
-            raise InputError(f"{out} exists and is not a simulated sequence; choose a new folder.")
+            raise InputError(f"{out / MARKER} is damaged; choose a new folder.")
         if found != description:
             differs = next(key for key in description if found.get(key) != description[key])
             raise InputError(

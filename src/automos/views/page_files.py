@@ -26,6 +26,11 @@ def inline(page: str) -> str:
     return _INLINE.sub(content, page)
 
 
+def filled(page: str, **values: str) -> str:
+    """Return `page` with `values` in place of their names in double braces, which may be in the values, too."""
+    return re.sub(r"{{(\w+)}}", lambda match: values[match[1]], page)
+
+
 def script_json(data: Any) -> str:
     """Return `data` as JSON that is safe inside a script element, whatever its strings contain."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)

@@ -13,9 +13,9 @@ from pathlib import Path
 from automos import __version__
 from automos.core.arguments import given_path, require_kind
 from automos.core.atomic import write_text
-from automos.results.claiming import refuse_file_of
+from automos.core.claims import claim_file
 from automos.results.run_files import RunFiles
-from automos.views.page_files import inline, page_text, script_json
+from automos.views.page_files import filled, inline, page_text, script_json
 from automos.views.survey import survey
 
 
@@ -41,9 +41,9 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     """
     require_kind(run, RunFiles, "run", "what automos.open_run returns")
     target = given_path(path, "the file of a report")
-    refuse_file_of(run.sequence, target)
+    claim_file(target, b"AutoMOS report</title>")
     data = survey(run)
     data["made"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     data["version"] = __version__
-    page = inline(page_text("report.html")).replace("{{title}}", html.escape(str(data["name"])))
-    write_text(target, page.replace("{{data}}", script_json(data)))
+    title, content = html.escape(str(data["name"])), script_json(data)
+    write_text(target, filled(inline(page_text("report.html")), title=title, data=content))

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automos.core.atomic import atomic_path
+from automos.core.claims import claim_file
 from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.views.rerun_layout import load_rerun
@@ -40,6 +41,7 @@ def save_recording(run: RunFiles, path: Path, max_static: int) -> None:
     InputError
         A place that cannot be written, or results that are missing or damaged.
     """
+    claim_file(path, b"\n\x07automos")  # the application's name and its length, as Rerun writes them
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a folder; choose another --rrd")
     with atomic_path(path) as temporary:

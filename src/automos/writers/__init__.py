@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from automos.core.arguments import given_path, require_kind
 from automos.core.array_sequence import as_sequence
 from automos.core.atomic import faults_reported
+from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def export_run(
     for sequence in _distinct(sequences, export):
         run = RunFiles(folder if len(sequences) == 1 else folder / sequence.name, sequence, progress, deskewed)
         place = _place(target, export, sequence.name, len(sequences))
-        _require_free(place, sequence, is_file=bool(export.suffix))
+        _claim(place, export, sequence)
         _write(export, run, place)
         written[place] = None  # each once, in order
     return list(written)
@@ -109,17 +110,14 @@ def _require_points(export: Export, format: str) -> None:
         raise InputError(f"{format} cannot be written deskewed; these can: {point_formats}")
 
 
-def _require_free(place: Path, sequence: ScanSequence, is_file: bool) -> None:
-    """Raise InputError if `place` is part of a recording or of a run's results, or is of another kind."""
-    from automos.results.claiming import refuse_anyones, refuse_folders_of, refuse_results
+def _claim(place: Path, export: Export, sequence: ScanSequence) -> None:
+    from automos.results.claiming import refuse_folder_of
 
-    if place.exists() and not (place.is_file() if is_file else place.is_dir()):
-        kind = "a folder" if place.is_dir() else "a file" if place.is_file() else "a device, a pipe or the like"
-        raise InputError(f"{place} is {kind}: choose another --out")
-    refuse_folders_of(sequence, place.parent if is_file else place)
-    refuse_results(place)
-    if not is_file:
-        refuse_anyones(place)
+    refuse_folder_of(sequence, place.parent if export.suffix else place)
+    if export.suffix:
+        claim_file(place, export.sign)
+    else:
+        claim(place, EXPORT)
 
 
 def _distinct(sequences: Sequence[ScanSequence], export: Export) -> list[ScanSequence]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from automos.core.claims import SIGN
 from automos.results.run_files import RunFiles
 
 
@@ -19,6 +20,7 @@ class Export:
     write : takes a run and the folder (or file) to write; what is there already is replaced.
     needs : the extra to install, None where the core suffices.
     suffix : of the one file it writes; empty where it writes a folder.
+    sign : what that file has in it, by which it is known to be ours.
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
     per_scan : patterns of the files, named after the scans, that readers of the folder take; those of other scans are
         not mixed with them.
@@ -29,6 +31,7 @@ class Export:
     write: Callable[[RunFiles, Path], None]
     needs: str | None = None
     suffix: str = ""
+    sign: bytes = SIGN
     is_of_points: bool = False
     per_scan: tuple[str, ...] = ()
     name_of: Callable[[str], str] = str

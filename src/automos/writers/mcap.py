@@ -88,4 +88,5 @@ EXPORT = Export(
     is_of_points=True,
     needs="ros",
     suffix=".mcap",
+    sign=TOPIC.encode(),
 )

@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, held, write_raw, write_text
+from automos.core.claims import remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, pack, to_mos
 from automos.core.reading import damage_reported, is_there, read_bytes
 from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
-from automos.results.claiming import PER_SCAN, require_room
+from automos.results.claiming import per_scan_files, require_room
 from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -76,7 +77,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     require_room(out, run.sequence)
     with held(out):
         for marker in (COMPLETE, RUN_FILE):  # written last: without it the results are not whole
-            (out / marker).unlink(missing_ok=True)
+            remove(out / marker)
         _remove_others(out, run.names)
         _copy_beside(run, out)
         merged, counts = _write_labels(run, corrected if has_labels else None, edits, out)
@@ -97,9 +98,9 @@ def _remove_others(out: Path, names: list[str]) -> None:
     Its other scans would stay among these, and its confidences would be taken for those of these labels.
     """
     replaced = {out / "predictions" / f"{name}.label" for name in names}
-    for path in (path for pattern in PER_SCAN for path in out.glob(pattern)):
+    for path in per_scan_files(out):
         if path not in replaced:
-            path.unlink()
+            remove(path)
 
 
 def _write_labels(
@@ -152,7 +153,6 @@ def _count_changes(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16]
 
 def _copy_beside(run: RunFiles, out: Path) -> None:
     """Copy what the results need to be read again: poses, settings, how the sensor moved in each sweep, the ground."""
-    (out / "stages").mkdir(exist_ok=True)  # by which what was left half way is known to be ours
     for name in ("poses.txt", "poses.tum", "settings.yaml"):
         if is_there(run.folder / name):
             _copy_file(run.folder / name, out / name)

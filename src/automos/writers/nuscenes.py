@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import write_text
+from automos.core.claims import SIGN
 from automos.core.geometry import inverse, transform
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
@@ -46,7 +47,7 @@ def write(run: RunFiles, out: Path) -> None:
         ]
     uses = {f"use_{sensor}": sensor == "lidar" for sensor in ("camera", "lidar", "radar", "map", "external")}
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_text(out, json.dumps({"meta": uses, "results": results}))
+    write_text(out, json.dumps({"meta": {**uses, "comment": SIGN.decode()}, "results": results}))
 
 
 EXPORT = Export(writes="nuScenes tracking results, one JSON file", write=write, suffix=".json")

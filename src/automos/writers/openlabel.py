@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.atomic import write_text
+from automos.core.claims import SIGN
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 
@@ -47,7 +48,12 @@ def write(run: RunFiles, out: Path) -> None:
             "objects": objects,
         }
     content = {
-        "metadata": {"schema_version": "1.0.0", "name": run.sequence.name, "annotator": "automos"},
+        "metadata": {
+            "schema_version": "1.0.0",
+            "name": run.sequence.name,
+            "annotator": "automos",
+            "comment": SIGN.decode(),
+        },
         "coordinate_systems": {
             _WORLD: {"type": "scene_cs", "parent": "", "children": [_SENSOR]},
             _SENSOR: {"type": "sensor_cs", "parent": _WORLD, "children": []},

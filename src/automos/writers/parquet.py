@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import atomic_path
+from automos.core.claims import SIGN
 from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
@@ -23,7 +24,7 @@ def write(run: RunFiles, out: Path) -> None:
     arrow, parquet = import_extra("pyarrow", "arrow"), import_extra("pyarrow.parquet", "arrow")
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary:
-        schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in _COLUMNS.items()])
+        schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in _COLUMNS.items()], {"comment": SIGN})
         with parquet.ParquetWriter(temporary, schema, compression="zstd") as writer:
             for index in run.each("writing .parquet"):
                 columns = point_columns(run, index)

@@ -11,6 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 from automos.core.atomic import atomic_path
+from automos.core.claims import SIGN
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE
 from automos.results.run_files import RunFiles
@@ -30,6 +31,7 @@ def write(run: RunFiles, out: Path) -> None:
     folder = f"sequences/{sequence}/predictions/"
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.comment = SIGN
         for directory in ("sequences/", f"sequences/{sequence}/", folder):
             archive.writestr(zipfile.ZipInfo(directory), b"")
         if out.exists():

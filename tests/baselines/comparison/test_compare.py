@@ -279,7 +279,7 @@ def test_folders_of_another_program_are_not_replaced_by_those_of_methods(recordi
     theirs.write_text("their own")
     words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out"]
     ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert "out/yoon was not written by automos and would be replaced" in str(ended.exception)
+    assert "out holds yoon, and automos did not make that folder: choose another --out" in str(ended.exception)
     assert theirs.read_text() == "their own"
 
 

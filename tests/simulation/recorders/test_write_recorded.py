@@ -47,7 +47,7 @@ def test_no_clock_no_times_and_the_folder_can_be_written_again(tmp_path):
 
 def test_a_folder_of_others_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(InputError, match="exists and holds no recording of this kind"):
+    with pytest.raises(InputError, match="automos did not make that folder: choose another --out"):
         write_recorded(made(), tmp_path)
-    with pytest.raises(InputError, match=r"thesis\.tex is not a folder; choose a new one"):
+    with pytest.raises(InputError, match=r"thesis\.tex is a file: choose another --out"):
         write_recorded(made(), tmp_path / "thesis.tex")

@@ -1,6 +1,7 @@
 """Maps: one point per voxel, what moves left out, memory of what is near, figures computed by hand."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -162,3 +163,38 @@ def test_the_command_writes_the_map_and_its_pictures(tmp_path):
     assert done.exit_code == 0, done.output
     assert {"map.pcd", "map_raw.png", "map_clean.png", "map.json"} <= {p.name for p in (tmp_path / "out").iterdir()}
     assert json.loads((tmp_path / "out" / "map.json").read_text())["voxel"] == 0.3
+
+
+def test_a_map_of_results_has_their_labels_as_corrected(lane_run, tmp_path):
+    run = shutil.copytree(lane_run, tmp_path / "run")
+    words = ["map", str(run), "--out", str(tmp_path / "map")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    before = json.loads((tmp_path / "map" / "map.json").read_text())["points"]
+    for path in sorted((run / "predictions").iterdir())[:6]:  # as a review that found a wall moving would leave them
+        labels = np.fromfile(path, np.uint32)
+        labels[: len(labels) // 2] = 251
+        labels.tofile(path)
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.exception
+    assert 0 < json.loads((tmp_path / "map" / "map.json").read_text())["points"] < before
+    told = CliRunner().invoke(app, [*words, "--method", "removert"])
+    assert "leave --method, --poses and --calib out" in str(told.exception)
+
+
+@pytest.mark.parametrize("words", ["map RUN", "export RUN --to panoptic", "export RUN --to pcd", "evaluate RUN LOG"])
+def test_all_that_is_made_of_a_run_follows_its_label_files(lane_run, tmp_path, words):
+    made = []
+    for change in (False, True):
+        run = shutil.copytree(lane_run, tmp_path / f"run{change}")
+        for path in (run / "predictions").iterdir() if change else ():
+            labels = np.fromfile(path, np.uint32)
+            labels[:] = 9
+            labels.tofile(path)
+        given = {"RUN": run, "LOG": lane_run.parent / "lane"}
+        option = "--json" if words.startswith("evaluate") else "--out"
+        out = tmp_path / f"out{change}"
+        done = CliRunner().invoke(app, [str(given.get(word, word)) for word in [*words.split(), option, out]])
+        assert done.exit_code == 0, done.exception
+        files = [out] if out.is_file() else sorted(path for path in out.rglob("*") if path.is_file())
+        made.append([path.read_bytes() for path in files])
+    assert made[0] != made[1]

@@ -10,6 +10,7 @@ Results that exist and were made with the same settings are kept. Labels of othe
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -24,15 +25,17 @@ from automos.baselines.comparison.effort import Effort
 from automos.baselines.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.baselines.methods import published
 from automos.core.atomic import write_raw, write_text
+from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, to_mos
+from automos.core.parallel import end_with
 from automos.core.run import Progress
 from automos.core.scan import Pose, Sequence
 from automos.core.working_folder import starting_processes
 from automos.core.workspace import Workspace, fingerprint
 from automos.evaluation.report import find_predictions
-from automos.odometry import estimate_trajectory
+from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.pipeline import stage_keys
 from automos.settings import PRESETS, Settings, load_settings
@@ -72,10 +75,7 @@ class MethodRuns:
         self._settings = {preset: load_settings(preset, None, overrides) for preset in PRESETS}
         self._own_process = own_process
         self._workers, self._progress = workers, progress or (lambda name, done, total: None)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{folder} cannot be made ({error.strerror}): choose another --out") from None
+        claim(folder, METHODS)
         self._given, self._trajectories = poses, dict[str, Trajectory]()
         self.trajectory = self.trajectory_of("default")
         self.frames = SequenceFrames(sequence, self.trajectory)
@@ -144,7 +144,8 @@ class MethodRuns:
         file = self.folder / method / "cost.json"
         cost = read_cost(file, key)
         if cost is None or len(cost.seconds) < self.repeats:
-            shutil.rmtree(self.folder / method, ignore_errors=True)
+            for earlier in (file, *file.parent.glob("predictions/*.label")):
+                remove(earlier)
             trajectory = self.trajectory_of(method)
             self._progress(method, 0, len(self.sequence))
             task = (method, self.sequence, trajectory, self.settings(method), file.parent, self._workers)
@@ -169,7 +170,8 @@ def _in_own_process(*task: object) -> Cost:
     """Return `_run(*task)`, run in a fresh process: the memory of one method is not counted to the next."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with starting_processes(), ProcessPoolExecutor(max_workers=1) as pool:
+    ending = {"initializer": end_with, "initargs": (os.getpid(),)}
+    with starting_processes(), ProcessPoolExecutor(max_workers=1, **ending) as pool:
         return pool.submit(_run, *task).result()
 
 
@@ -178,6 +180,7 @@ def _run(
 ) -> Cost:
     predictions, scratch = folder / "predictions", folder / "scratch"
     predictions.mkdir(parents=True, exist_ok=True)
+    claim(scratch, SCRATCH)
     with Effort() as effort:
         for i, labels in label_scans(method, sequence, trajectory, settings, scratch, workers):
             write_raw(predictions / f"{sequence.names[i]}.label", labels.astype(np.uint32))

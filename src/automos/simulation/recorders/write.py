@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import write_npy, write_raw, write_text
-from automos.core.errors import InputError
+from automos.core.claims import RECORDED, claim, remove
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Scan
 from automos.simulation.recorders.recorded import Recorded
@@ -35,16 +35,12 @@ def write_recorded(recorded: Recorded, out: str | Path) -> Path:
         `out` holds something else.
     """
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is not a folder; choose a new one.")
-    if out.exists() and any(out.iterdir()) and not (out / MARKER).exists():
-        raise InputError(f"{out} exists and holds no recording of this kind; choose a new folder.")
+    claim(out, RECORDED)
     for name in ("velodyne", "labels"):
-        (out / name).mkdir(parents=True, exist_ok=True)
-        for old in (out / name).iterdir():
-            old.unlink()
-    for beside in ("times.txt", "poses.txt"):
-        (out / beside).unlink(missing_ok=True)
+        (out / name).mkdir(exist_ok=True)
+    earlier = (path for kind in ("velodyne/*.bin", "velodyne/*.npy", "labels/*.label") for path in out.glob(kind))
+    for path in [out / "times.txt", out / "poses.txt", *earlier]:
+        remove(path)
     write_text(out / MARKER, json.dumps(asdict(recorded.convention), indent=2) + "\n")
     for index, name in enumerate(recorded.names):
         scan, truth = recorded[index], recorded.truth(index)

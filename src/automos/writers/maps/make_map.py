@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import write_text
+from automos.core.claims import METHODS, claim
 from automos.core.labels import Label, to_mos
 from automos.core.run import Progress
 from automos.core.scan import Frames, Sequence
@@ -64,7 +65,7 @@ def make_map(
     clouds = [out / f"map.{kind}" for kind in kinds]
     for cloud in clouds:
         check_kind(cloud)
-    out.mkdir(parents=True, exist_ok=True)
+    claim(out, METHODS)
     reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
     corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
     raw, clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))

@@ -1,0 +1,248 @@
+"""Benchmarks: their experiments, recordings by name, what got worse, and tables that show what is stored, no more."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automos import ArraySequence, load_settings
+from automos.core.errors import InputError
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+import ablation
+import catalog
+import compare
+import experiment
+import recordings
+import rows
+import run
+import tables
+
+HEAD = {"commit": "abc", "date": "2026-01-01", "status": "done"}
+
+
+def labelled(recording: str, iou: float, false: int = 0, moving: int = 10, **more: object) -> dict:
+    counts = {"true_points": moving, "missed_points": 0, "false_points": false, "scored_points": 1000}
+    cost = {"cpu_seconds": 6.0, "scans": 60, "peak_mb": 400.2}
+    found = {"iou": iou, "precision": 1.0, "recall": iou, "called_moving": 7, "points": 70_000, **counts, **cost}
+    return {"recording": recording, "method": "default", **found, "head": HEAD, **more}
+
+
+@pytest.mark.parametrize("page", tables.pages(), ids=lambda page: page.name)
+def test_a_page_shows_the_stored_results(page):
+    text, results = page.read_text(), tables.read_results()
+    assert set(tables.names_in(text)) <= {*tables.TABLES, tables.OVERVIEW}
+    assert text.count("<!-- table ") == text.count("<!-- end -->") == len(list(tables.names_in(text)))
+    assert tables.with_tables(text, results) == text, "run python benchmarks/run.py --write"
+
+
+def test_every_stored_result_has_a_table_and_names_its_making():
+    for name, result in tables.read_results().items():
+        assert name in {table.benchmark for table in tables.TABLES.values()} & catalog.BENCHMARKS.keys()
+        assert all(len(lines) > 1 for _, lines in tables.shown(name, result))
+        assert result["made_by"].startswith("python benchmarks/")
+        assert all({"commit", "date", "status"} <= row["head"].keys() for row in result["rows"])
+
+
+def test_every_benchmark_has_experiments_whose_measure_there_is_and_a_shorter_form():
+    for name, benchmark in catalog.BENCHMARKS.items():
+        if benchmark.measure.endswith(".py"):
+            assert (run.HERE / benchmark.measure).exists()
+            continue
+        module, function = benchmark.measure.split(":")
+        assert f"def {function}(" in (run.HERE / f"{module}.py").read_text(), name
+        all_of_it, short = benchmark.experiments(), benchmark.experiments(quick=True)
+        assert len(set(map(str, all_of_it))) == len(all_of_it)
+        assert 0 < len(short) <= len(all_of_it)
+        assert all(isinstance(experiment.settings_digest(e.method, e.change), str) for e in short)
+
+
+def test_seeds_are_those_of_worlds_alone():
+    found = catalog.BENCHMARKS["gate"].experiments(recordings=["city:VLP-16:60:100@dust", "my_log"], seeds=[101, 102])
+    assert [e.recording for e in found] == ["city:VLP-16:60:101@dust", "my_log", "city:VLP-16:60:102@dust"]
+
+
+def test_an_experiment_is_performed_once_and_a_refusal_is_a_row(tmp_path, monkeypatch):
+    calls = []
+
+    def performed(command, check):
+        calls.append(command)
+        task = experiment.Experiment(**experiment.json.loads(Path(command[2]).read_text()))
+        row = experiment.perform(task, Path(command[4]))
+        Path(command[3]).write_text(experiment.json.dumps(row))
+        return type("Done", (), {"returncode": 0})
+
+    monkeypatch.setattr(experiment.subprocess, "run", performed)
+    monkeypatch.setattr(experiment, "commit", lambda: "abc")
+    nothing_there = experiment.Experiment("labels:score", "no_such_recording", "default")
+    found = [experiment.result_of(nothing_there, tmp_path) for _ in range(2)]
+    assert len(calls) == 1
+    assert found[0] == found[1]
+    assert found[0]["recording"] == "no_such_recording"
+    assert found[0]["head"]["status"].startswith("refused: no_such_recording")
+    assert found[0]["head"]["seconds"] >= 0.0
+
+
+def test_stamps_are_off_by_a_tenth_of_a_millisecond_and_by_the_same_in_every_run(tmp_path):
+    scans = [np.full((4, 3), 5.0)] * 200
+    whole = ArraySequence(scans, 0.1 * np.arange(200))
+    off = recordings.Jittered(whole, 3).stamps - whole.stamps
+    assert 0.8e-4 < off.std() < 1.2e-4
+    assert np.array_equal(recordings.Jittered(whole, 3).stamps - whole.stamps, off)
+    assert recordings.Jittered(whole, 3)[7].stamp == pytest.approx(0.7 + off[7])
+
+
+def test_a_case_that_there_is_not_is_named(tmp_path):
+    with pytest.raises(InputError, match="no case 'in snow'"), recordings.opened("city:VLP-16:2:0@in snow", tmp_path):
+        pass
+
+
+def test_a_world_is_simulated_once_and_a_recorder_keeps_its_points(tmp_path):
+    with recordings.opened("city:VLP-16:2:0", tmp_path) as plain:
+        n = len(plain.sequence[1])
+        assert plain.sequence.truth(1).shape == (n,)
+        assert len(list((tmp_path / "worlds").iterdir())) == 1
+    with recordings.opened("city:VLP-16:2:0@shuffled", tmp_path) as made:
+        assert len(made.sequence[1]) == n
+        assert made.bodies is None
+
+
+@pytest.mark.parametrize("name", [*ablation.CHOICES, *ablation.ODOMETRY])
+def test_what_a_change_takes_back_is_there(name):
+    overrides, constants = ablation.parsed(name)
+    load_settings("default", None, overrides)
+    with ablation.changed(constants):
+        pass
+
+
+def test_a_change_gives_settings_and_constants_other_values_and_names_what_it_does_not_know():
+    place = "automos.objects.judge:WEIGHTS"
+    overrides, constants = ablation.parsed(f"tracking.max_gap=0.5 + {place}.pieces=0")
+    assert (overrides, constants) == ({"tracking.max_gap": 0.5}, {f"{place}.pieces": 0})
+    from automos.objects.judge import WEIGHTS
+
+    before = WEIGHTS["pieces"]
+    with ablation.changed(constants):
+        assert WEIGHTS["pieces"] == 0
+    assert WEIGHTS["pieces"] == before
+    assert ablation.cumulative(["a=1", "b=2"]) == ["a=1", "a=1 + b=2"]
+    with pytest.raises(InputError, match="'no such rule' is no change"):
+        ablation.parsed("no such rule")
+
+
+def test_what_got_worse_is_named_and_better_is_not():
+    before = [labelled("city:VLP-16:60:1", 0.9, 5), labelled("country:VLP-16:60:1", 0.0, 3, 0)]
+    after = [labelled("city:VLP-16:60:1", 0.88, 5), labelled("country:VLP-16:60:1", 0.0, 9, 0, called_moving=9)]
+    said = "\n".join(compare.verdicts(after, before))
+    assert "city:VLP-16:60:1 fell from 90.0 to 88.0" in said
+    assert "mean of VLP-16 fell from 90.0 to 88.0" in said
+    assert "points called moving where nothing moves grew from 7 to 9" in said
+    assert compare.verdicts(before, before) == ["[green]nothing is worse in 2 experiments"]
+    assert compare.verdicts(before, []) == ["nothing to compare with"]
+
+
+def test_the_gate_has_a_row_a_world_and_means_over_worlds_in_which_something_moves():
+    found = [labelled("city:VLP-16:60:1", 0.5, 3), labelled("country:VLP-16:60:1", 0.0, 1200, 0)]
+    assert rows.gate(found, {"VLP-16": [0.001, 0.0064]}) == [
+        ["world", "VLP-16"],
+        ["`city`", "50.0 (3)"],
+        ["`country`", "(1,200)"],
+        ["**mean**", "**50.0**"],
+        ["processor seconds a scan", "0.10"],
+        ["peak memory, MB", "400"],
+        ["calibration error, moving", "0.006"],
+        ["calibration error, static", "0.001"],
+    ]
+
+
+def test_jittered_runs_have_their_median_and_their_worst():
+    found = [labelled(f"drive~{k}", iou) for k, iou in enumerate((0.9, 0.5, 0.8))]
+    assert rows.jitter(found)[1] == ["drive", "3", "80.0", "50.0", "90.0"]
+
+
+def test_a_convention_costs_what_its_own_drive_loses():
+    found = [
+        labelled("city:VLP-16:40:1@plain", 0.9),
+        labelled("city:VLP-16:40:1@shuffled", 0.89),
+        labelled("city:VLP-16:40:1@dust", 0.7),
+        labelled("city:VLP-16:40:1@boat, its points left out", 0.6),
+        labelled("city:VLP-16:40:1@boat", 0.598),
+    ]
+    assert rows.conventions(found)[1:] == [
+        ["shuffled", "1.0", "+1.0 city VLP-16"],
+        ["dust", "20.0", "+20.0 city VLP-16"],
+        ["the other 1", "0.2 at most", ""],
+    ]
+
+
+def test_an_ablation_says_what_a_change_costs_where_that_is_notable():
+    worlds = ("city:VLP-16:60:1", "hills:VLP-16:60:1")
+    found = [labelled(name, 0.9) for name in worlds]
+    found += [labelled(name, iou, change="no rule") for name, iou in zip(worlds, (0.8, 0.91), strict=True)]
+    found += [labelled(name, 0.9, change="no other") for name in worlds]
+    assert rows.ablation(found)[1:] == [
+        ["everything", "+0.00", "0.0 city", "-0.0 city", "0"],
+        ["no rule", "+4.50", "10.0 city", "1.0 hills", "0"],
+        ["the other 1: below 0.5", "", "", "", ""],
+    ]
+
+
+def test_drives_that_are_off_or_warned_of_are_named_and_the_others_counted():
+    found = [("a", 0.001, []), ("b", 0.2, []), ("c", 0.002, ["poses"])]
+    drives = [{"recording": name, "off": off, "said": said, "missing": 7 * (name == "b")} for name, off, said in found]
+    assert rows.trust(drives)[1:] == [
+        ["b", "20.0 %", "no"],
+        ["c", "0.2 %", "yes"],
+        ["the other 1", "0.1 % at most", "no"],
+    ]
+    assert rows.ablation_odometry(drives)[1] == ["(nothing)", "1 of 3", "1", "1", "0.15 %"]
+
+
+def test_methods_have_means_over_worlds_and_false_points_elsewhere():
+    found = [labelled("city:X:60:1", 0.5, 10, title="T"), labelled("country:X:60:1", 0.0, 30, 0, title="T")]
+    assert rows.methods_of_worlds(found)[1] == ["`default`", "50.0", "100.0", "50.0", "50.0 `city`", "0.5"]
+
+
+def test_fine_tuning_has_a_column_for_each_network_kept_and_the_best():
+    methods = ("LMNet + ours, retrained", "LMNet + ours, fine-tuned")
+    scored = [{"method": method, "iou": iou} for method, iou in zip(methods, (0.6, 0.7), strict=True)]
+    validation = {"fine-tuned": [0.2, 0.5, 0.4], "retrained": [0.0, 0.3, 0.1]}
+    curves = {"validation": validation, "test": {"0": 0.4, "2": 0.65}}
+    assert rows.fine_tuning([{"scores": scored, "curves": curves}]) == [
+        ["epochs in the other environment", "0", "2", "best"],
+        ["fine-tuned, test recordings", "40.0", "65.0", "70.0"],
+        ["fine-tuned, validation scans", "20.0", "40.0", "50.0"],
+        ["retrained, test recordings", "", "", "60.0"],
+        ["retrained, validation scans", "0.0", "10.0", "30.0"],
+    ]
+
+
+def test_a_table_says_of_which_state_its_rows_are(tmp_path):
+    new = {**HEAD, "commit": "def"}
+    drive = [labelled("kitti_0005", 0.9, title="A"), {**labelled("kitti_0005", 0.8), "method": "paper", "head": new}]
+    written = tables.markdown("presets-drive", {"methods-drive": {"rows": drive}})
+    assert "| `default` | 90.0 | 100.0 | 90.0 |" in written
+    assert "`python benchmarks/run.py methods-drive`, abc, 2026-01-01: `default`; def, 2026-01-01: `paper`." in written
+    assert tables.markdown("jitter", {}) == "Not run yet: `python benchmarks/run.py jitter`.\n"
+    assert "| `gate` |" in tables.markdown("benchmarks", {})
+
+
+def test_a_stored_result_has_a_line_a_row_and_reads_back():
+    result = {"made_by": "x", "leaves_out": "y", "rows": [labelled("a", 0.5), labelled("b", 0.6)]}
+    text = run.as_text(result)
+    assert experiment.json.loads(text) == result
+    assert sum(line.startswith('  {"recording"') for line in text.splitlines()) == 2
+
+
+def test_a_digest_counts_what_shapes_labels_and_the_whole_package_where_asked(tmp_path, monkeypatch):
+    monkeypatch.setattr(experiment, "PACKAGE", tmp_path)
+    for name in ("voxels.py", "network/lmnet.onnx"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("before")
+    of_labels, of_all = experiment.code_digest(), experiment.code_digest(())
+    (tmp_path / "network/lmnet.onnx").write_text("after")
+    assert experiment.code_digest() == of_labels
+    assert experiment.code_digest(()) != of_all
+    (tmp_path / "voxels.py").write_text("after")
+    assert experiment.code_digest() != of_labels
