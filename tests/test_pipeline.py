@@ -82,14 +82,13 @@ def test_labels_below_the_confidence_asked_for_are_left_out_and_the_others_as_th
     np.testing.assert_array_equal(np.concatenate(labels_of(found)), expected)
 
 
-def test_moving_now_leaves_out_objects_that_are_too_slow_at_the_time(case):
-    limit = 2.0
-    asked = case.settings.model_copy(update={"labels": LabelsSettings(moving="now", now_speed=limit)})
+def test_moving_now_leaves_out_objects_that_stand_at_the_time(case):
+    asked = case.settings.model_copy(update={"labels": LabelsSettings(moving="now")})
     found = label(case.world.sequence, asked, poses=case.world.poses, workers=1)
     tracks = found.tracks
     for i in range(len(found)):
         in_scan = np.flatnonzero(tracks.scan == i)
-        fast = tracks.track[in_scan][np.linalg.norm(tracks.velocity[in_scan], axis=1) >= limit]
+        fast = tracks.track[in_scan][tracks.p_moving[in_scan] >= 0.5]
         assert set(found.track_ids(i)) - {-1} <= set(fast)
         now, ever = found.labels(i) == Label.MOVING, case.result.labels(i) == Label.MOVING
         assert (now <= ever).all()

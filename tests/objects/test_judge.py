@@ -72,7 +72,7 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
         ({"center": STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
         ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.STATIC),
         ({"center": SHAKING, "moved": 0.2, "stayed": 0.3, "z": CLIMBING}, Verdict.STATIC),
-        ({"center": 0.001 * STRAIGHT, "moved": 0.1, "stayed": 0.8}, Verdict.STATIC),
+        ({"center": 0.001 * STRAIGHT, "moved": 0.05, "stayed": 0.9}, Verdict.STATIC),
         ({"center": STRAIGHT[:1]}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 4}, Verdict.MOVING),
         ({"center": STRAIGHT[[0, 4]], "scans": (0, 1)}, Verdict.MOVING),

@@ -67,14 +67,14 @@ def test_a_car_that_one_scan_sees_to_move_is_believed_to_once_later_scans_were_a
     before = probability(following, 0.1)
     for k in range(2):
         following.renew(0.1 * k, cars(1.0 * k), more)
-    assert before < SETTINGS.judge.min_probability < probability(following, 0.1)
+    assert before < 0.5 < probability(following, 0.1)
 
 
 def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
     at_once, later = Following(SETTINGS, 0.0), Following(SETTINGS, 0.0)
     at_once.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=True))
     later.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=False))
-    assert probability(at_once, 0.0) > SETTINGS.judge.min_probability
+    assert probability(at_once, 0.0) > 0.5
     assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once
 
 
