@@ -25,8 +25,11 @@ from automos.settings import Settings
 Array = npt.NDArray[np.float64]
 
 
-MIN_POINTS = 50
-"""Points, over its life, of the smallest body in any list: of what is less, neither extent nor kind is known."""
+MIN_POINTS, MIN_TIME = 50, 0.5
+"""Points and seconds, over its life, of the smallest body in any list: of what is less, neither extent nor path is
+known."""
+SCRAP = 0.95
+"""Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -77,16 +80,25 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts = _bodies(scans, tracks, detections, workers)
     verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
     kept = ~is_scenery(tracks, verdicts, detections)
-    n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
-    is_scrap = verdicts.is_moving & (np.bincount(parts.track, n_points, len(tracks)) < MIN_POINTS)
-    scraps = of_tracks(parts, is_scrap)
-    scraps = replace(scraps, p_moving=verdicts[is_scrap].confidence[scraps.track])
+    is_scrap = verdicts.is_moving & _is_small(parts, len(tracks), detections, stamps)
+    is_sure = is_scrap & (verdicts.confidence >= SCRAP)
+    scraps = of_tracks(parts, is_sure)
+    scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
     kept &= ~is_scrap
     tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
     tracks = _with_whole_boxes(scans, tracks, parts, verdicts.is_moving, detections, workers)
     tracks = moving_now(tracks, verdicts, stamps)
     places = find_places(scans, tracks, parts, verdicts, settings, workers)
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
+
+
+def _is_small(parts: Tracks, n: int, detections: Sequence[Detections], stamps: Array) -> Mask:
+    """Return (T,) which of `n` tracks have too few points, or were seen for too short a time, to be bodies."""
+    n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
+    begin, end = np.full(n, np.inf), np.full(n, -np.inf)
+    np.minimum.at(begin, parts.track, stamps[parts.scan])
+    np.maximum.at(end, parts.track, stamps[parts.scan])
+    return (np.bincount(parts.track, n_points, n) < MIN_POINTS) | (end - begin < MIN_TIME)
 
 
 def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:
