@@ -71,7 +71,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},
     "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
     "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
-    "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
     "what overlaps may be another": {f"{PAIRS}:MIN_OVERLAP": 2.0},
     "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
     "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},
